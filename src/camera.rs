@@ -1,0 +1,47 @@
+//! Cameras: size, intrinsics in pixels, and the lens that a capture was taken with.
+//!
+//! Pixel `(i, j)` covers `[i, i+1) x [j, j+1)`, its centre at `(i+0.5, j+0.5)`; a centred camera has
+//! `cx = width / 2`. Camera axes are OpenCV's: x right, y down, z forward.
+
+use crate::image::Size;
+use serde::{Deserialize, Serialize};
+
+/// A pinhole camera: what is rendered, and what trajectories carry.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Width and height in pixels.
+    #[serde(flatten)]
+    pub size: Size,
+    /// Horizontal focal length, px.
+    pub fx: f64,
+    /// Vertical focal length, px.
+    pub fy: f64,
+    /// Principal point, px from the image's left edge.
+    pub cx: f64,
+    /// Principal point, px from the image's top edge.
+    pub cy: f64,
+}
+
+impl Camera {
+    /// The camera of another image size with the same horizontal field of view, cropped or extended about the
+    /// centre in height: `f' = f W'/W`, `cx' = cx W'/W`, `cy' = cy W'/W + (H' - H W'/W) / 2`.
+    #[must_use]
+    pub fn resized(&self, size: Size) -> Self {
+        let k = f64::from(size.width) / f64::from(self.size.width);
+        let crop = (f64::from(size.height) - f64::from(self.size.height) * k) / 2.0;
+        Self { size, fx: self.fx * k, fy: self.fy * k, cx: self.cx * k, cy: self.cy * k + crop }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resizing_keeps_the_horizontal_field_of_view() {
+        let full =
+            Camera { size: Size { width: 1920, height: 1080 }, fx: 1500.0, fy: 1500.0, cx: 960.0, cy: 540.0 };
+        let small = full.resized(Size { width: 640, height: 480 });
+        assert_eq!((small.fx, small.cx, small.cy), (500.0, 320.0, 240.0));
+    }
+}

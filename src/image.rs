@@ -1,0 +1,119 @@
+//! Images in memory and the colour arithmetic that all of the program shares.
+
+use std::fmt;
+
+/// Width and height in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+pub struct Size {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl Size {
+    /// Number of pixels.
+    #[must_use]
+    pub fn pixels(self) -> usize {
+        self.width as usize * self.height as usize
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// An image, rows from the top, row-major: pixel `(x, y)` is `data[y * width + x]`, its centre at
+/// `(x + 0.5, y + 0.5)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image<T> {
+    size: Size,
+    data: Vec<T>,
+}
+
+impl<T> Image<T> {
+    /// Takes `data` as the pixels of an image of this size.
+    ///
+    /// # Panics
+    /// If `data` does not hold exactly `size.pixels()` values.
+    #[must_use]
+    pub fn from_vec(size: Size, data: Vec<T>) -> Self {
+        assert_eq!(data.len(), size.pixels(), "an image of {size} holds one value per pixel");
+        Self { size, data }
+    }
+
+    /// Width and height.
+    #[must_use]
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// All pixels, row-major.
+    #[must_use]
+    pub fn pixels(&self) -> &[T] {
+        &self.data
+    }
+
+    /// All pixels, row-major, to be written.
+    #[must_use]
+    pub fn pixels_mut(&mut self) -> &mut [T] {
+        &mut self.data
+    }
+
+    /// The pixels, giving the image up.
+    #[must_use]
+    pub fn into_pixels(self) -> Vec<T> {
+        self.data
+    }
+}
+
+impl<T: Clone> Image<T> {
+    /// An image with every pixel the same.
+    #[must_use]
+    pub fn filled(size: Size, value: T) -> Self {
+        Self { size, data: vec![value; size.pixels()] }
+    }
+}
+
+/// Weights of red, green and blue in the luminance that sensors see (ITU-R BT.601, on encoded values).
+pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.299, 0.587, 0.114];
+
+/// Luminance of an encoded colour on the scale of its channels, unclamped.
+#[must_use]
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    LUMINANCE_WEIGHTS[0] * r + LUMINANCE_WEIGHTS[1] * g + LUMINANCE_WEIGHTS[2] * b
+}
+
+/// A channel on the scale 0..1 as the byte that image files hold: `floor(255 clip(v) + 0.5)`. NaN gives 0.
+#[must_use]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clipped to 0..=255 before the cast"
+)]
+pub fn to_byte(v: f32) -> u8 {
+    (255.0 * v.clamp(0.0, 1.0) + 0.5) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_round_half_up_and_clip() {
+        let t = |v: f32, byte| assert_eq!(to_byte(v), byte, "{v}");
+        t(0.0, 0);
+        t(1.0, 255);
+        t(1.63, 255);
+        t(-0.2, 0);
+        t(0.5, 128);
+        t(f32::NAN, 0);
+    }
+
+    #[test]
+    fn luminance_of_white_is_one() {
+        assert!((luminance([1.0; 3]) - 1.0).abs() < 1e-6);
+    }
+}

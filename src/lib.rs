@@ -1,0 +1,23 @@
+//! `gs2e` builds datasets of synthetic event-camera streams and proves them.
+pub mod artifact;
+pub mod camera;
+pub mod check;
+pub mod event;
+pub mod frames;
+pub mod image;
+pub mod licence;
+pub mod plan;
+pub mod recipe;
+pub mod release;
+pub mod render;
+pub mod run;
+pub mod scene;
+pub mod se3;
+pub mod seed;
+pub mod sensor;
+pub mod source;
+pub mod speed;
+pub mod stage;
+pub mod store;
+pub mod trajectory;
+pub mod units;

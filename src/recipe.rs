@@ -1,0 +1,129 @@
+//! A recipe: what a scene is made from and what is made of it, parsed and valid.
+
+use crate::check::Limits;
+use crate::render::Rules;
+use crate::scene::procedural::StillLife;
+use crate::sensor::Sensor;
+use crate::speed::Speed;
+use crate::trajectory::refine::Refine;
+use crate::units::Hertz;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// One scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recipe {
+    /// The file it was read from.
+    pub file: PathBuf,
+    /// Scene id: the path of the scene in the release, `/`-separated.
+    pub scene: String,
+    /// Seed that all streams derive from.
+    pub seed: u64,
+    /// Where poses come from.
+    pub source: Source,
+    /// Where the Gaussians come from; `None` only for procedural sources, which bring their own.
+    pub reconstruct: Option<Reconstruct>,
+    /// The camera, where it differs from the source's own.
+    pub camera: Option<CameraChoice>,
+    /// The trajectories, in recipe order, names unique.
+    pub trajectories: Vec<TrajectoryRecipe>,
+    /// Frame rate.
+    pub rate: Hertz,
+    /// Rendering.
+    pub render: RenderChoice,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// What is made for each trajectory.
+    pub outputs: BTreeSet<Output>,
+    /// Every how many poses a sharp frame is kept.
+    pub sharp_every: u32,
+    /// Limits and waivers.
+    pub checks: Limits,
+    /// The owner's part of the licence.
+    pub licence: Option<LicenceChoice>,
+    /// The merged recipe in full, defaults filled, as `scene.json` shows it. Paths are as written.
+    pub merged: serde_json::Value,
+}
+
+/// Where poses come from. Paths are resolved against the recipe's folder.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    /// The embedded scene.
+    Procedural(StillLife),
+    /// A COLMAP model: the folder with `cameras.bin` or `.txt`, or one with `sparse/0` below it.
+    Colmap(PathBuf),
+    /// A `transforms.json`, or a folder that holds one.
+    Nerfstudio(PathBuf),
+}
+
+/// Where the Gaussians come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Reconstruct {
+    /// A scene file.
+    Given(PathBuf),
+}
+
+/// The recipe's camera.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CameraChoice {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// fx, fy, cx, cy in pixels; `None` keeps the source's horizontal field of view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub intrinsics: Option<[f64; 4]>,
+}
+
+/// One trajectory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrajectoryRecipe {
+    /// Its name, and its folder in the release.
+    pub name: String,
+    /// How its path is made.
+    pub refine: Refine,
+    /// How fast it is followed.
+    pub speed: Speed,
+}
+
+/// The recipe's rendering.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RenderChoice {
+    /// Conventions.
+    pub rules: Rules,
+    /// Antialiasing.
+    pub antialiased: Antialiased,
+    /// Colour behind the scene, 0..1.
+    pub background: [f64; 3],
+}
+
+/// Whether the antialiased rule is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Antialiased {
+    /// As the scene file says; off where it cannot say.
+    Auto,
+    /// On.
+    On,
+    /// Off.
+    Off,
+}
+
+/// Something made for each trajectory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Output {
+    /// Event stream.
+    Events,
+    /// Sharp frames.
+    Sharp,
+}
+
+/// The owner's part of the licence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LicenceChoice {
+    /// SPDX expression.
+    pub expression: String,
+    /// Who holds the rights.
+    pub holder: String,
+}

@@ -1,0 +1,37 @@
+//! Rigid motions.
+//!
+//! Names say both ends: `world_from_camera` turns camera coordinates into world coordinates, so spaces cancel by
+//! eye. The world is the source's own right-handed frame and scale. Camera axes are OpenCV's (x right, y down, z
+//! forward); OpenGL's (nerfstudio, Blender) differ by [`OPENCV_FROM_OPENGL`] on the camera's side only.
+
+use glam::{DMat3, DQuat, DVec3};
+
+/// Diagonal of the matrix that turns OpenGL camera axes (x right, y up, z back) into OpenCV's and back.
+pub const OPENCV_FROM_OPENGL: DVec3 = DVec3::new(1.0, -1.0, -1.0);
+
+/// A rotation followed by a translation: `x_a = rotation * x_b + translation` for a motion `a_from_b`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Se3 {
+    /// Unit quaternion.
+    pub rotation: DQuat,
+    /// In units of the target space; for `world_from_camera` this is the camera's centre.
+    pub translation: DVec3,
+}
+
+impl Se3 {
+    /// No motion.
+    pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+
+    /// The motion `b_from_a` of this `a_from_b`.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.conjugate();
+        Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    /// The rotation as a matrix.
+    #[must_use]
+    pub fn rotation_matrix(&self) -> DMat3 {
+        DMat3::from_quat(self.rotation)
+    }
+}

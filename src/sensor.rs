@@ -1,0 +1,114 @@
+//! Event sensors: from luminance over time to events.
+//!
+//! A sensor knows luminance and time; it sees neither the scene nor the renderer.
+
+pub mod voltmeter;
+
+use crate::event::EventSink;
+use crate::frames::Frame;
+use crate::image::Size;
+use crate::seed::Seed;
+use serde::{Deserialize, Serialize};
+
+/// A sensor of the recipe.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sensor {
+    /// The stochastic model of DVS-Voltmeter.
+    Voltmeter(voltmeter::Voltmeter),
+}
+
+impl Sensor {
+    /// The model behind the recipe's choice.
+    #[must_use]
+    pub fn as_model(&self) -> &dyn Model {
+        match self {
+            Self::Voltmeter(v) => v,
+        }
+    }
+}
+
+/// Parameters of a sensor.
+pub trait Model {
+    /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the frames'
+    /// top-left pixel, so that a crop draws the noise of the whole.
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels>;
+}
+
+/// State of a sensor's pixels.
+pub trait Pixels {
+    /// Sees the next frame and hands over the events that are now certain.
+    ///
+    /// # Errors
+    /// When a pixel exceeds its cap, or the sink fails.
+    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError>;
+
+    /// Hands over the rest, up to and including the last frame's stamp, and the account of the run.
+    ///
+    /// # Errors
+    /// As [`Pixels::advance`].
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError>;
+}
+
+/// What happened in a simulation, over all pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Account {
+    /// Events handed over.
+    pub events: u64,
+    /// Of these, brighter.
+    pub on: u64,
+    /// Of these, darker.
+    pub off: u64,
+    /// Pairs of events of one pixel in the same microsecond.
+    pub same_us_same_pixel: u64,
+    /// Luminance values below zero, set to zero.
+    pub negative_luminance: u64,
+    /// Most events of one pixel between two frames.
+    pub max_per_pixel_frame: u64,
+    /// Leaf cells of the clock visited.
+    pub leaves: u64,
+    /// Cells split.
+    pub splits: u64,
+    /// Pixels with at least one event.
+    pub active_pixels: u64,
+    /// Pixels whose event balance differs from their drift by more than the law allows (numerics O1); 0 in a
+    /// sound run.
+    pub drift_violations: u64,
+    /// The largest such difference over its bound: at most 1 in a sound run.
+    pub drift_worst: f64,
+}
+
+/// Why a simulation cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum SensorError {
+    /// A pixel fires more often than the cap allows.
+    #[error(
+        "pixel ({x}, {y}) fires more than {cap} events between frames {frame} and {next} (luminance {before} to \
+         {after} of 255)", next = frame + 1
+    )]
+    Cap {
+        /// Column.
+        x: u16,
+        /// Row.
+        y: u16,
+        /// Number of the earlier frame.
+        frame: usize,
+        /// Luminance before, 0..255.
+        before: f32,
+        /// Luminance after.
+        after: f32,
+        /// `max_events_per_pixel_frame`.
+        cap: u32,
+    },
+    /// A frame that does not follow the one before.
+    #[error("frame {frame}: {because}")]
+    Frame {
+        /// Its number.
+        frame: usize,
+        /// What was found and what was wanted.
+        because: String,
+    },
+    /// The events could not be written.
+    #[error("events cannot be written: {0}")]
+    Sink(#[from] std::io::Error),
+}

@@ -1,0 +1,67 @@
+//! The stochastic law of DVS-Voltmeter (Lin et al., ECCV 2022; GitHub Lynn0306/DVS-Voltmeter, MIT).
+
+use super::{Model, Pixels};
+use crate::image::Size;
+use crate::seed::Seed;
+use serde::Serialize;
+
+/// Parameters, in the official unit system: microseconds, grey 0..255, voltages in thresholds of the preset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Voltmeter {
+    /// k1 to k6: pure number, grey, grey^.5/us^.5, 1/us, 1/(grey us), 1/us^.5.
+    pub k: [f64; 6],
+    /// Threshold of ON events.
+    pub threshold_on: f64,
+    /// Threshold of OFF events.
+    pub threshold_off: f64,
+    /// Which sampler.
+    pub law: Law,
+    /// How brightness turns into drift.
+    pub gain: Gain,
+    /// Voltages at the first frame.
+    pub initial: Initial,
+    /// Brightness between frames.
+    pub between: Between,
+    /// More events of one pixel between two frames than this fail the step.
+    pub max_events_per_pixel_frame: u32,
+}
+
+/// Which sampler draws the events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Law {
+    /// First passages of the process, whatever the frame rate.
+    Exact,
+}
+
+/// How brightness turns into drift.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Gain {
+    /// `k1 ln(L + k2)`.
+    Log,
+    /// The published program's midpoint form; for comparisons only.
+    Midpoint,
+}
+
+/// Voltages at the first frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Initial {
+    /// All zero, as published.
+    Zero,
+}
+
+/// Brightness between two frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Between {
+    /// Linear in `ln(L + k2)`.
+    Linear,
+}
+
+impl Model for Voltmeter {
+    fn start(&self, _size: Size, _origin: [u16; 2], _seed: Seed) -> Box<dyn Pixels> {
+        unimplemented!("written next")
+    }
+}

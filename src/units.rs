@@ -1,0 +1,208 @@
+//! Units that would otherwise be bare numbers: exact ratios, frame rates, time stamps.
+//!
+//! Inside the program time is an integer count of nanoseconds since a trajectory's first stamp; files hold integer
+//! microseconds. Both conversions are here and nowhere else.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// An instant, in nanoseconds since the trajectory's first stamp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct Timestamp(pub i64);
+
+impl Timestamp {
+    /// The instant of an integer microsecond stamp.
+    ///
+    /// # Panics
+    /// Beyond 292,000 years, where nanoseconds leave 64 bits; readers bound their stamps long before.
+    #[must_use]
+    pub fn from_micros(us: i64) -> Self {
+        Self(us.checked_mul(1000).expect("stamps are bounded where they are read"))
+    }
+
+    /// The microsecond that this instant lies in, as event files store it: `floor(ns / 1000)`.
+    #[must_use]
+    pub fn floor_micros(self) -> i64 {
+        self.0.div_euclid(1000)
+    }
+
+    /// Seconds since the first stamp.
+    #[must_use]
+    pub fn seconds(self) -> f64 {
+        self.0 as f64 * 1e-9
+    }
+}
+
+/// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without passing through floating point:
+/// in floats `ceil(1.1 * 50)` is 56.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Ratio {
+    numerator: u64,
+    denominator: u64,
+}
+
+impl Ratio {
+    /// `numerator / denominator`, reduced; `None` unless both are positive.
+    #[must_use]
+    pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
+        if numerator == 0 || denominator == 0 {
+            return None;
+        }
+        let g = gcd(numerator, denominator);
+        Some(Self { numerator: numerator / g, denominator: denominator / g })
+    }
+
+    /// Numerator in lowest terms.
+    #[must_use]
+    pub fn numerator(self) -> u64 {
+        self.numerator
+    }
+
+    /// Denominator in lowest terms.
+    #[must_use]
+    pub fn denominator(self) -> u64 {
+        self.denominator
+    }
+
+    /// The nearest `f64`.
+    #[must_use]
+    pub fn to_f64(self) -> f64 {
+        self.numerator as f64 / self.denominator as f64
+    }
+
+    /// `ceil(self * n)`, or `None` where that leaves 64 bits.
+    #[must_use]
+    pub fn ceil_times(self, n: u64) -> Option<u64> {
+        let product = u128::from(self.numerator) * u128::from(n);
+        u64::try_from(product.div_ceil(u128::from(self.denominator))).ok()
+    }
+}
+
+fn gcd(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+impl fmt::Display for Ratio {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.numerator, self.denominator)
+    }
+}
+
+impl serde::Serialize for Ratio {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Why a text is no [`Ratio`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not a positive number such as 5, 1.1, 2.4e3 or 11/10 (of at most 18 digits)")]
+pub struct RatioError(String);
+
+impl FromStr for Ratio {
+    type Err = RatioError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        parse_ratio(text.trim()).ok_or_else(|| RatioError(text.to_owned()))
+    }
+}
+
+fn parse_ratio(text: &str) -> Option<Ratio> {
+    if let Some((n, d)) = text.split_once('/') {
+        return Ratio::new(parse_digits(n.trim())?, parse_digits(d.trim())?);
+    }
+    let (mantissa, exponent) = match text.split_once(['e', 'E']) {
+        Some((m, e)) => (m, e.parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    let mantissa = mantissa.strip_prefix('+').unwrap_or(mantissa);
+    let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+    if whole.is_empty() && fraction.is_empty() {
+        return None;
+    }
+    let fraction = fraction.trim_end_matches('0');
+    let digits = parse_digits(&format!("0{whole}{fraction}"))?;
+    let scale = exponent.checked_sub(i32::try_from(fraction.len()).ok()?)?;
+    let power = 10u64.checked_pow(scale.unsigned_abs())?;
+    if scale >= 0 { Ratio::new(digits.checked_mul(power)?, 1) } else { Ratio::new(digits, power) }
+}
+
+fn parse_digits(text: &str) -> Option<u64> {
+    let significant = text.trim_start_matches('0');
+    let plain = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit()) && significant.len() <= 18;
+    if !plain {
+        return None;
+    }
+    if significant.is_empty() { Some(0) } else { significant.parse().ok() }
+}
+
+/// A frame rate in frames per second, exact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Hertz(pub Ratio);
+
+impl Hertz {
+    /// Frames per second as the nearest `f64`.
+    #[must_use]
+    pub fn to_f64(self) -> f64 {
+        self.0.to_f64()
+    }
+
+    /// The stamp of frame `index` in microseconds: `index / rate`, rounded half up in integers, so that
+    /// 2400 Hz gives 0, 417, 833, 1250, ... and never drifts.
+    ///
+    /// # Panics
+    /// Where the stamp leaves 64 bits (index and rate are bounded where recipes are read).
+    #[must_use]
+    pub fn stamp_us(self, index: u64) -> i64 {
+        let (p, q) = (u128::from(self.0.numerator), u128::from(self.0.denominator));
+        let stamp = (2_000_000 * u128::from(index) * q + p) / (2 * p);
+        i64::try_from(stamp).expect("indices and rates are bounded where they are read")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_read_exactly() {
+        let t = |text: &str, n, d| assert_eq!(text.parse(), Ok(Ratio::new(n, d).unwrap()), "{text}");
+        t("5", 5, 1);
+        t("1.1", 11, 10);
+        t(".50", 1, 2);
+        t("24e2", 2400, 1);
+        t("0.5e-1", 1, 20);
+        t("22/20", 11, 10);
+        t(" 3 / 9 ", 1, 3);
+        for bad in ["", "0", "-1", "1/0", "nan", "1.2.3", "1e400", ".", "1/2/3", "12345678901234567890"] {
+            assert!(bad.parse::<Ratio>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn poses_per_view_are_counted_in_rationals() {
+        assert_eq!("1.1".parse::<Ratio>().unwrap().ceil_times(50), Some(55));
+        assert_eq!("5".parse::<Ratio>().unwrap().ceil_times(30), Some(150));
+        assert_eq!("18446744073709/1".parse::<Ratio>().unwrap().ceil_times(u64::MAX), None);
+    }
+
+    #[test]
+    fn stamps_round_half_up_and_do_not_drift() {
+        let rate = Hertz("2400".parse().unwrap());
+        let stamps: Vec<i64> = (0..5).map(|j| rate.stamp_us(j)).collect();
+        assert_eq!(stamps, [0, 417, 833, 1250, 1667]);
+        assert_eq!(rate.stamp_us(2400 * 3600), 3_600_000_000);
+        // 32 Hz: frame 1 is at 31,250 us; 3200000 Hz would be 0.3125 us and frame 2 rounds to 1.
+        assert_eq!(Hertz("3200000".parse().unwrap()).stamp_us(2), 1);
+    }
+
+    #[test]
+    fn instants_floor_to_the_microsecond_they_lie_in() {
+        assert_eq!(Timestamp(1999).floor_micros(), 1);
+        assert_eq!(Timestamp(-1).floor_micros(), -1);
+        assert_eq!(Timestamp::from_micros(-3).0, -3000);
+    }
+}
