@@ -1,13 +1,13 @@
 //! A recipe: what a scene is made from and what is made of it, parsed and valid.
 
+use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::render::Rules;
+use crate::render::RenderChoice;
 use crate::scene::procedural::StillLife;
 use crate::sensor::Sensor;
 use crate::speed::Speed;
 use crate::trajectory::refine::Refine;
 use crate::units::Hertz;
-use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -64,18 +64,6 @@ pub enum Reconstruct {
     Given(PathBuf),
 }
 
-/// The recipe's camera.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct CameraChoice {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// fx, fy, cx, cy in pixels; `None` keeps the source's horizontal field of view.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub intrinsics: Option<[f64; 4]>,
-}
-
 /// One trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectoryRecipe {
@@ -85,29 +73,6 @@ pub struct TrajectoryRecipe {
     pub refine: Refine,
     /// How fast it is followed.
     pub speed: Speed,
-}
-
-/// The recipe's rendering.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct RenderChoice {
-    /// Conventions.
-    pub rules: Rules,
-    /// Antialiasing.
-    pub antialiased: Antialiased,
-    /// Colour behind the scene, 0..1.
-    pub background: [f64; 3],
-}
-
-/// Whether the antialiased rule is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Antialiased {
-    /// As the scene file says; off where it cannot say.
-    Auto,
-    /// On.
-    On,
-    /// Off.
-    Off,
 }
 
 /// Something made for each trajectory.
