@@ -4,6 +4,12 @@
 //! handles, and their bytes are streamed by whoever needs them.
 
 use crate::check::Finding;
+use crate::scene::Gaussians;
+use crate::source::Capture;
+use crate::store::Store;
+use crate::store::record::Output;
+use crate::trajectory::Trajectory;
+use crate::trajectory::report::Report;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
@@ -16,10 +22,10 @@ pub struct Files {
 }
 
 impl Files {
-    /// Files by name.
+    /// The files that a step made, where the store keeps them.
     #[must_use]
-    pub fn new(paths: BTreeMap<String, PathBuf>) -> Self {
-        Self { paths }
+    pub fn of(outputs: &[Output], store: &Store) -> Self {
+        Self { paths: outputs.iter().map(|o| (o.name.clone(), store.path_of(&o.digest))).collect() }
     }
 
     /// Where the file of this name lies.
@@ -84,6 +90,40 @@ pub trait Artifact: Sized {
     /// # Errors
     /// When a file is absent or cannot be read.
     fn open(files: &Files) -> Result<Self, ArtifactError>;
+}
+
+impl Artifact for Capture {
+    const KIND: &'static str = "capture";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        files.json("capture.json")
+    }
+}
+
+impl Artifact for Gaussians {
+    const KIND: &'static str = "gaussians";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        files.read("scene.ply", |mut file| crate::scene::ply::read(&mut file))
+    }
+}
+
+/// A trajectory with its report.
+#[derive(Debug)]
+pub struct Motion {
+    /// The poses.
+    pub trajectory: Trajectory,
+    /// Its `speed.json`.
+    pub report: Report,
+}
+
+impl Artifact for Motion {
+    const KIND: &'static str = "trajectory";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        let trajectory = files.read("poses.txt", |file| Trajectory::read_poses(file))?;
+        Ok(Self { trajectory, report: files.json("speed.json")? })
+    }
 }
 
 /// An event stream and what was counted while it was made.

@@ -1,6 +1,7 @@
 //! Plans: from recipes to steps, and from steps and the store to what must run.
 
 pub mod assess;
+mod wire;
 
 use crate::recipe::Recipe;
 use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
@@ -29,7 +30,7 @@ impl Plan {
     pub fn new(recipes: Vec<Recipe>) -> Self {
         let mut plan = Self::default();
         for (scene, recipe) in recipes.iter().enumerate() {
-            let _ = (recipe, scene);
+            wire::scene(recipe, &mut Wiring { plan: &mut plan, scene });
         }
         plan.scenes = recipes;
         plan

@@ -292,11 +292,7 @@ impl<'a> Executor<'a> {
 
     fn open_inputs(&self, step: StepId) -> Vec<Files> {
         let inputs = self.plan.steps()[step.0].step.inputs();
-        let files_of = |id: &StepId| {
-            let outputs = self.summary.outputs[id].1.iter();
-            Files::new(outputs.map(|o| (o.name.clone(), self.store.path_of(&o.digest))).collect())
-        };
-        inputs.iter().map(|(_, id)| files_of(id)).collect()
+        inputs.iter().map(|(_, id)| Files::of(&self.summary.outputs[id].1, self.store)).collect()
     }
 
     fn finish(&mut self, finished: Finished) {

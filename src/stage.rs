@@ -3,6 +3,13 @@
 //! A stage's own fields are its parameters: nothing else of a recipe can enter its key. What must not enter
 //! (paths, a back end already told by the class) is skipped in its serialisation. No stage holds arithmetic.
 
+pub mod capture;
+pub mod checks;
+pub mod events;
+pub mod reconstruct;
+pub mod sharp;
+pub mod trajectory;
+
 use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::store::Digest;
 use crate::store::description::{Value, describe};
