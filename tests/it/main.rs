@@ -1,1 +1,7 @@
 //! The integration tests: one binary, one module a feature.
+
+#[cfg(test)]
+mod support;
+
+#[cfg(test)]
+mod render_golden;
