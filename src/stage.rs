@@ -11,6 +11,8 @@ pub mod sharp;
 pub mod trajectory;
 
 use crate::artifact::{Artifact, ArtifactError, Files};
+use crate::camera::{Camera, CameraChoice};
+use crate::source::Capture;
 use crate::store::Digest;
 use crate::store::description::{Value, describe};
 use std::collections::BTreeMap;
@@ -181,6 +183,13 @@ impl<'a> Context<'a> {
     pub fn go_on(&self) -> Result<(), StageError> {
         if self.cancel.load(Ordering::Relaxed) { Err(StageError::Cancelled) } else { Ok(()) }
     }
+}
+
+/// The camera of a trajectory: the recipe's choice, else the source's own, with a warning where views disagree.
+fn camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut Context<'_>) -> Camera {
+    let (own, warning) = capture.camera();
+    cx.warnings.extend(warning.map(|w| w.to_string()));
+    choice.map_or(own, |choice| choice.resolve(&own))
 }
 
 /// Why a step failed. The texts fit after "failed to ".
