@@ -5,6 +5,7 @@
 //! `.ply` form.
 
 pub mod procedural;
+pub mod sh;
 
 use glam::DVec3;
 
