@@ -7,8 +7,12 @@
 //! Angles are radians. Everything here is `f64`, and every transcendental comes from `libm`, so that a path has the
 //! same bits on every machine.
 
+pub mod arc_length;
 pub mod rotation;
+pub mod rotation_spline;
 pub mod screen;
+pub mod spline;
+pub mod sum;
 
 use glam::{DMat3, DQuat, DVec3};
 pub use screen::{RotationError, Screened, rotation_from_matrix, rotation_from_quaternion};
