@@ -5,3 +5,4 @@ mod support;
 
 #[cfg(test)]
 mod render_golden;
+mod trajectories;
