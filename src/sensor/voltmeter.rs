@@ -1,5 +1,11 @@
 //! The stochastic law of DVS-Voltmeter (Lin et al., ECCV 2022; GitHub Lynn0306/DVS-Voltmeter, MIT).
 
+pub mod presets;
+pub mod units;
+
+pub use presets::Preset;
+pub use units::Units;
+
 use super::{Model, Pixels};
 use crate::image::Size;
 use crate::seed::Seed;
@@ -58,6 +64,23 @@ pub enum Initial {
 pub enum Between {
     /// Linear in `ln(L + k2)`.
     Linear,
+}
+
+impl Voltmeter {
+    /// Thresholds of 1, the law `exact`, log gain, voltages from zero, linear between frames, a cap of 1000.
+    #[must_use]
+    pub fn new(k: [f64; 6]) -> Self {
+        Self {
+            k,
+            threshold_on: 1.0,
+            threshold_off: 1.0,
+            law: Law::Exact,
+            gain: Gain::Log,
+            initial: Initial::Zero,
+            between: Between::Linear,
+            max_events_per_pixel_frame: 1000,
+        }
+    }
 }
 
 impl Model for Voltmeter {
