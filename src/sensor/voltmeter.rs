@@ -1,5 +1,10 @@
 //! The stochastic law of DVS-Voltmeter (Lin et al., ECCV 2022; GitHub Lynn0306/DVS-Voltmeter, MIT).
 
+mod bridge;
+mod cell;
+mod drift;
+mod exact;
+mod noiseless;
 pub mod presets;
 pub mod units;
 
@@ -84,7 +89,9 @@ impl Voltmeter {
 }
 
 impl Model for Voltmeter {
-    fn start(&self, _size: Size, _origin: [u16; 2], _seed: Seed) -> Box<dyn Pixels> {
-        unimplemented!("written next")
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
+        match self.law {
+            Law::Exact => Box::new(exact::Exact::new(self, size, origin, seed)),
+        }
     }
 }
