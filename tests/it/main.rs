@@ -6,3 +6,4 @@ mod support;
 #[cfg(test)]
 mod render_golden;
 mod trajectories;
+mod event_statistics;
