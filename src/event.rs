@@ -1,6 +1,7 @@
 //! Events, the sinks that take them, and the order they have in files.
 
 pub mod h5;
+pub mod npz;
 pub mod order;
 
 use crate::image::Size;

@@ -27,6 +27,12 @@ impl Attributes {
         let Ok(superblock) = SuperblockV0V1::decode(&block(&mut file, 0, 256)?) else {
             return Ok(Self::default());
         };
+        let (len, wanted) = (file.metadata()?.len(), superblock.end_of_file_address);
+        if len < wanted {
+            return Err(EventFileError::Container(format!(
+                "the file is cut short: {len} bytes, wanted {wanted}"
+            )));
+        }
         let context =
             FormatContext { sizeof_addr: superblock.sizeof_offsets, sizeof_size: superblock.sizeof_lengths };
         let at = superblock.root_symbol_table_entry.obj_header_addr;
