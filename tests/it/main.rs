@@ -7,3 +7,4 @@ mod support;
 mod render_golden;
 mod trajectories;
 mod event_statistics;
+mod codecs;
