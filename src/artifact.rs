@@ -104,7 +104,7 @@ impl Artifact for Gaussians {
     const KIND: &'static str = "gaussians";
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
-        files.read("scene.ply", |mut file| crate::scene::ply::read(&mut file))
+        files.read("scene.ply", |mut file| crate::scene::ply::read_ply(&mut file))
     }
 }
 
@@ -131,21 +131,48 @@ impl Artifact for Motion {
 pub struct EventStream {
     /// `events.h5`.
     pub events: PathBuf,
-    /// `brightness.npy`: float32 `[K, H, W]`, grey 0..255, at the stamps of `simulation.json`.
-    pub brightness: PathBuf,
-    /// `simulation.json`.
-    pub simulation: serde_json::Value,
+    /// What the sensor saw at a few frames: `brightness.npy`, float32 `[K, H, W]`.
+    pub anchors: Anchors,
+    /// The rest.
+    pub simulation: Simulation,
+}
+
+/// How an event stream was made: `simulation.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Simulation {
+    /// The camera that was rendered.
+    pub camera: Camera,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Degree of their harmonics.
+    pub sh_degree: u8,
+    /// What the reader of the scene left out or mended.
+    pub screening: Screening,
+    /// Whether the antialiased rule was used.
+    pub antialiased: bool,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Seed of its stream.
+    pub seed: Seed,
+    /// What it counted.
+    pub account: Account,
+    /// What the renderer counted, over all frames.
+    pub work: Work,
+    /// How far the picture moves between neighbouring poses, px; `None` where no pixel has a depth.
+    pub flow_px: Option<Quantiles>,
+    /// Stamps of the images in `brightness.npy`.
+    pub brightness_stamps_us: Vec<i64>,
 }
 
 impl Artifact for EventStream {
     const KIND: &'static str = "events";
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
-        Ok(Self {
-            events: files.path("events.h5")?.to_owned(),
-            brightness: files.path("brightness.npy")?.to_owned(),
-            simulation: files.json("simulation.json")?,
-        })
+        let simulation: Simulation = files.json("simulation.json")?;
+        let stamps = simulation.brightness_stamps_us.clone();
+        let anchors = files.read("brightness.npy", |file| Anchors::read(stamps, file))?;
+        Ok(Self { events: files.path("events.h5")?.to_owned(), anchors, simulation })
     }
 }
 

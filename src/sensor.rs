@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
 /// A sensor of the recipe.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sensor {
     /// The stochastic model of DVS-Voltmeter.
@@ -32,6 +32,12 @@ impl Sensor {
 
 /// Parameters of a sensor.
 pub trait Model {
+    /// Version of the law that draws the events; raised when the same parameters come to mean other events.
+    fn law_version(&self) -> u32;
+
+    /// Brightness contrast of one ON and of one OFF event, as a difference of natural logarithms.
+    fn contrast(&self) -> (f64, f64);
+
     /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the frames'
     /// top-left pixel, so that a crop draws the noise of the whole.
     fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels>;
