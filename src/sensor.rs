@@ -2,6 +2,7 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+pub mod statistics;
 pub mod voltmeter;
 mod window;
 
@@ -40,7 +41,22 @@ pub trait Model {
 
     /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the frames'
     /// top-left pixel, so that a crop draws the noise of the whole.
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels>;
+    ///
+    /// # Errors
+    /// When a parameter is outside its range, or a pixel outside the 65536 x 65536 that events can name.
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError>;
+}
+
+/// Whether every pixel of a frame has coordinates that events can hold.
+fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
+    let fits = |extent: u32, from: u16| u64::from(extent) + u64::from(from) <= 1 << 16;
+    if fits(size.width, origin[0]) && fits(size.height, origin[1]) {
+        return Ok(());
+    }
+    let [x, y] = origin;
+    Err(SensorError::Setup(format!(
+        "frames of {size} at ({x}, {y}) reach beyond the 65536 columns and rows of events"
+    )))
 }
 
 /// State of a sensor's pixels.
@@ -108,6 +124,9 @@ pub enum SensorError {
         /// `max_events_per_pixel_frame`.
         cap: u32,
     },
+    /// The sensor cannot be set up.
+    #[error("{0}")]
+    Setup(String),
     /// A frame that does not follow the one before.
     #[error("frame {frame}: {because}")]
     Frame {
@@ -147,7 +166,7 @@ pub fn simulate(
     sink: &mut dyn EventSink,
     tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
 ) -> Result<Account, SimulateError> {
-    let mut pixels = model.start(frames.size(), [0, 0], seed);
+    let mut pixels = model.start(frames.size(), [0, 0], seed)?;
     while let Some(frame) = frames.next()? {
         pixels.advance(&frame, sink)?;
         if tap(&frame).is_break() {

@@ -6,12 +6,14 @@ mod drift;
 mod exact;
 mod noiseless;
 pub mod presets;
+pub mod screen;
 pub mod units;
 
 pub use presets::Preset;
+pub use screen::{ScreenError, Screening};
 pub use units::Units;
 
-use super::{Model, Pixels};
+use super::{Model, Pixels, SensorError, check_extent};
 use crate::image::Size;
 use crate::seed::Seed;
 use serde::{Deserialize, Serialize};
@@ -100,9 +102,11 @@ impl Model for Voltmeter {
         (self.threshold_on / self.k[0], self.threshold_off / self.k[0])
     }
 
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError> {
+        self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
+        check_extent(size, origin)?;
         match self.law {
-            Law::Exact => Box::new(exact::Exact::new(self, size, origin, seed)),
+            Law::Exact => Ok(Box::new(exact::Exact::new(self, size, origin, seed))),
         }
     }
 }
