@@ -3,8 +3,19 @@
 //! Names say both ends: `world_from_camera` turns camera coordinates into world coordinates, so spaces cancel by
 //! eye. The world is the source's own right-handed frame and scale. Camera axes are OpenCV's (x right, y down, z
 //! forward); OpenGL's (nerfstudio, Blender) differ by [`OPENCV_FROM_OPENGL`] on the camera's side only.
+//!
+//! Angles are radians. Everything here is `f64`, and every transcendental comes from `libm`, so that a path has the
+//! same bits on every machine.
+
+pub mod arc_length;
+pub mod rotation;
+pub mod rotation_spline;
+pub mod screen;
+pub mod spline;
+pub mod sum;
 
 use glam::{DMat3, DQuat, DVec3};
+pub use screen::{RotationError, Screened, rotation_from_matrix, rotation_from_quaternion};
 
 /// Diagonal of the matrix that turns OpenGL camera axes (x right, y up, z back) into OpenCV's and back.
 pub const OPENCV_FROM_OPENGL: DVec3 = DVec3::new(1.0, -1.0, -1.0);
@@ -33,5 +44,11 @@ impl Se3 {
     #[must_use]
     pub fn rotation_matrix(&self) -> DMat3 {
         DMat3::from_quat(self.rotation)
+    }
+
+    /// Whether every number of it is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.rotation.is_finite() && self.translation.is_finite()
     }
 }

@@ -27,4 +27,12 @@ impl Speed {
             Self::Function(f) => f,
         }
     }
+
+    /// What in the law makes speed less than twice differentiable, if anything does.
+    #[must_use]
+    pub fn roughness(&self) -> Option<String> {
+        match self {
+            Self::Function(f) => f.roughness(),
+        }
+    }
 }

@@ -19,6 +19,12 @@ impl Expression {
     pub fn parse(_text: &str) -> Result<Self, ExpressionError> {
         Ok(Self {})
     }
+
+    /// What in it has corners.
+    #[must_use]
+    pub fn roughness(&self) -> Option<String> {
+        None
+    }
 }
 
 impl Law for Expression {

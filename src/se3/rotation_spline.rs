@@ -1,0 +1,328 @@
+//! The interpolating C2 spline through rotations.
+//!
+//! Between knots `R(s) = R_i exp(phi_i(s))` with `phi_i` a cubic in the body's rotation vector; the body rates at
+//! the knots are chosen so that rate and angular acceleration are continuous. The system is that of N. Mayorov,
+//! "Smooth Attitude Interpolation" (attached to scipy issue 8964; scipy's `RotationSpline`), with the same ends:
+//! the rate of the mean turn of the first and of the last interval.
+//!
+//! It departs from scipy in the coefficients of small angles, which are summed as series where scipy's closed forms
+//! cancel (below 1 rad, where scipy switches at 1e-4), and in iterating until the rates settle to 1e-12.
+
+use super::rotation::{exp, log};
+use super::spline::{Cubic, Place};
+use glam::{DMat3, DQuat, DVec3};
+use libm::{cos, sin};
+use std::f64::consts::PI;
+
+/// Turns within this of a half turn have no direction of their own.
+const HALF_TURN_MARGIN: f64 = 1e-6;
+/// Rounds of the plain fixed point, then of the damped one.
+const ROUNDS: [(u32, f64); 2] = [(10, 1.0), (20, 0.5)];
+/// Accepted change of a rate in one round, relative to 1 + its size.
+const ACCEPTED: f64 = 1e-9;
+/// Change at which further rounds are pointless.
+const SETTLED: f64 = 1e-12;
+
+/// The rotation vector that turns `a` into `b`, and whether it is a half turn within 1e-6 rad, whose axis is then
+/// the one with its first non-zero component positive. (Both signs lead to `b` exactly.)
+#[must_use]
+pub fn turn(a: DQuat, b: DQuat) -> (DVec3, bool) {
+    let r = log(a.conjugate() * b);
+    let length = r.length();
+    if length <= PI - HALF_TURN_MARGIN {
+        return (r, false);
+    }
+    let leading = r.to_array().into_iter().find(|c| *c != 0.0).unwrap_or(0.0);
+    (if leading < 0.0 { r * (1.0 - 2.0 * PI / length) } else { r }, true)
+}
+
+/// Why there is no spline through the rotations.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("the rates of the rotation spline did not settle: they still change by {change:.3e} of their size")]
+pub struct Unsettled {
+    /// Largest relative change of a rate in the last round.
+    pub change: f64,
+}
+
+/// A C2 spline through rotations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RotationSpline {
+    starts: Vec<DQuat>,
+    turns: Vec<Cubic>,
+}
+
+impl RotationSpline {
+    /// The spline through `rotations` whose parameter grows by `steps[i] > 0` from rotation i to rotation i+1. Two
+    /// rotations give their slerp.
+    ///
+    /// # Errors
+    /// Where the body rates do not settle: neighbouring turns that are both large and of very different lengths.
+    ///
+    /// # Panics
+    /// Unless there are at least two rotations and one step fewer than rotations.
+    pub fn new(steps: &[f64], rotations: &[DQuat]) -> Result<Self, Unsettled> {
+        assert!(
+            rotations.len() >= 2 && steps.len() + 1 == rotations.len(),
+            "a spline needs a step between any two rotations"
+        );
+        let vectors: Vec<DVec3> = rotations.windows(2).map(|r| turn(r[0], r[1]).0).collect();
+        let rates = System::new(steps, &vectors).solve()?;
+        let turns = (0..steps.len())
+            .map(|i| {
+                let end_slope = slope_from_rate(vectors[i]) * rates[i + 1];
+                Cubic::hermite(steps[i], [DVec3::ZERO, vectors[i]], [rates[i], end_slope])
+            })
+            .collect();
+        Ok(Self { starts: rotations[..steps.len()].to_vec(), turns })
+    }
+
+    /// The rotation at a place, a unit quaternion.
+    #[must_use]
+    pub fn rotation(&self, at: Place) -> DQuat {
+        (self.starts[at.segment] * exp(self.turns[at.segment].value(at.x))).normalize()
+    }
+
+    /// The body rate at a place, rad per parameter, in the axes of the rotation there.
+    #[must_use]
+    pub fn rate(&self, at: Place) -> DVec3 {
+        let turn = &self.turns[at.segment];
+        rate_from_slope_times(turn.value(at.x), turn.slope(at.x))
+    }
+
+    /// The derivative of the body rate at a place, rad per parameter squared.
+    #[must_use]
+    pub fn acceleration(&self, at: Place) -> DVec3 {
+        let turn = &self.turns[at.segment];
+        let (r, slope) = (turn.value(at.x), turn.slope(at.x));
+        rate_from_slope_times(r, turn.bend(at.x)) + quadratic(r, slope)
+    }
+}
+
+/// The block-tridiagonal system for the rates at the inner knots, factored once: `4 (1/h_i + 1/h_{i+1})` on the
+/// diagonal, `2/h_i J(r_i)` below, `2/h_{i+1} J^-1(r_{i+1})` above.
+struct System<'a> {
+    steps: &'a [f64],
+    turns: &'a [DVec3],
+    /// `J^-1(r_i)` of every segment.
+    slope_from_rate: Vec<DMat3>,
+    /// Inverse pivots of the inner knots.
+    pivots: Vec<DMat3>,
+}
+
+impl<'a> System<'a> {
+    fn new(steps: &'a [f64], turns: &'a [DVec3]) -> Self {
+        let mut system = Self {
+            steps,
+            turns,
+            slope_from_rate: turns.iter().map(|r| slope_from_rate(*r)).collect(),
+            pivots: Vec::with_capacity(turns.len()),
+        };
+        for k in 0..turns.len() - 1 {
+            let diagonal = DMat3::from_diagonal(DVec3::splat(4.0 * (1.0 / steps[k] + 1.0 / steps[k + 1])));
+            let eliminated = match k {
+                0 => diagonal,
+                _ => diagonal - system.below(k) * system.pivots[k - 1] * system.above(k - 1),
+            };
+            system.pivots.push(eliminated.inverse());
+        }
+        system
+    }
+
+    /// The block left of the diagonal in row k, which couples inner knot k+1 to knot k.
+    fn below(&self, k: usize) -> DMat3 {
+        rate_from_slope(self.turns[k]) * (2.0 / self.steps[k])
+    }
+
+    /// The block right of the diagonal in row k, which couples inner knot k+1 to knot k+2.
+    fn above(&self, k: usize) -> DMat3 {
+        self.slope_from_rate[k + 1] * (2.0 / self.steps[k + 1])
+    }
+
+    /// Rates at all knots.
+    fn solve(&self) -> Result<Vec<DVec3>, Unsettled> {
+        let mean: Vec<DVec3> = self.turns.iter().zip(self.steps).map(|(r, h)| *r / *h).collect();
+        let mut change = f64::INFINITY;
+        for (rounds, damping) in ROUNDS {
+            let mut rates: Vec<DVec3> = std::iter::once(mean[0]).chain(mean.iter().copied()).collect();
+            for _ in 0..rounds {
+                change = self.improve(&mut rates, damping);
+                if change < SETTLED {
+                    break;
+                }
+            }
+            if change < ACCEPTED {
+                return Ok(rates);
+            }
+        }
+        Err(Unsettled { change })
+    }
+
+    /// One round: the largest relative change of a rate.
+    fn improve(&self, rates: &mut [DVec3], damping: f64) -> f64 {
+        let inner = self.back_substitute(&self.right_sides(rates));
+        let mut largest = 0.0f64;
+        for (rate, new) in rates[1..].iter_mut().zip(inner) {
+            let change = new - *rate;
+            // `max` would drop a NaN; this keeps it, and a NaN never counts as settled.
+            let relative = change.length() / (1.0 + new.length());
+            largest = if relative <= largest { largest } else { relative };
+            *rate += change * damping;
+        }
+        largest
+    }
+
+    fn right_sides(&self, rates: &[DVec3]) -> Vec<DVec3> {
+        let (h, r, last) = (self.steps, self.turns, self.turns.len() - 1);
+        let mut right: Vec<DVec3> = (0..last)
+            .map(|k| {
+                let mean = (r[k] / h[k] / h[k] + r[k + 1] / h[k + 1] / h[k + 1]) * 6.0;
+                mean - quadratic(r[k], self.slope_from_rate[k] * rates[k + 1])
+            })
+            .collect();
+        if let Some(first) = right.first_mut() {
+            *first -= self.below(0) * rates[0];
+        }
+        if let Some(end) = right.last_mut() {
+            *end -= self.above(last - 1) * rates[last + 1];
+        }
+        right
+    }
+
+    fn back_substitute(&self, right: &[DVec3]) -> Vec<DVec3> {
+        let mut x: Vec<DVec3> = Vec::with_capacity(right.len());
+        for (k, b) in right.iter().enumerate() {
+            let carried = if k == 0 { DVec3::ZERO } else { self.below(k) * x[k - 1] };
+            x.push(self.pivots[k] * (*b - carried));
+        }
+        for k in (0..right.len().saturating_sub(1)).rev() {
+            let next = self.pivots[k] * (self.above(k) * x[k + 1]);
+            x[k] -= next;
+        }
+        x
+    }
+}
+
+/// The right Jacobian `J(r)`: the body rate is `J(r)` times the derivative of the rotation vector.
+fn rate_from_slope(r: DVec3) -> DMat3 {
+    let (skew, c) = (skew(r), Coefficients::of(r.length_squared()));
+    DMat3::IDENTITY - skew * c.versine + skew * skew * c.sine
+}
+
+fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
+    let c = Coefficients::of(r.length_squared());
+    let once = r.cross(slope);
+    slope - once * c.versine + r.cross(once) * c.sine
+}
+
+/// The inverse of [`rate_from_slope`], for `|r| <= pi`: `I + [r]/2 + (1 - t/2 cot(t/2)) / t^2 [r]^2`.
+fn slope_from_rate(r: DVec3) -> DMat3 {
+    let t2 = r.length_squared();
+    let skew = skew(r);
+    DMat3::IDENTITY + skew * 0.5 + skew * skew * cotangent_coefficient(t2)
+}
+
+/// The part of the angular acceleration that is quadratic in the slope of the rotation vector.
+fn quadratic(r: DVec3, slope: DVec3) -> DVec3 {
+    let c = Quadratic::of(r.length_squared());
+    let once = r.cross(slope);
+    (once * c.k1 + r.cross(once) * c.k2) * r.dot(slope) + slope.cross(once) * c.k3
+}
+
+fn skew(r: DVec3) -> DMat3 {
+    DMat3::from_cols(DVec3::new(0.0, r.z, -r.y), DVec3::new(-r.z, 0.0, r.x), DVec3::new(r.y, -r.x, 0.0))
+}
+
+/// `(1 - cos t) / t^2` and `(t - sin t) / t^3`.
+struct Coefficients {
+    versine: f64,
+    sine: f64,
+}
+
+impl Coefficients {
+    fn of(t2: f64) -> Self {
+        if t2 < 1.0 {
+            return Self { versine: series(t2, &VERSINE), sine: series(t2, &SINE) };
+        }
+        let t = t2.sqrt();
+        Self { versine: (1.0 - cos(t)) / t2, sine: (t - sin(t)) / (t2 * t) }
+    }
+}
+
+/// `(2 (1 - cos t) - t sin t) / t^4`, `(3 sin t - 2t - t cos t) / t^5` and `(t - sin t) / t^3`.
+struct Quadratic {
+    k1: f64,
+    k2: f64,
+    k3: f64,
+}
+
+impl Quadratic {
+    fn of(t2: f64) -> Self {
+        if t2 < 1.0 {
+            return Self { k1: series(t2, &K1), k2: series(t2, &K2), k3: series(t2, &SINE) };
+        }
+        let t = t2.sqrt();
+        let (s, c) = (sin(t), cos(t));
+        Self {
+            k1: (2.0 * (1.0 - c) - t * s) / (t2 * t2),
+            k2: (3.0 * s - 2.0 * t - t * c) / (t2 * t2 * t),
+            k3: (t - s) / (t2 * t),
+        }
+    }
+}
+
+/// `(1 - t/2 cot(t/2)) / t^2`, by its power series (Bernoulli numbers) below 1 rad.
+fn cotangent_coefficient(t2: f64) -> f64 {
+    if t2 < 1.0 {
+        return series(t2, &COTANGENT);
+    }
+    let half = t2.sqrt() / 2.0;
+    (1.0 - half * cos(half) / sin(half)) / t2
+}
+
+/// `sum c[k] t2^k`. With `t2 < 1` the first omitted term of each table below is under 1e-17 of the sum.
+fn series(t2: f64, coefficients: &[f64]) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, c| sum * t2 + c)
+}
+
+const TERMS: usize = 9;
+/// `(-1)^k / (2k+2)!`
+const VERSINE: [f64; TERMS] = table(2, &[1.0; TERMS]);
+/// `(-1)^k / (2k+3)!`
+const SINE: [f64; TERMS] = table(3, &[1.0; TERMS]);
+/// `(-1)^k (2k+2) / (2k+4)!`
+const K1: [f64; TERMS] = table(4, &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0]);
+/// `-(-1)^k (2k+2) / (2k+5)!`
+const K2: [f64; TERMS] = table(5, &[-2.0, -4.0, -6.0, -8.0, -10.0, -12.0, -14.0, -16.0, -18.0]);
+/// `|B_{2k+2}| / (2k+2)!`
+const COTANGENT: [f64; 12] = [
+    1.0 / 12.0,
+    1.0 / 720.0,
+    1.0 / 30_240.0,
+    1.0 / 1_209_600.0,
+    1.0 / 47_900_160.0,
+    691.0 / 1_307_674_368_000.0,
+    1.0 / 74_724_249_600.0,
+    3617.0 / 10_670_622_842_880_000.0,
+    43_867.0 / 5_109_094_217_170_944_000.0,
+    174_611.0 / 802_857_662_698_291_200_000.0,
+    77_683.0 / 14_101_100_039_391_805_440_000.0,
+    236_364_091.0 / 1_693_824_136_731_743_669_452_800_000.0,
+];
+
+/// `(-1)^k numerators[k] / (2k + first)!`
+const fn table(first: usize, numerators: &[f64; TERMS]) -> [f64; TERMS] {
+    let mut out = [0.0; TERMS];
+    let mut factorial = 1.0;
+    let mut sign = 1.0;
+    let (mut k, mut n) = (0, 1);
+    while k < TERMS {
+        while n <= 2 * k + first {
+            factorial *= n as f64;
+            n += 1;
+        }
+        out[k] = sign * numerators[k] / factorial;
+        sign = -sign;
+        k += 1;
+    }
+    out
+}

@@ -1,0 +1,142 @@
+//! Screening: from the nine (or four) numbers of a file to a rotation, or to the reason why they are none.
+
+use glam::{DMat3, DQuat};
+
+/// Above this deviation from a rotation the numbers are refused.
+const REFUSED: f64 = 1e-3;
+/// Above this deviation the user is told that the nearest rotation was taken.
+const TOLD: f64 = 1e-6;
+
+/// A rotation read from a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Screened {
+    /// The nearest rotation, a unit quaternion with `w >= 0`.
+    pub rotation: DQuat,
+    /// Whether the numbers deviated by more than 1e-6, so that a warning is due.
+    pub projected: bool,
+    /// How far the numbers were from a rotation: `max |R^T R - I|`, or `| |q|^2 - 1 |`.
+    pub deviation: f64,
+}
+
+/// Why numbers are no rotation.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum RotationError {
+    /// A number is NaN or infinite.
+    #[error("a rotation holds a number that is not finite")]
+    NotFinite,
+    /// The columns are not orthonormal, or the quaternion is not of length 1.
+    #[error("a rotation is not orthonormal: it deviates by {deviation:.3e}, at most {REFUSED:e} is allowed")]
+    NotOrthonormal {
+        /// `max |R^T R - I|`, or `| |q|^2 - 1 |`.
+        deviation: f64,
+    },
+    /// The determinant is negative.
+    #[error("a rotation mirrors: its determinant is {determinant:.6}, 1 was wanted")]
+    Mirrors {
+        /// Determinant of the matrix.
+        determinant: f64,
+    },
+}
+
+/// The rotation nearest to `matrix` in the Frobenius norm.
+///
+/// # Errors
+/// Where a number is not finite, `max |R^T R - I|` exceeds 1e-3, or the determinant is negative.
+pub fn rotation_from_matrix(matrix: &DMat3) -> Result<Screened, RotationError> {
+    if !matrix.is_finite() {
+        return Err(RotationError::NotFinite);
+    }
+    let excess = matrix.transpose() * *matrix - DMat3::IDENTITY;
+    let deviation = excess.to_cols_array().iter().fold(0.0, |m: f64, e| m.max(e.abs()));
+    refuse_above_limit(deviation)?;
+    let determinant = matrix.determinant();
+    if determinant < 0.0 {
+        return Err(RotationError::Mirrors { determinant });
+    }
+    let rotation = super::rotation::canonical(DQuat::from_mat3(&nearest_rotation(*matrix)).normalize());
+    Ok(Screened { rotation, projected: deviation > TOLD, deviation })
+}
+
+/// The unit quaternion along `q`.
+///
+/// # Errors
+/// Where a number is not finite, or `|q|^2` differs from 1 by more than 1e-3.
+pub fn rotation_from_quaternion(q: DQuat) -> Result<Screened, RotationError> {
+    if !q.is_finite() {
+        return Err(RotationError::NotFinite);
+    }
+    let deviation = (q.length_squared() - 1.0).abs();
+    refuse_above_limit(deviation)?;
+    let rotation = super::rotation::canonical(q.normalize());
+    Ok(Screened { rotation, projected: deviation > TOLD, deviation })
+}
+
+/// Written so that an overflow to infinity or NaN is refused too.
+fn refuse_above_limit(deviation: f64) -> Result<(), RotationError> {
+    if deviation <= REFUSED { Ok(()) } else { Err(RotationError::NotOrthonormal { deviation }) }
+}
+
+/// The orthogonal factor of the polar decomposition by Newton's iteration `X <- (X + X^-T) / 2` (Higham 1986,
+/// "Computing the polar decomposition"). It squares the error: from the 1e-3 that is let in, four rounds leave
+/// nothing above rounding.
+fn nearest_rotation(matrix: DMat3) -> DMat3 {
+    (0..4).fold(matrix, |x, _| (x + x.inverse().transpose()) * 0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::se3::rotation::{angle, exp};
+    use glam::DVec3;
+
+    fn tilted() -> DMat3 {
+        // Columns of a rotation by Pythagorean triples, exact in binary up to one rounding each.
+        DMat3::from_cols(DVec3::new(0.6, 0.8, 0.0), DVec3::new(-0.8, 0.6, 0.0), DVec3::Z)
+    }
+
+    #[test]
+    fn matrices_and_quaternions_name_the_same_rotation_at_every_angle() {
+        // Every branch of the conversion: the largest of w, x, y, z in turn, and the half turns between them.
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(0.6, -0.8, 0.0), DVec3::new(-0.48, 0.6, 0.64)] {
+            for degrees in [0.0f64, 1e-9, 1e-3, 30.0, 90.0, 119.0, 121.0, 179.0, 180.0 - 1e-9, 180.0] {
+                let q = exp(axis * (degrees * std::f64::consts::PI / 180.0));
+                let screened = rotation_from_matrix(&DMat3::from_quat(q)).unwrap();
+                // A few roundings of the matrix's entries, each 1.1e-16, and an angle is twice a quaternion's step.
+                assert!(angle(q, screened.rotation) < 2e-15, "{axis} {degrees}");
+                assert!(!screened.projected && screened.rotation.w >= 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn a_matrix_beside_a_rotation_is_projected_to_the_nearest() {
+        // The nearest rotation to R S, S symmetric and positive, is R.
+        let s = DMat3::from_cols_array(&[1.0003, 1e-4, 0.0, 1e-4, 0.9998, -2e-4, 0.0, -2e-4, 1.0001]);
+        let screened = rotation_from_matrix(&(tilted() * s)).unwrap();
+        let exact = rotation_from_matrix(&tilted()).unwrap();
+        assert!(screened.projected && !exact.projected);
+        assert!(angle(screened.rotation, exact.rotation) < 1e-15);
+    }
+
+    #[test]
+    fn what_is_no_rotation_is_refused_by_name() {
+        let refuse = |m: DMat3| rotation_from_matrix(&m).unwrap_err();
+        assert!(matches!(refuse(tilted() * 1.001), RotationError::NotOrthonormal { .. }));
+        assert!(matches!(refuse(DMat3::ZERO), RotationError::NotOrthonormal { .. }));
+        assert!(matches!(refuse(tilted() * 1e200), RotationError::NotOrthonormal { .. }));
+        assert!(matches!(refuse(tilted() * f64::NAN), RotationError::NotFinite));
+        assert!(matches!(refuse(tilted() * -1.0), RotationError::Mirrors { .. }));
+        assert!(rotation_from_matrix(&(tilted() * 1.0004)).unwrap().projected);
+    }
+
+    #[test]
+    fn quaternions_are_screened_by_their_length() {
+        let q = DQuat::from_xyzw(0.0, 0.6, 0.0, -0.8);
+        let screened = rotation_from_quaternion(q * 1.0001).unwrap();
+        assert!(screened.projected && (screened.rotation.w - 0.8).abs() < 1e-15);
+        assert!(!rotation_from_quaternion(q).unwrap().projected);
+        assert!(rotation_from_quaternion(q * 0.9).is_err());
+        assert!(rotation_from_quaternion(q * 0.0).is_err());
+        assert!(rotation_from_quaternion(q * f64::INFINITY).is_err());
+    }
+}

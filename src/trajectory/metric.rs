@@ -1,0 +1,121 @@
+//! The distance between poses that paths are measured by (the paper's equation 9).
+//!
+//! `distance = alpha * angle + beta / D * |dC|`. The paper gives neither alpha nor beta; both are 1 here, and the
+//! translation is divided by the scene's distance `D`, since the scale of a capture is arbitrary.
+
+use super::{NamedPose, TrajectoryError, refine::Scale};
+use crate::se3::Se3;
+use crate::se3::rotation::angle;
+use crate::se3::sum::Sum;
+use glam::{DMat3, DVec3};
+
+/// Weight of rotation, per radian.
+pub const ALPHA: f64 = 1.0;
+/// Weight of translation, per scale distance.
+pub const BETA: f64 = 1.0;
+/// Optical axes whose spread, the smallest eigenvalue of `mean(I - d d^T)`, is below this meet nowhere.
+const LEAST_SPREAD: f64 = 1e-3;
+
+/// The mixed metric.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Metric {
+    /// The distance `D` that translation is divided by, in scene units.
+    pub scale: f64,
+}
+
+impl Metric {
+    /// The metric of a capture whose centres are relative to one of them.
+    ///
+    /// `D` is taken from the captured poses before smoothing, so that it belongs to the capture and not to the
+    /// parameters of one path through it.
+    ///
+    /// # Errors
+    /// Where a scale was given that is not positive and finite.
+    pub fn new(scale: Scale, views: &[NamedPose<'_>]) -> Result<Self, TrajectoryError> {
+        let scale = match scale {
+            Scale::Scene => scene_distance(views),
+            Scale::None => 1.0,
+            Scale::Fixed(scale) => scale,
+        };
+        if scale > 0.0 && scale.is_finite() {
+            return Ok(Self { scale });
+        }
+        Err(TrajectoryError::Parameter {
+            field: "metric.scale",
+            found: scale.to_string(),
+            wanted: "`none` or a positive number",
+        })
+    }
+
+    /// The distance between two poses.
+    #[must_use]
+    pub fn distance(self, a: &Se3, b: &Se3) -> f64 {
+        self.mix(angle(a.rotation, b.rotation), (b.translation - a.translation).length())
+    }
+
+    /// `alpha * angular + beta / D * linear`, for angles and lengths or for their rates.
+    #[must_use]
+    pub fn mix(self, angular: f64, linear: f64) -> f64 {
+        ALPHA * angular + BETA * (linear / self.scale)
+    }
+}
+
+/// Median distance of the centres to the point nearest all optical axes; where the axes do not meet in front of
+/// most cameras, the largest distance between two centres; where that is 0, 1.
+fn scene_distance(views: &[NamedPose<'_>]) -> f64 {
+    let poses = views.iter().map(|v| v.world_from_camera);
+    let rays: Vec<(DVec3, DVec3)> = poses.map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
+    let focused = focus(&rays).map(|p| median(rays.iter().map(|(c, _)| (*c - p).length()).collect()));
+    let fallback =
+        || rays.iter().enumerate().flat_map(|(i, (a, _))| rays[..i].iter().map(|(b, _)| (*a - *b).length()));
+    focused.filter(|d| *d > 0.0).or_else(|| fallback().reduce(f64::max).filter(|d| *d > 0.0)).unwrap_or(1.0)
+}
+
+/// The point with the least sum of squared distances to the rays' lines, unless the lines are nearly parallel or the
+/// point lies behind more than half of the cameras.
+fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
+    let across = |d: DVec3| DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+    let n = rays.len() as f64;
+    let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
+    for (centre, direction) in rays {
+        a += across(*direction);
+        b += across(*direction) * *centre;
+    }
+    let (a, b) = (a * (1.0 / n), b / n);
+    if !exceeds(&a, LEAST_SPREAD) {
+        return None;
+    }
+    let point = a.inverse() * b;
+    let behind = rays.iter().filter(|(c, d)| (point - *c).dot(*d) < 0.0).count();
+    (point.is_finite() && 2 * behind <= rays.len()).then_some(point)
+}
+
+/// Whether every eigenvalue of the symmetric `a` exceeds `limit`: by Sylvester's criterion on `a - limit I`, which
+/// needs no eigenvalue.
+fn exceeds(a: &DMat3, limit: f64) -> bool {
+    let m = *a - DMat3::from_diagonal(DVec3::splat(limit));
+    m.x_axis.x > 0.0 && m.x_axis.x * m.y_axis.y - m.y_axis.x * m.x_axis.y > 0.0 && m.determinant() > 0.0
+}
+
+/// The median, the mean of the middle two of an even number; 0 of none.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    match n {
+        0 => 0.0,
+        _ if n % 2 == 1 => values[n / 2],
+        _ => f64::midpoint(values[n / 2 - 1], values[n / 2]),
+    }
+}
+
+/// Compensated running sums: `0, a, a+b, ...`, one more than there are terms.
+pub(super) fn running_sums(terms: &[f64]) -> Vec<f64> {
+    let mut sum = Sum::default();
+    let mut sums = Vec::with_capacity(terms.len() + 1);
+    sums.push(0.0);
+    for term in terms {
+        sum.add(*term);
+        sums.push(sum.value());
+    }
+    sums
+}
