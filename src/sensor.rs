@@ -3,12 +3,14 @@
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
 pub mod voltmeter;
+mod window;
 
 use crate::event::EventSink;
-use crate::frames::Frame;
+use crate::frames::{Frame, FrameError, Frames};
 use crate::image::Size;
 use crate::seed::Seed;
 use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 
 /// A sensor of the recipe.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -111,4 +113,40 @@ pub enum SensorError {
     /// The events could not be written.
     #[error("events cannot be written: {0}")]
     Sink(#[from] std::io::Error),
+}
+
+/// Why a simulation over a sequence of frames ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulateError {
+    /// The next frame could not be had.
+    #[error(transparent)]
+    Frames(#[from] FrameError),
+    /// The sensor could not go on.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The caller asked for the end.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Shows a whole sequence of frames to a sensor, the events going to `sink`. `tap` sees each frame after the sensor
+/// has; it may break the run off.
+///
+/// # Errors
+/// When a frame cannot be had, the sensor cannot go on, or `tap` breaks.
+pub fn simulate(
+    frames: &mut dyn Frames,
+    model: &dyn Model,
+    seed: Seed,
+    sink: &mut dyn EventSink,
+    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
+) -> Result<Account, SimulateError> {
+    let mut pixels = model.start(frames.size(), [0, 0], seed);
+    while let Some(frame) = frames.next()? {
+        pixels.advance(&frame, sink)?;
+        if tap(&frame).is_break() {
+            return Err(SimulateError::Interrupted);
+        }
+    }
+    Ok(pixels.finish(sink)?)
 }

@@ -1,5 +1,16 @@
 //! The stochastic law of DVS-Voltmeter (Lin et al., ECCV 2022; GitHub Lynn0306/DVS-Voltmeter, MIT).
 
+mod bridge;
+mod cell;
+mod drift;
+mod exact;
+mod noiseless;
+pub mod presets;
+pub mod units;
+
+pub use presets::Preset;
+pub use units::Units;
+
 use super::{Model, Pixels};
 use crate::image::Size;
 use crate::seed::Seed;
@@ -60,8 +71,27 @@ pub enum Between {
     Linear,
 }
 
+impl Voltmeter {
+    /// Thresholds of 1, the law `exact`, log gain, voltages from zero, linear between frames, a cap of 1000.
+    #[must_use]
+    pub fn new(k: [f64; 6]) -> Self {
+        Self {
+            k,
+            threshold_on: 1.0,
+            threshold_off: 1.0,
+            law: Law::Exact,
+            gain: Gain::Log,
+            initial: Initial::Zero,
+            between: Between::Linear,
+            max_events_per_pixel_frame: 1000,
+        }
+    }
+}
+
 impl Model for Voltmeter {
-    fn start(&self, _size: Size, _origin: [u16; 2], _seed: Seed) -> Box<dyn Pixels> {
-        unimplemented!("written next")
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
+        match self.law {
+            Law::Exact => Box::new(exact::Exact::new(self, size, origin, seed)),
+        }
     }
 }

@@ -1,0 +1,178 @@
+//! Frames from an array in memory.
+
+use super::{Frame, FrameError, Frames};
+use crate::image::{Image, Size};
+use crate::units::Timestamp;
+
+/// Brightness of white in an array of floats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FullScale {
+    /// 1.
+    One,
+    /// 255.
+    Grey255,
+}
+
+/// The samples of an array, frame after frame, each row-major from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Samples {
+    /// Grey 0..255 as it stands.
+    Bytes(Vec<u8>),
+    /// Luminance on the scale that is given.
+    Floats(Vec<f32>, FullScale),
+}
+
+impl Samples {
+    fn len(&self) -> usize {
+        match self {
+            Self::Bytes(values) => values.len(),
+            Self::Floats(values, _) => values.len(),
+        }
+    }
+}
+
+/// Why an array and its stamps are no sequence of frames.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ArrayError {
+    /// The array is not filled by frames of that shape.
+    #[error("{found} samples are not {frames} frames of {size}, which are {}", *frames as u128 * size.pixels() as u128)]
+    Samples {
+        /// Samples in the array.
+        found: usize,
+        /// Frames, as many as stamps.
+        frames: usize,
+        /// Size of one.
+        size: Size,
+    },
+    /// Stamps do not increase.
+    #[error("stamp {index} is {found} us, not later than the one before, {before} us")]
+    Stamps {
+        /// Its position.
+        index: usize,
+        /// Its value.
+        found: i64,
+        /// The value before.
+        before: i64,
+    },
+    /// Stamps further apart than nanoseconds count.
+    #[error("stamp {index} is {found} us, too far from the first, {first} us")]
+    Span {
+        /// Its position.
+        index: usize,
+        /// Its value.
+        found: i64,
+        /// The first.
+        first: i64,
+    },
+}
+
+/// An array `[N, H, W]` and its stamps as frames.
+#[derive(Debug, Clone)]
+pub struct ArrayFrames {
+    size: Size,
+    samples: Samples,
+    /// ns since the first.
+    stamps: Vec<i64>,
+    next: usize,
+}
+
+impl ArrayFrames {
+    /// Takes the samples of frames of this size, one for each of `stamps_us`, whatever the first stamp is.
+    ///
+    /// # Errors
+    /// When the samples do not fill the frames, or the stamps do not strictly increase.
+    pub fn new(size: Size, samples: Samples, stamps_us: &[i64]) -> Result<Self, ArrayError> {
+        let (found, frames) = (samples.len(), stamps_us.len());
+        if size.pixels().checked_mul(frames) != Some(found) {
+            return Err(ArrayError::Samples { found, frames, size });
+        }
+        Ok(Self { size, samples, stamps: relative(stamps_us)?, next: 0 })
+    }
+}
+
+/// Nanoseconds since the first of strictly increasing stamps.
+fn relative(stamps_us: &[i64]) -> Result<Vec<i64>, ArrayError> {
+    for (index, pair) in stamps_us.windows(2).enumerate() {
+        if pair[1] <= pair[0] {
+            return Err(ArrayError::Stamps { index: index + 1, found: pair[1], before: pair[0] });
+        }
+    }
+    let since_first = |(index, &found): (usize, &i64)| {
+        let first = stamps_us[0];
+        let ns = found.checked_sub(first).and_then(|us| us.checked_mul(1000));
+        ns.ok_or(ArrayError::Span { index, found, first })
+    };
+    stamps_us.iter().enumerate().map(since_first).collect()
+}
+
+impl Frames for ArrayFrames {
+    fn size(&self) -> Size {
+        self.size
+    }
+
+    fn len(&self) -> usize {
+        self.stamps.len()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        let index = self.next;
+        let Some(&t) = self.stamps.get(index) else { return Ok(None) };
+        let range = index * self.size.pixels()..(index + 1) * self.size.pixels();
+        let luminance: Vec<f32> = match &self.samples {
+            Samples::Bytes(values) => values[range].iter().map(|&v| f32::from(v)).collect(),
+            Samples::Floats(values, FullScale::Grey255) => values[range].to_vec(),
+            Samples::Floats(values, FullScale::One) => values[range].iter().map(|v| 255.0 * v).collect(),
+        };
+        if let Some(bad) = luminance.iter().position(|v| !v.is_finite()) {
+            let width = self.size.width as usize;
+            let because = format!("pixel ({}, {}) is {}", bad % width, bad / width, luminance[bad]);
+            return Err(FrameError::Invalid { index, because });
+        }
+        self.next += 1;
+        Ok(Some(Frame { index, t: Timestamp(t), luminance: Image::from_vec(self.size, luminance) }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 2, height: 1 };
+
+    #[test]
+    fn frames_come_on_the_grey_scale_with_stamps_from_zero() {
+        let samples = Samples::Floats(vec![0.0, 1.0, 0.5, 2.0], FullScale::One);
+        let mut frames = ArrayFrames::new(SIZE, samples, &[1_000_000, 1_000_417]).unwrap();
+        assert_eq!((frames.len(), frames.size()), (2, SIZE));
+        let first = frames.next().unwrap().unwrap();
+        assert_eq!((first.index, first.t, first.luminance.pixels()), (0, Timestamp(0), &[0.0, 255.0][..]));
+        let second = frames.next().unwrap().unwrap();
+        assert_eq!((second.t, second.luminance.pixels()), (Timestamp(417_000), &[127.5, 510.0][..]));
+        assert!(frames.next().unwrap().is_none());
+    }
+
+    #[test]
+    fn bytes_are_grey_as_they_stand() {
+        let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(vec![7, 255]), &[-5]).unwrap();
+        assert_eq!(frames.next().unwrap().unwrap().luminance.pixels(), [7.0, 255.0]);
+    }
+
+    #[test]
+    fn what_is_no_sequence_is_refused_with_its_place() {
+        let t = |stamps: &[i64], samples: usize, message: &str| {
+            let error = ArrayFrames::new(SIZE, Samples::Bytes(vec![0; samples]), stamps).unwrap_err();
+            assert_eq!(error.to_string(), message);
+        };
+        t(&[0, 5], 3, "3 samples are not 2 frames of 2x1, which are 4");
+        t(&[0, 5, 5], 6, "stamp 2 is 5 us, not later than the one before, 5 us");
+        t(&[i64::MIN, 0], 4, "stamp 1 is 0 us, too far from the first, -9223372036854775808 us");
+    }
+
+    #[test]
+    fn a_sample_that_is_no_number_is_named() {
+        let samples = Samples::Floats(vec![0.0, 0.0, 0.0, f32::NAN], FullScale::One);
+        let mut frames = ArrayFrames::new(SIZE, samples, &[0, 1]).unwrap();
+        frames.next().unwrap();
+        assert_eq!(frames.next().unwrap_err().to_string(), "frame 1: pixel (1, 0) is NaN");
+    }
+}

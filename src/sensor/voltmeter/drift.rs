@@ -1,0 +1,237 @@
+//! The drift `D(t)` of one pixel and its noise, from the luminance at the frames.
+//!
+//! `D = k1 ln(L + k2) + integral of (k4 + k5 L)`. Between frames `ln(L + k2)` is linear, so with `P = L + k2` at the
+//! start of a piece and `g` the slope of `ln P`, `D(t) = (k1 g + k4 - k5 k2) t + k5 P t E(g t)`, `E(x) = (e^x - 1)/x`:
+//! exact, and unchanged when a signal of that form is sampled finer.
+
+use super::{Gain, Voltmeter};
+
+/// Microseconds in a nanosecond.
+const US: f64 = 1e-3;
+
+/// The process with time in nanoseconds and brightness in grey 0..255.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Process {
+    k1: f64,
+    k2: f64,
+    k3: f64,
+    k4: f64,
+    k5: f64,
+    k6: f64,
+    gain: Gain,
+}
+
+impl Process {
+    pub(super) fn new(sensor: &Voltmeter) -> Self {
+        let [k1, k2, k3, k4, k5, k6] = sensor.k;
+        let root = US.sqrt();
+        Self { k1, k2, k3: k3 * root, k4: k4 * US, k5: k5 * US, k6: k6 * root, gain: sensor.gain }
+    }
+
+    /// Whether no brightness makes noise.
+    #[expect(clippy::float_cmp, reason = "exactly zero is how noise is switched off")]
+    pub(super) fn is_noiseless(&self) -> bool {
+        self.k3 == 0.0 && self.k6 == 0.0
+    }
+
+    /// `ln(L + k2)`, the brightness that is interpolated.
+    pub(super) fn log_brightness(&self, luminance: f32) -> f64 {
+        libm::log(f64::from(luminance) + self.k2)
+    }
+
+    /// Standard deviation of the noise per square root of a nanosecond, at grey `luminance`.
+    pub(super) fn sigma(&self, luminance: f64) -> f64 {
+        self.k3 * luminance.sqrt() / (luminance + self.k2) + self.k6
+    }
+
+    /// The drift over a piece of `length` ns between two frames, from its start.
+    pub(super) fn between(&self, from: Sample, to: Sample, length: f64) -> Smooth {
+        let (p0, p1) = (f64::from(from.luminance) + self.k2, f64::from(to.luminance) + self.k2);
+        match self.gain {
+            Gain::Log => {
+                let growth = (to.log - from.log) / length;
+                Smooth {
+                    slope: self.k1 * growth + (self.k4 - self.k5 * self.k2),
+                    bend: self.k5 * p0,
+                    growth,
+                    level: p0,
+                    curvature: (self.k5 * growth).abs() * p0.max(p1),
+                }
+            }
+            Gain::Midpoint => {
+                let middle = 0.5 * (p0 + p1);
+                let signal = self.k1 * (p1 - p0) / (middle * length);
+                Smooth {
+                    slope: signal + self.k4 + self.k5 * (middle - self.k2),
+                    bend: 0.0,
+                    growth: 0.0,
+                    level: middle,
+                    curvature: 0.0,
+                }
+            }
+        }
+    }
+
+    /// No drift at all, at the brightness of `sample`: what follows the last frame.
+    pub(super) fn after(&self, sample: Sample) -> Smooth {
+        let level = f64::from(sample.luminance) + self.k2;
+        Smooth { slope: 0.0, bend: 0.0, growth: 0.0, level, curvature: 0.0 }
+    }
+
+    /// Grey at `t` ns after the start of a piece.
+    pub(super) fn luminance(&self, piece: &Smooth, t: f64) -> f64 {
+        (piece.level * exp(piece.growth * t) - self.k2).max(0.0)
+    }
+}
+
+/// One pixel of one frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    pub(super) luminance: f32,
+    pub(super) log: f64,
+}
+
+/// The drift along one piece, as a function of the time since its start: `slope t + bend t E(growth t)`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Smooth {
+    slope: f64,
+    bend: f64,
+    growth: f64,
+    /// `L + k2` at the start.
+    level: f64,
+    /// Largest second derivative of the drift.
+    curvature: f64,
+}
+
+impl Smooth {
+    /// `D(t) - D(0)`.
+    pub(super) fn rise(&self, t: f64) -> f64 {
+        (self.slope + self.bend * mean_growth(self.growth * t)) * t
+    }
+
+    /// `D'(t)`.
+    pub(super) fn rate(&self, t: f64) -> f64 {
+        self.slope + self.bend * exp(self.growth * t)
+    }
+
+    /// Where in (0, `length`) the drift turns around, if it does.
+    pub(super) fn turn(&self, length: f64) -> Option<f64> {
+        if self.rate(0.0) * self.rate(length) >= 0.0 {
+            return None;
+        }
+        let t = libm::log(-self.slope / self.bend) / self.growth;
+        (t > 0.0 && t < length).then_some(t)
+    }
+
+    /// The same piece, begun `t` later.
+    pub(super) fn from(&self, t: f64) -> Self {
+        let growth = exp(self.growth * t);
+        Self { bend: self.bend * growth, level: self.level * growth, ..*self }
+    }
+}
+
+/// Where `mean_growth` and `exp` are summed as series.
+const SMALL: f64 = 1.0 / 32.0;
+
+/// `(e^x - 1) / x`, 1 at 0. The series ends below `SMALL^8/9!` = 3e-18.
+fn mean_growth(x: f64) -> f64 {
+    const SERIES: [f64; 8] =
+        [1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0, 1.0 / 40320.0];
+    if x.abs() < SMALL { SERIES.iter().rev().fold(0.0, |sum, c| sum * x + c) } else { libm::expm1(x) / x }
+}
+
+fn exp(x: f64) -> f64 {
+    if x.abs() < SMALL { 1.0 + x * mean_growth(x) } else { libm::exp(x) }
+}
+
+/// A piece of time between two frames (or after the last), clipped to a window.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Piece {
+    /// Position of the earlier frame among those that are kept.
+    pub(super) frame: usize,
+    /// Whether a frame follows.
+    pub(super) followed: bool,
+    /// From frame to frame, ns.
+    pub(super) length: f64,
+    /// From the earlier frame to the clip's start, ns.
+    pub(super) skipped: f64,
+    /// Start of the clip, ns since the window's start.
+    pub(super) from: f64,
+    /// End of the clip.
+    pub(super) to: f64,
+}
+
+/// The drift of one pixel over a window, piece by piece, 0 at its start.
+#[derive(Debug, Default)]
+pub(super) struct Path {
+    parts: Vec<Part>,
+    end: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Part {
+    /// Time of its start, ns since the window's start.
+    pub(super) from: f64,
+    /// Time of its end.
+    pub(super) to: f64,
+    /// Drift at its start.
+    pub(super) at: f64,
+    /// Drift along it.
+    pub(super) smooth: Smooth,
+}
+
+impl Path {
+    /// An empty path, to be filled by [`Path::push`].
+    pub(super) fn clear(&mut self) {
+        self.parts.clear();
+        self.end = 0.0;
+    }
+
+    /// Appends a clipped piece.
+    pub(super) fn push(&mut self, piece: &Piece, whole: Smooth) {
+        #[expect(clippy::float_cmp, reason = "a piece that is not clipped skips exactly nothing")]
+        let smooth = if piece.skipped == 0.0 { whole } else { whole.from(piece.skipped) };
+        self.parts.push(Part { from: piece.from, to: piece.to, at: self.end, smooth });
+        self.end += smooth.rise(piece.to - piece.from);
+    }
+
+    /// The parts in order of time.
+    pub(super) fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// The part that holds `t`; at a stamp, the later one.
+    pub(super) fn part(&self, t: f64) -> &Part {
+        let after = self.parts.iter().position(|part| t < part.to).unwrap_or(self.parts.len() - 1);
+        &self.parts[after]
+    }
+
+    /// Drift at `t` ns since the window's start.
+    pub(super) fn at(&self, t: f64) -> f64 {
+        let part = self.part(t);
+        part.at + part.smooth.rise(t - part.from)
+    }
+
+    /// Drift over the whole window.
+    pub(super) fn end(&self) -> f64 {
+        self.end
+    }
+
+    /// A bound on the distance of the drift from its chord between `a` and `b` (drifts `at_a`, `at_b`): the largest at
+    /// the stamps inside, plus what a piece can stray from its own chord.
+    pub(super) fn straying(&self, [a, b]: [f64; 2], [at_a, at_b]: [f64; 2]) -> f64 {
+        let slope = (at_b - at_a) / (b - a);
+        let (mut knots, mut curves) = (0.0f64, 0.0f64);
+        for part in &self.parts {
+            let length = part.to.min(b) - part.from.max(a);
+            if length <= 0.0 {
+                continue;
+            }
+            if part.from > a {
+                knots = knots.max((part.at - at_a - slope * (part.from - a)).abs());
+            }
+            curves = curves.max(part.smooth.curvature * length * length * 0.125);
+        }
+        knots + curves
+    }
+}

@@ -1,0 +1,86 @@
+//! Puts the events of one window of time after another into file order.
+//!
+//! Windows end between microseconds, and files are sorted within a microsecond too: what falls into a window's last,
+//! unfinished microsecond waits for the next window.
+
+use crate::event::{Event, EventSink, Polarity};
+use crate::units::Timestamp;
+
+/// An event as one number whose order is the file order, then nanoseconds: microseconds since the window's first
+/// (21 bits), row (16), column (16), polarity (1), nanoseconds in the microsecond (10).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Packed(u64);
+
+/// Longest window, ns: its events fit [`Packed`], with the microseconds that it begins and ends in.
+pub(super) const LONGEST: i64 = 1000 << 20;
+
+const MICROS_SHIFT: u32 = 43;
+
+impl Packed {
+    /// An event `ns` after the start of the microsecond that its window begins in.
+    pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity) -> Self {
+        let (us, rest) = (ns / 1000, ns % 1000);
+        debug_assert!(us < 1 << 21, "an event {ns} ns after the window's start is within it");
+        Self(us << MICROS_SHIFT | u64::from(y) << 27 | u64::from(x) << 11 | (polarity as u64) << 10 | rest)
+    }
+
+    fn micros(self) -> i64 {
+        (self.0 >> MICROS_SHIFT).cast_signed()
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "fields of 16 bits")]
+    fn event(self, first_us: i64) -> Event {
+        Event {
+            t: Timestamp((first_us + self.micros()) * 1000 + (self.0 & 0x3ff).cast_signed()),
+            x: (self.0 >> 11) as u16,
+            y: (self.0 >> 27) as u16,
+            polarity: if self.0 >> 10 & 1 == 1 { Polarity::On } else { Polarity::Off },
+        }
+    }
+}
+
+/// The events of the window that is open, and those that wait.
+#[derive(Debug, Default)]
+pub(super) struct Windows {
+    /// The microsecond that the open window begins in.
+    first_us: i64,
+    events: Vec<Packed>,
+    chunk: Vec<Event>,
+    /// Pairs of events of one pixel in one microsecond, so far.
+    pub(super) same_us_same_pixel: u64,
+}
+
+impl Windows {
+    /// Adds events of the open window, in any order, leaving `events` empty.
+    pub(super) fn add(&mut self, events: &mut Vec<Packed>) {
+        self.events.append(events);
+    }
+
+    /// Hands over what lies before the microsecond `end_us`, where the next window begins.
+    pub(super) fn close(&mut self, end_us: i64, sink: &mut dyn EventSink) -> std::io::Result<()> {
+        let finished = end_us - self.first_us;
+        self.events.sort_unstable();
+        let count = self.events.partition_point(|event| event.micros() < finished);
+        self.same_us_same_pixel += pairs(&self.events[..count]);
+        for part in self.events[..count].chunks(CHUNK) {
+            self.chunk.clear();
+            self.chunk.extend(part.iter().map(|event| event.event(self.first_us)));
+            sink.append(&self.chunk)?;
+        }
+        self.events.drain(..count);
+        for event in &mut self.events {
+            event.0 -= finished.cast_unsigned() << MICROS_SHIFT;
+        }
+        self.first_us = end_us;
+        Ok(())
+    }
+}
+
+/// Events handed to a sink at once.
+const CHUNK: usize = 1 << 16;
+
+/// Pairs in the same microsecond and pixel: two events are one pair, three are three.
+fn pairs(sorted: &[Packed]) -> u64 {
+    let same = |a: &Packed, b: &Packed| a.0 >> 11 == b.0 >> 11;
+    sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
+}
