@@ -1,5 +1,10 @@
 //! Events, the sinks that take them, and the order they have in files.
 
+pub mod h5;
+pub mod npz;
+pub mod order;
+
+use crate::image::Size;
 use crate::units::Timestamp;
 
 /// Direction of a brightness change.
@@ -47,5 +52,82 @@ impl EventSink for Vec<Event> {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.extend_from_slice(events);
         Ok(())
+    }
+}
+
+/// Gives events in chunks, in the order of the file.
+pub trait EventSource {
+    /// Replaces `out` by the next chunk; `false`, and an empty `out`, after the last.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or holds a value that is no event.
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError>;
+}
+
+/// What an event file says about its stream beside the events.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Header {
+    /// Columns and rows of the sensor.
+    pub size: Size,
+    /// How the stream was simulated; `None` where it was not, or nobody said.
+    pub law: Option<LawStamp>,
+}
+
+/// The law that a stream was simulated by, as event files carry it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LawStamp {
+    /// Revision of the simulating stage.
+    pub version: u32,
+    /// Log contrast of one ON event: a brightness factor of `exp(c_on)`.
+    pub c_on: f64,
+    /// Log contrast of one OFF event.
+    pub c_off: f64,
+}
+
+/// Why an event file cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum EventFileError {
+    /// The operating system refuses.
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+    /// The container around the events is damaged or of another kind.
+    #[error("{0}")]
+    Container(String),
+    /// A dataset is missing, or is not what the format prescribes.
+    #[error("dataset `{dataset}`: {because}")]
+    Dataset {
+        /// Its path in the file.
+        dataset: &'static str,
+        /// What was found and what was wanted.
+        because: String,
+    },
+    /// A value that no event can have.
+    #[error("`{dataset}`[{index}] is {found}, wanted {wanted}")]
+    Value {
+        /// Path of the dataset in the file.
+        dataset: &'static str,
+        /// Which element.
+        index: u64,
+        /// Its value.
+        found: i128,
+        /// What was wanted.
+        wanted: String,
+    },
+    /// An event that breaks the contract of a stream.
+    #[error("event {index}: {because}")]
+    Order {
+        /// Its number in the stream.
+        index: u64,
+        /// What was found and what was wanted.
+        because: String,
+    },
+}
+
+impl From<EventFileError> for std::io::Error {
+    fn from(e: EventFileError) -> Self {
+        match e {
+            EventFileError::Io(e) => e,
+            other => Self::new(std::io::ErrorKind::InvalidData, other),
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The integration tests: one binary, one module a feature.
 
+mod codecs;
 mod event_statistics;
 mod tidy;
 mod trajectories;

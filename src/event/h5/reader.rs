@@ -1,0 +1,242 @@
+//! Reading, chunk by chunk.
+
+use super::{CHUNK, MS_TO_IDX, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex};
+use crate::event::{Event, EventFileError, EventSource, Header, LawStamp, Polarity};
+use crate::image::Size;
+use crate::units::Timestamp;
+use rust_hdf5::{H5Dataset, H5File, H5Type};
+use std::path::Path;
+
+/// More elements of a dataset for each byte of the file than zlib can compress into it (its ratio is below 1,032).
+const MOST_PER_BYTE: u64 = 1_040;
+
+/// Most elements read at once.
+const MOST_AT_ONCE: usize = 1 << 20;
+
+/// Reads one stream.
+///
+/// It judges what makes bytes an event stream: the datasets, their types and lengths, polarities of 0 and 1. Whether
+/// the events are sorted and on the sensor is for checks to judge, which measure it.
+pub struct Reader {
+    header: Option<Header>,
+    x: H5Dataset,
+    y: H5Dataset,
+    p: H5Dataset,
+    t: H5Dataset,
+    ms_to_idx: H5Dataset,
+    count: usize,
+    step: usize,
+    next: usize,
+}
+
+impl std::fmt::Debug for Reader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Reader")
+            .field("header", &self.header)
+            .field("count", &self.count)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Reader {
+    /// Opens a file and reads what it says about the stream.
+    ///
+    /// # Errors
+    /// When it is no HDF5 file, a dataset is missing or of another type, or their lengths differ.
+    pub fn open(path: &Path) -> Result<Self, EventFileError> {
+        let bytes = std::fs::metadata(path)?.len();
+        let file = H5File::options().no_locking().open(path)?;
+        let (t, count) = column::<u32>(&file, T)?;
+        if count as u64 > bytes.saturating_mul(MOST_PER_BYTE) {
+            let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
+            return Err(EventFileError::Dataset { dataset: T, because });
+        }
+        check_offset(&file)?;
+        let reader = Self {
+            header: read_header(path)?,
+            x: column_of_length::<u16>(&file, X, count)?,
+            y: column_of_length::<u16>(&file, Y, count)?,
+            p: column_of_length::<u8>(&file, P, count)?,
+            step: step_of(&t),
+            t,
+            ms_to_idx: column::<u64>(&file, MS_TO_IDX)?.0,
+            count,
+            next: 0,
+        };
+        Ok(reader)
+    }
+
+    /// What the file says about its stream; `None` in a file without `width` and `height`, as DSEC's own are.
+    #[must_use]
+    pub fn header(&self) -> Option<Header> {
+        self.header
+    }
+
+    /// Number of events.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count as u64
+    }
+
+    /// Holds `ms_to_idx` against its definition, in a pass over the times alone.
+    ///
+    /// # Errors
+    /// At the first entry that is wrong, or when the times are not sorted, so that no index can be right.
+    pub fn verify_index(&self) -> Result<(), EventFileError> {
+        let mut stored = Stored {
+            dataset: &self.ms_to_idx,
+            len: self.ms_to_idx.total_elements(),
+            at: 0,
+            held: Vec::new(),
+        };
+        let (mut index, mut last) = (MsIndex::default(), 0);
+        for start in (0..self.count).step_by(self.step) {
+            let times: Vec<u32> = read(&self.t, T, start, self.step.min(self.count - start))?;
+            for (number, t) in (start as u64..).zip(times) {
+                if t < last {
+                    return Err(wrong(T, number, t, format!("at least {last}, the time before it")));
+                }
+                last = t;
+                stored.expect(number, index.settle(t))?;
+            }
+        }
+        stored.expect(self.count as u64, index.complete(last))?;
+        let rest = (stored.len - stored.at) as u64;
+        stored.expect(self.count as u64, rest)
+    }
+
+    fn event(number: usize, t: u32, x: u16, y: u16, p: u8) -> Result<Event, EventFileError> {
+        let polarity = match p {
+            0 => Polarity::Off,
+            1 => Polarity::On,
+            p => return Err(wrong(P, number as u64, p, "0 or 1".to_owned())),
+        };
+        Ok(Event { t: Timestamp::from_micros(i64::from(t)), x, y, polarity })
+    }
+}
+
+impl EventSource for Reader {
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+        out.clear();
+        let count = self.step.min(self.count - self.next);
+        if count == 0 {
+            return Ok(false);
+        }
+        let first = self.next;
+        let (t, p) = (read::<u32>(&self.t, T, first, count)?, read::<u8>(&self.p, P, first, count)?);
+        let (x, y) = (read::<u16>(&self.x, X, first, count)?, read::<u16>(&self.y, Y, first, count)?);
+        for i in 0..count {
+            out.push(Self::event(first + i, t[i], x[i], y[i], p[i])?);
+        }
+        self.next += count;
+        Ok(true)
+    }
+}
+
+/// The stored `ms_to_idx`, walked once.
+struct Stored<'a> {
+    dataset: &'a H5Dataset,
+    len: usize,
+    at: usize,
+    held: Vec<u64>,
+}
+
+impl Stored<'_> {
+    /// The next `entries` entries equal `value`.
+    fn expect(&mut self, value: u64, entries: u64) -> Result<(), EventFileError> {
+        for _ in 0..entries {
+            let found = self.next()?;
+            if found != value {
+                return Err(wrong(MS_TO_IDX, self.at as u64 - 1, found, value.to_string()));
+            }
+        }
+        Ok(())
+    }
+
+    fn next(&mut self) -> Result<u64, EventFileError> {
+        if self.at == self.len {
+            let because =
+                format!("{} entries, wanted more: it reaches one past the last millisecond", self.len);
+            return Err(EventFileError::Dataset { dataset: MS_TO_IDX, because });
+        }
+        let within = self.at % CHUNK;
+        if within == 0 {
+            self.held = read(self.dataset, MS_TO_IDX, self.at, CHUNK.min(self.len - self.at))?;
+        }
+        self.at += 1;
+        Ok(self.held[within])
+    }
+}
+
+fn wrong(dataset: &'static str, index: u64, found: impl Into<i128>, wanted: String) -> EventFileError {
+    EventFileError::Value { dataset, index, found: found.into(), wanted }
+}
+
+/// A one-dimensional dataset of `T`, and its length.
+fn column<T: H5Type>(file: &H5File, name: &'static str) -> Result<(H5Dataset, usize), EventFileError> {
+    let refusal = |because| EventFileError::Dataset { dataset: name, because };
+    let dataset = file.dataset(name).map_err(|e| refusal(e.to_string()))?;
+    let (found, wanted) = (dataset.datatype()?, T::hdf5_type());
+    if found != wanted {
+        return Err(refusal(format!("its type is {found}, wanted {wanted}")));
+    }
+    match *dataset.shape() {
+        [len] => Ok((dataset, len)),
+        ref shape => Err(refusal(format!("its shape is {shape:?}, wanted one dimension"))),
+    }
+}
+
+fn column_of_length<T: H5Type>(
+    file: &H5File,
+    name: &'static str,
+    wanted: usize,
+) -> Result<H5Dataset, EventFileError> {
+    match column::<T>(file, name)? {
+        (dataset, len) if len == wanted => Ok(dataset),
+        (_, len) => {
+            let because = format!("{len} elements, wanted {wanted} as in `{T}`");
+            Err(EventFileError::Dataset { dataset: name, because })
+        }
+    }
+}
+
+fn read<T: H5Type>(
+    dataset: &H5Dataset,
+    name: &'static str,
+    start: usize,
+    count: usize,
+) -> Result<Vec<T>, EventFileError> {
+    dataset.read_slice(&[start], &[count]).map_err(|e| EventFileError::Dataset {
+        dataset: name,
+        because: format!("elements {start} to {} cannot be read: {e}", start + count - 1),
+    })
+}
+
+/// Whole chunks are read, so that each is decompressed once.
+fn step_of(dataset: &H5Dataset) -> usize {
+    match dataset.chunk_dims().as_deref() {
+        Some(&[chunk]) => chunk.clamp(1, MOST_AT_ONCE),
+        _ => CHUNK,
+    }
+}
+
+fn check_offset(file: &H5File) -> Result<(), EventFileError> {
+    let refusal = |because| EventFileError::Dataset { dataset: T_OFFSET, because };
+    let dataset = file.dataset(T_OFFSET).map_err(|e| refusal(e.to_string()))?;
+    match *dataset.read_raw::<i64>().map_err(|e| refusal(e.to_string()))? {
+        [0] => Ok(()),
+        ref found => Err(refusal(format!("{found:?}, wanted 0: times count from the first stamp"))),
+    }
+}
+
+fn read_header(path: &Path) -> Result<Option<Header>, EventFileError> {
+    let attributes = Attributes::read(path)?;
+    let (Some(width), Some(height)) = (attributes.value("width"), attributes.value("height")) else {
+        return Ok(None);
+    };
+    let law = match (attributes.value("law_version"), attributes.value("c_on"), attributes.value("c_off")) {
+        (Some(version), Some(c_on), Some(c_off)) => Some(LawStamp { version, c_on, c_off }),
+        _ => None,
+    };
+    Ok(Some(Header { size: Size { width, height }, law }))
+}

@@ -1,0 +1,236 @@
+//! Writing: events are held until they fill chunks, chunks are filtered in parallel and stored in stream order.
+
+use super::{CHUNK, END_US, MS_TO_IDX, T_OFFSET, index::MsIndex};
+use crate::event::order::Order;
+use crate::event::{Event, EventFileError, EventSink, Header};
+use flate2::{Compress, Compression, FlushCompress, Status};
+use rayon::prelude::*;
+use rust_hdf5::{H5Dataset, H5File, H5Group, H5Type, LibverBound};
+use std::path::{Path, PathBuf};
+
+/// Level of zlib.
+const LEVEL: u32 = 4;
+
+/// Chunks that are filtered together: enough to occupy the cores, few enough to be small in memory (26 MB).
+const BATCH: usize = 16;
+
+/// Writes one stream, in memory that does not grow with it (but for the index of chunks, some 40 bytes for each
+/// 65,536 events).
+///
+/// A writer that is dropped before [`Writer::finish`] removes its file, so that nothing half-written looks whole.
+pub struct Writer {
+    path: PathBuf,
+    file: Option<H5File>,
+    order: Order,
+    held: Vec<Event>,
+    columns: [Column; 4],
+    index: MsIndex,
+    index_held: Vec<u64>,
+    index_column: Column,
+}
+
+impl std::fmt::Debug for Writer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Writer").field("path", &self.path).field("order", &self.order).finish_non_exhaustive()
+    }
+}
+
+impl Writer {
+    /// Creates the file, or replaces it.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn create(path: &Path, header: &Header) -> Result<Self, EventFileError> {
+        let file = H5File::options().no_locking().libver(LibverBound::Earliest).create(path)?;
+        write_attributes(&file, header)?;
+        let events = file.create_group("events")?;
+        let columns = [
+            Column::create::<u16>(&events, "x", |e, out| out.extend(e.x.to_le_bytes()))?,
+            Column::create::<u16>(&events, "y", |e, out| out.extend(e.y.to_le_bytes()))?,
+            Column::create::<u8>(&events, "p", |e, out| out.push(e.polarity as u8))?,
+            Column::create::<u32>(&events, "t", |e, out| out.extend(micros(e).to_le_bytes()))?,
+        ];
+        let index_column = Column::create::<u64>(&file.root_group(), MS_TO_IDX, |_, _| ())?;
+        file.new_dataset::<i64>().scalar().create(T_OFFSET)?.write_raw(&[0i64])?;
+        Ok(Self {
+            path: path.to_owned(),
+            file: Some(file),
+            order: Order::new(header.size, END_US),
+            held: Vec::new(),
+            columns,
+            index: MsIndex::default(),
+            index_held: Vec::new(),
+            index_column,
+        })
+    }
+
+    /// Completes the file of a stream whose last frame has this stamp, and returns the number of events.
+    ///
+    /// # Errors
+    /// When the stamp is outside `0..2^32`, or the rest cannot be written.
+    pub fn finish(mut self, last_stamp_us: i64) -> Result<u64, EventFileError> {
+        let count = self.order.count();
+        let end_us = last_stamp_us.max(self.order.last_us().unwrap_or(0));
+        let Ok(end_us) = u32::try_from(end_us) else {
+            let because = format!("the stream ends at {end_us} us, wanted 0 to {}", END_US - 1);
+            return Err(EventFileError::Order { index: count, because });
+        };
+        self.store_chunks(self.held.len())?;
+        let entries = self.index.complete(end_us);
+        self.extend_index(count, entries)?;
+        self.store_index(self.index_held.len())?;
+        if let Some(file) = self.file.take() {
+            file.close_no_sync()?;
+        }
+        Ok(count)
+    }
+
+    fn note_times(&mut self, first: u64, events: &[Event]) -> Result<(), EventFileError> {
+        for (number, event) in (first..).zip(events) {
+            let entries = self.index.settle(micros(event));
+            self.extend_index(number, entries)?;
+        }
+        Ok(())
+    }
+
+    fn extend_index(&mut self, value: u64, mut entries: u64) -> Result<(), EventFileError> {
+        while entries > 0 {
+            let now = entries.min(CHUNK as u64);
+            self.index_held.extend(std::iter::repeat_n(value, usize::try_from(now).unwrap_or(CHUNK)));
+            entries -= now;
+            self.store_index(self.index_held.len() / CHUNK * CHUNK)?;
+        }
+        Ok(())
+    }
+
+    fn store_index(&mut self, count: usize) -> Result<(), EventFileError> {
+        for chunk in self.index_held[..count].chunks(CHUNK) {
+            let bytes: Vec<u8> = chunk.iter().flat_map(|v| v.to_le_bytes()).collect();
+            self.index_column.store(chunk.len(), &filtered(&bytes, size_of::<u64>()))?;
+        }
+        self.index_held.drain(..count);
+        Ok(())
+    }
+
+    /// Writes the first `count` of the held events, a whole number of chunks but at the end of the stream.
+    fn store_chunks(&mut self, count: usize) -> Result<(), EventFileError> {
+        for batch in self.held[..count].chunks(BATCH * CHUNK) {
+            let chunks: Vec<&[Event]> = batch.chunks(CHUNK).collect();
+            let layouts = self.columns.each_ref().map(|column| (column.width, column.encode));
+            let stored: Vec<[Vec<u8>; 4]> = chunks
+                .par_iter()
+                .map(|events| {
+                    let mut of_column = [const { Vec::new() }; 4];
+                    of_column.par_iter_mut().zip(layouts).for_each(|(out, (width, encode))| {
+                        *out = filtered(&bytes_of(events, encode), width);
+                    });
+                    of_column
+                })
+                .collect();
+            for (events, bytes) in chunks.iter().zip(&stored) {
+                for (column, bytes) in self.columns.iter_mut().zip(bytes) {
+                    column.store(events.len(), bytes)?;
+                }
+            }
+        }
+        self.held.drain(..count);
+        Ok(())
+    }
+}
+
+impl EventSink for Writer {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        let first = self.order.count();
+        self.order.admit(events)?;
+        self.note_times(first, events)?;
+        self.held.extend_from_slice(events);
+        if self.held.len() >= BATCH * CHUNK {
+            self.store_chunks(self.held.len() / CHUNK * CHUNK)?;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        if self.file.is_some() {
+            // A failed removal leaves the file to whoever handles the failure that dropped this writer.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Microseconds as the file holds them.
+fn micros(event: &Event) -> u32 {
+    u32::try_from(event.t.floor_micros()).expect("the order admits 0 <= t < 2^32 us only")
+}
+
+fn write_attributes(file: &H5File, header: &Header) -> Result<(), EventFileError> {
+    file.set_attr_numeric("width", &header.size.width)?;
+    file.set_attr_numeric("height", &header.size.height)?;
+    if let Some(law) = &header.law {
+        file.set_attr_numeric("law_version", &law.version)?;
+        file.set_attr_numeric("c_on", &law.c_on)?;
+        file.set_attr_numeric("c_off", &law.c_off)?;
+    }
+    Ok(())
+}
+
+/// Appends an event's element, little endian, to the bytes of a column.
+type Encode = fn(&Event, &mut Vec<u8>);
+
+/// One growing dataset.
+struct Column {
+    dataset: H5Dataset,
+    width: usize,
+    encode: Encode,
+    len: usize,
+}
+
+impl Column {
+    fn create<T: H5Type>(group: &H5Group, name: &str, encode: Encode) -> Result<Self, EventFileError> {
+        let dataset = group
+            .new_dataset::<T>()
+            .shape([0usize])
+            .chunk(&[CHUNK])
+            .max_shape(&[None])
+            .shuffle_deflate(LEVEL)
+            .create(name)?;
+        Ok(Self { dataset, width: size_of::<T>(), encode, len: 0 })
+    }
+
+    /// Stores the next chunk, filtered already, of `count` elements: `CHUNK` but for the last.
+    fn store(&mut self, count: usize, bytes: &[u8]) -> Result<(), EventFileError> {
+        let chunk = self.len / CHUNK;
+        self.len += count;
+        self.dataset.extend(&[self.len])?;
+        Ok(self.dataset.write_chunk_raw(chunk, bytes, 0)?)
+    }
+}
+
+fn bytes_of(events: &[Event], encode: Encode) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(CHUNK * size_of::<u64>());
+    events.iter().for_each(|event| encode(event, &mut bytes));
+    bytes
+}
+
+/// The stored form of a chunk of little-endian elements: padded with zeros to a whole chunk, as the format wants it,
+/// then shuffled (all first bytes, all second bytes, ...), then a zlib stream.
+fn filtered(bytes: &[u8], width: usize) -> Vec<u8> {
+    let mut shuffled = vec![0; CHUNK * width];
+    for (i, element) in bytes.chunks_exact(width).enumerate() {
+        for (k, &byte) in element.iter().enumerate() {
+            shuffled[k * CHUNK + i] = byte;
+        }
+    }
+    deflated(&shuffled)
+}
+
+fn deflated(bytes: &[u8]) -> Vec<u8> {
+    // A stored block of zlib adds 5 bytes to each 16 KiB or more, and 6 around the stream.
+    let mut out = Vec::with_capacity(bytes.len() + bytes.len() / 1024 + 64);
+    let status =
+        Compress::new(Compression::new(LEVEL), true).compress_vec(bytes, &mut out, FlushCompress::Finish);
+    assert!(matches!(status, Ok(Status::StreamEnd)), "a deflated chunk fits the bound on its size");
+    out
+}

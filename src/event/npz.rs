@@ -1,0 +1,27 @@
+//! Event streams as NumPy archives: arrays `t` (int64, us), `x`, `y` (uint16) and `p` (uint8, 1 brighter, 0 darker).
+//!
+//! Entries are deflated and stamped 1980-01-01, the first day a zip archive knows: equal streams are equal bytes.
+
+mod reader;
+mod writer;
+
+pub use reader::Reader;
+pub use writer::Writer;
+
+use super::EventFileError;
+use zip::result::ZipError;
+
+/// Names of the arrays and their types in NumPy's notation, in the order of the archive.
+const ARRAYS: [(&str, &str); 4] = [("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "|u1")];
+
+/// Times at and after this are refused: internal times are nanoseconds in 64 bits.
+const END_US: i64 = i64::MAX / 1000;
+
+impl From<ZipError> for EventFileError {
+    fn from(e: ZipError) -> Self {
+        match e {
+            ZipError::Io(e) => Self::Io(e),
+            other => Self::Container(other.to_string()),
+        }
+    }
+}

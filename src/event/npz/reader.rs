@@ -1,0 +1,163 @@
+//! Reading: the four arrays are inflated side by side.
+
+use super::{ARRAYS, END_US};
+use crate::event::{Event, EventFileError, EventSource, Polarity};
+use crate::units::Timestamp;
+use flate2::CrcReader;
+use flate2::read::DeflateDecoder;
+use npyz::NpyHeader;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+use zip::{CompressionMethod, ZipArchive};
+
+/// Events of a chunk.
+const CHUNK: usize = 65_536;
+
+/// Reads one stream.
+///
+/// It judges what makes arrays an event stream: their names, types and lengths, times from 0, polarities of 0 and 1.
+/// Whether the events are sorted is for checks to judge, which measure it.
+#[derive(Debug)]
+pub struct Reader {
+    columns: [Column; 4],
+    count: u64,
+    next: u64,
+}
+
+impl Reader {
+    /// Opens an archive and reads the heads of its arrays.
+    ///
+    /// # Errors
+    /// When it is no zip archive, an array is missing or of another type, or their lengths differ.
+    pub fn open(path: &Path) -> Result<Self, EventFileError> {
+        let mut archive = ZipArchive::new(BufReader::new(File::open(path)?))?;
+        let [t, x, y, p] = ARRAYS.map(|(name, kind)| Column::open(path, &mut archive, name, kind));
+        let columns = [t?, x?, y?, p?];
+        let count = columns[0].count;
+        for column in &columns {
+            if column.count != count {
+                let because = format!("{} elements, wanted {count} as in `t`", column.count);
+                return Err(EventFileError::Dataset { dataset: column.name, because });
+            }
+        }
+        Ok(Self { columns, count, next: 0 })
+    }
+
+    /// Number of events.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    fn event(number: u64, t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8) -> Result<Event, EventFileError> {
+        let t = i64::from_le_bytes(t);
+        if !(0..END_US).contains(&t) {
+            return Err(wrong("t", number, t.into(), format!("0 to {}", END_US - 1)));
+        }
+        let polarity = match p {
+            0 => Polarity::Off,
+            1 => Polarity::On,
+            p => return Err(wrong("p", number, p.into(), "0 or 1".to_owned())),
+        };
+        let (x, y) = (u16::from_le_bytes(x), u16::from_le_bytes(y));
+        Ok(Event { t: Timestamp::from_micros(t), x, y, polarity })
+    }
+}
+
+impl EventSource for Reader {
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+        out.clear();
+        let first = self.next;
+        let count = usize::try_from(self.count - first).map_or(CHUNK, |left| left.min(CHUNK));
+        if count == 0 {
+            return Ok(false);
+        }
+        let [t, x, y, p] = &mut self.columns;
+        let (t, x) = (t.read::<8>(first, count)?, x.read::<2>(first, count)?);
+        let (y, p) = (y.read::<2>(first, count)?, p.read::<1>(first, count)?);
+        for (number, i) in (first..).zip(0..count) {
+            out.push(Self::event(number, t[i], x[i], y[i], p[i][0])?);
+        }
+        self.next += count as u64;
+        if self.next == self.count {
+            self.columns.iter_mut().try_for_each(Column::verify)?;
+        }
+        Ok(true)
+    }
+}
+
+/// One array, read from its own handle.
+struct Column {
+    name: &'static str,
+    count: u64,
+    crc32: u32,
+    data: CrcReader<Box<dyn Read>>,
+}
+
+impl std::fmt::Debug for Column {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Column").field("name", &self.name).field("count", &self.count).finish_non_exhaustive()
+    }
+}
+
+impl Column {
+    fn open(
+        path: &Path,
+        archive: &mut ZipArchive<BufReader<File>>,
+        name: &'static str,
+        kind: &str,
+    ) -> Result<Self, EventFileError> {
+        let refusal = |because: String| EventFileError::Dataset { dataset: name, because };
+        let entry = archive.by_name(&format!("{name}.npy")).map_err(|e| refusal(e.to_string()))?;
+        let start =
+            entry.data_start().ok_or_else(|| refusal("its place in the archive is unknown".to_owned()))?;
+        let (method, crc32, len) = (entry.compression(), entry.crc32(), entry.compressed_size());
+        let mut file = File::open(path)?;
+        file.seek(SeekFrom::Start(start))?;
+        let stored = BufReader::new(file.take(len));
+        let data: Box<dyn Read> = match method {
+            CompressionMethod::Stored => Box::new(stored),
+            CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored)),
+            other => return Err(refusal(format!("compressed by {other}, wanted deflate"))),
+        };
+        let mut data = CrcReader::new(data);
+        let header = NpyHeader::from_reader(&mut data).map_err(|e| refusal(e.to_string()))?;
+        let (found, shape) = (header.dtype().descr(), header.shape());
+        match shape {
+            &[count] if found == format!("'{kind}'") => Ok(Self { name, count, crc32, data }),
+            _ => Err(refusal(format!(
+                "an array of {found} and shape {shape:?}, wanted '{kind}' and one dimension"
+            ))),
+        }
+    }
+
+    /// The next `count` elements of `N` bytes.
+    fn read<const N: usize>(&mut self, first: u64, count: usize) -> Result<Vec<[u8; N]>, EventFileError> {
+        let mut elements = vec![[0; N]; count];
+        match self.data.read_exact(elements.as_flattened_mut()) {
+            Ok(()) => Ok(elements),
+            Err(e) => {
+                let because = format!("elements {first} to {} cannot be read: {e}", first + count as u64 - 1);
+                Err(EventFileError::Dataset { dataset: self.name, because })
+            }
+        }
+    }
+
+    /// Holds the array's checksum against the archive's, once everything is read.
+    fn verify(&mut self) -> Result<(), EventFileError> {
+        let refusal = |because| EventFileError::Dataset { dataset: self.name, because };
+        let extra = std::io::copy(&mut self.data, &mut std::io::sink())?;
+        if extra > 0 {
+            return Err(refusal(format!("{extra} bytes follow its {} elements", self.count)));
+        }
+        match self.data.crc().sum() {
+            sum if sum == self.crc32 => Ok(()),
+            sum => Err(refusal(format!("its checksum is {sum:08x}, the archive says {:08x}", self.crc32))),
+        }
+    }
+}
+
+fn wrong(dataset: &'static str, index: u64, found: i128, wanted: String) -> EventFileError {
+    EventFileError::Value { dataset, index, found, wanted }
+}

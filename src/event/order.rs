@@ -1,0 +1,102 @@
+//! The contract of a stream, held against each chunk before anything of it is written: sorted, in time, on the
+//! sensor.
+
+use super::{Event, EventFileError, Polarity};
+use crate::image::Size;
+
+/// What has been seen of a stream that is being written.
+#[derive(Debug)]
+pub struct Order {
+    size: Size,
+    end_us: i64,
+    last: Option<(i64, u16, u16, Polarity)>,
+    count: u64,
+}
+
+impl Order {
+    /// The contract of a stream on a sensor of `size` with `0 <= t < end_us`.
+    #[must_use]
+    pub fn new(size: Size, end_us: i64) -> Self {
+        Self { size, end_us, last: None, count: 0 }
+    }
+
+    /// Number of events admitted.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Microsecond of the last event admitted.
+    #[must_use]
+    pub fn last_us(&self) -> Option<i64> {
+        self.last.map(|key| key.0)
+    }
+
+    /// Takes note of the next chunk.
+    ///
+    /// # Errors
+    /// At the first event that comes before its predecessor in [`Event::file_order`], lies outside the sensor, or
+    /// outside the times that the file can hold.
+    pub fn admit(&mut self, events: &[Event]) -> Result<(), EventFileError> {
+        for event in events {
+            let key = event.file_order();
+            if self.last.is_some_and(|last| key < last) || !self.holds(event, key.0) {
+                return Err(self.refusal(event));
+            }
+            self.last = Some(key);
+            self.count += 1;
+        }
+        Ok(())
+    }
+
+    fn holds(&self, event: &Event, t_us: i64) -> bool {
+        (0..self.end_us).contains(&t_us)
+            && u32::from(event.x) < self.size.width
+            && u32::from(event.y) < self.size.height
+    }
+
+    fn refusal(&self, event: &Event) -> EventFileError {
+        let (t, y, x, p) = event.file_order();
+        let because = if !(0..self.end_us).contains(&t) {
+            format!("t = {t} us, wanted 0 to {}", self.end_us - 1)
+        } else if self.holds(event, t) {
+            let (t0, y0, x0, p0) = self.last.expect("only an event with a predecessor can precede it");
+            format!(
+                "(t us, y, x, polarity) = ({t}, {y}, {x}, {p:?}) follows ({t0}, {y0}, {x0}, {p0:?}); a stream is \
+                 sorted by them"
+            )
+        } else {
+            format!("pixel ({x}, {y}) lies outside the sensor of {}", self.size)
+        };
+        EventFileError::Order { index: self.count, because }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Timestamp;
+
+    #[test]
+    fn a_stream_is_sorted_on_the_sensor_and_in_time() {
+        let event = |ns, x, y| Event { t: Timestamp(ns), x, y, polarity: Polarity::On };
+        let t = |second: Event, because: Option<&str>| {
+            let mut order = Order::new(Size { width: 4, height: 3 }, 1 << 32);
+            let result = order.admit(&[event(2_500, 2, 1), second]);
+            match (result, because) {
+                (Ok(()), None) => assert_eq!((order.count(), order.last_us()), (2, Some(second.t.0 / 1000))),
+                (Err(e), Some(part)) => assert!(e.to_string().contains(part), "{e}"),
+                (result, _) => panic!("{second:?}: {result:?}"),
+            }
+        };
+        t(event(2_500, 2, 1), None);
+        // Within one microsecond nanoseconds do not order, positions do.
+        t(event(2_100, 3, 1), None);
+        t(event(2_900, 1, 1), Some("event 1: (t us, y, x, polarity) = (2, 1, 1, On) follows (2, 1, 2, On)"));
+        t(event(1_999, 2, 1), Some("sorted"));
+        t(event(3_000, 4, 1), Some("pixel (4, 1) lies outside the sensor of 4x3"));
+        t(event(3_000, 0, 3), Some("outside"));
+        t(event((1 << 32) * 1000, 0, 0), Some("t = 4294967296 us, wanted 0 to 4294967295"));
+        t(event(-1, 0, 0), Some("t = -1 us"));
+    }
+}

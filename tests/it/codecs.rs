@@ -1,0 +1,204 @@
+//! Every event codec: what is written is read back, byte for byte the same each time, and damage is named.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+
+use gs2e::event::{Event, EventFileError, EventSink, EventSource, Header, LawStamp, Polarity, h5, npz};
+use gs2e::image::Size;
+use gs2e::units::Timestamp;
+use std::path::Path;
+
+const SIZE: Size = Size { width: 640, height: 360 };
+const HEADER: Header = Header { size: SIZE, law: Some(LawStamp { version: 3, c_on: 0.19, c_off: 0.21 }) };
+
+const LAST_STAMP_US: i64 = 62_083;
+
+/// A sorted stream with gaps of several milliseconds, runs within one microsecond, and sub-microsecond times.
+fn stream(count: u64) -> Vec<Event> {
+    let event = |i: u64| {
+        let h = (i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let jump = (i / 1000) * 3_700_000 + i / 3 * 1_300;
+        Event {
+            t: Timestamp(i64::try_from(jump + h % 900).unwrap()),
+            x: u16::try_from((h >> 20) % 640).unwrap(),
+            y: u16::try_from((h >> 40) % 360).unwrap(),
+            polarity: if h >> 63 == 1 { Polarity::On } else { Polarity::Off },
+        }
+    };
+    let mut events: Vec<Event> = (0..count).map(event).collect();
+    events.sort_by_key(Event::file_order);
+    events
+}
+
+/// What files keep of an event.
+fn kept(events: &[Event]) -> Vec<(i64, u16, u16, Polarity)> {
+    events.iter().map(Event::file_order).collect()
+}
+
+/// One codec as the contract sees it.
+struct Codec {
+    name: &'static str,
+    write: fn(&Path, &[Event], usize),
+    read: fn(&Path) -> Result<Vec<Event>, EventFileError>,
+}
+
+const CODECS: [Codec; 2] = [
+    Codec { name: "h5", write: write_h5, read: read_h5 },
+    Codec { name: "npz", write: write_npz, read: read_npz },
+];
+
+fn append_all(sink: &mut dyn EventSink, events: &[Event], piece: usize) {
+    events.chunks(piece).for_each(|part| sink.append(part).unwrap());
+}
+
+fn write_h5(path: &Path, events: &[Event], piece: usize) {
+    let mut writer = h5::Writer::create(path, &HEADER).unwrap();
+    append_all(&mut writer, events, piece);
+    assert_eq!(writer.finish(LAST_STAMP_US).unwrap(), events.len() as u64);
+}
+
+fn read_h5(path: &Path) -> Result<Vec<Event>, EventFileError> {
+    let mut reader = h5::Reader::open(path)?;
+    reader.verify_index()?;
+    let events = read_all(&mut reader)?;
+    assert_eq!(reader.count(), events.len() as u64);
+    Ok(events)
+}
+
+fn write_npz(path: &Path, events: &[Event], piece: usize) {
+    let mut writer = npz::Writer::create(path, SIZE).unwrap();
+    append_all(&mut writer, events, piece);
+    assert_eq!(writer.finish().unwrap(), events.len() as u64);
+}
+
+fn read_npz(path: &Path) -> Result<Vec<Event>, EventFileError> {
+    let mut reader = npz::Reader::open(path)?;
+    let events = read_all(&mut reader)?;
+    assert_eq!(reader.count(), events.len() as u64);
+    Ok(events)
+}
+
+fn read_all(source: &mut dyn EventSource) -> Result<Vec<Event>, EventFileError> {
+    let (mut all, mut chunk) = (Vec::new(), Vec::new());
+    while source.next_chunk(&mut chunk)? {
+        assert!(!chunk.is_empty());
+        all.extend_from_slice(&chunk);
+    }
+    assert!(chunk.is_empty());
+    Ok(all)
+}
+
+/// Runs `check` with each codec and a path of its own in a fresh folder.
+fn each_codec(check: impl Fn(&Codec, &Path)) {
+    for codec in &CODECS {
+        let dir = tempfile::tempdir().unwrap();
+        check(codec, &dir.path().join(format!("events.{}", codec.name)));
+        let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".part")), "{left:?}");
+    }
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    each_codec(|codec, path| {
+        for count in [0, 1, 2, 65_535, 65_536, 65_537, 200_000] {
+            let events = stream(count);
+            (codec.write)(path, &events, 10_007);
+            assert_eq!(kept(&(codec.read)(path).unwrap()), kept(&events), "{}, {count} events", codec.name);
+        }
+    });
+}
+
+#[test]
+fn equal_streams_are_equal_bytes_however_they_are_appended_and_by_however_many_threads() {
+    let events = stream(150_000);
+    each_codec(|codec, path| {
+        (codec.write)(path, &events, 150_000);
+        let first = std::fs::read(path).unwrap();
+        let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        one_thread.install(|| (codec.write)(path, &events, 777));
+        assert!(first == std::fs::read(path).unwrap(), "{}", codec.name);
+    });
+}
+
+#[test]
+fn a_file_cut_short_is_refused() {
+    let events = stream(3_000);
+    each_codec(|codec, path| {
+        (codec.write)(path, &events, 3_000);
+        let whole = std::fs::read(path).unwrap();
+        for cut in (0..whole.len()).step_by(97) {
+            std::fs::write(path, &whole[..cut]).unwrap();
+            assert!((codec.read)(path).is_err(), "{}, {cut} of {} bytes", codec.name, whole.len());
+        }
+    });
+}
+
+#[test]
+fn a_file_with_a_byte_changed_is_an_error_or_other_events_but_never_a_crash() {
+    let events = stream(3_000);
+    each_codec(|codec, path| {
+        (codec.write)(path, &events, 3_000);
+        let whole = std::fs::read(path).unwrap();
+        for at in (0..whole.len()).step_by(61) {
+            let mut changed = whole.clone();
+            changed[at] ^= 0xa5;
+            std::fs::write(path, &changed).unwrap();
+            let _ = (codec.read)(path);
+        }
+    });
+}
+
+#[test]
+fn what_is_no_stream_is_not_written() {
+    let later = Event { t: Timestamp(5_000), x: 0, y: 0, polarity: Polarity::On };
+    let earlier = Event { t: Timestamp(4_999), ..later };
+    let outside = Event { t: Timestamp(6_000), x: 640, ..later };
+    let dir = tempfile::tempdir().unwrap();
+    for (bad, because) in [(earlier, "event 1:"), (outside, "event 1: pixel (640, 0) lies outside")] {
+        let refused = |sink: &mut dyn EventSink| {
+            let error = sink.append(&[later, bad]).unwrap_err().to_string();
+            assert!(error.contains(because), "{error}");
+        };
+        refused(&mut h5::Writer::create(&dir.path().join("e.h5"), &HEADER).unwrap());
+        refused(&mut npz::Writer::create(&dir.path().join("e.npz"), SIZE).unwrap());
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "an unfinished writer leaves nothing");
+    }
+}
+
+#[test]
+fn the_head_of_an_hdf5_file_is_read_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("e.h5");
+    for header in [HEADER, Header { law: None, ..HEADER }] {
+        h5::Writer::create(&path, &header).unwrap().finish(0).unwrap();
+        assert_eq!(h5::Reader::open(&path).unwrap().header(), Some(header));
+    }
+}
+
+/// `ms_to_idx` by its definition: entry k is the number of events with `t < 1000 k`.
+#[test]
+fn the_index_of_an_hdf5_file_is_as_defined() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("e.h5");
+    for (count, last_stamp_us) in [(0, 0), (0, 62_083), (1, 0), (70_000, 1), (70_000, 300_000_000)] {
+        let events = stream(count);
+        let mut writer = h5::Writer::create(&path, &HEADER).unwrap();
+        writer.append(&events).unwrap();
+        writer.finish(last_stamp_us).unwrap();
+        h5::Reader::open(&path).unwrap().verify_index().unwrap();
+
+        let times: Vec<i64> = events.iter().map(|e| e.t.floor_micros()).collect();
+        let end = last_stamp_us.max(times.last().copied().unwrap_or(0));
+        let file = rust_hdf5::H5File::open(&path).unwrap();
+        let found = file.dataset("ms_to_idx").unwrap().read_raw::<u64>().unwrap();
+        assert_eq!(found.len() as i64, end / 1000 + 2);
+        let mut before = times.iter().peekable();
+        let mut earlier = 0;
+        for (&entry, start) in found.iter().zip((0..).step_by(1000)) {
+            while before.next_if(|t| **t < start).is_some() {
+                earlier += 1;
+            }
+            assert_eq!(entry, earlier, "from {start} us");
+        }
+    }
+}
