@@ -4,9 +4,18 @@
 //! that reading and writing lose nothing; the renderer applies the activations. Axes are those of the scene's
 //! `.ply` form.
 
+mod collector;
+mod cursor;
+mod opacity;
+pub mod ply;
 pub mod procedural;
+pub mod sh;
+pub mod splat;
+pub mod spz;
 
 use glam::DVec3;
+use std::io;
+use std::path::{Path, PathBuf};
 
 /// Gaussians as a structure of arrays; all arrays have one entry a Gaussian, in file order.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,5 +77,122 @@ impl Gaussians {
     pub fn sh_of(&self, i: usize) -> &[[f32; 3]] {
         let n = self.sh_len();
         &self.sh[i * n..(i + 1) * n]
+    }
+}
+
+/// Why a scene file could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The file could not be read at all.
+    #[error("read `{path}`: {because}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        because: io::Error,
+    },
+    /// The file's content could not be read as a scene.
+    #[error("read `{path}`: {because}", path = path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What was wrong with the content.
+        because: Box<SceneError>,
+    },
+    /// The bytes do not follow the format.
+    #[error("read {format} at byte {offset}: found {found}, wanted {wanted}")]
+    Malformed {
+        /// The format, and which of its parts where offsets do not count from the start of the file.
+        format: &'static str,
+        /// Where, in bytes from the start.
+        offset: usize,
+        /// What was there.
+        found: String,
+        /// What the format asks for.
+        wanted: String,
+    },
+    /// A format, or a variant of one, that this program does not read.
+    #[error("read {format} at byte {offset}: {what} is not supported; {hint}")]
+    Unsupported {
+        /// The format.
+        format: &'static str,
+        /// Where it says so, in bytes from the start.
+        offset: usize,
+        /// The variant.
+        what: String,
+        /// What can be done.
+        hint: &'static str,
+    },
+    /// No Gaussian is left.
+    #[error("find a Gaussian to render: of {read} in the scene, {non_finite} hold a NaN or an infinity")]
+    Empty {
+        /// Gaussians in the file.
+        read: u64,
+        /// Those that were dropped.
+        non_finite: u64,
+    },
+}
+
+/// Reads a scene file: `.splat`, which has no signature, by its extension, and `.ply` and `.spz` by their content.
+///
+/// # Errors
+/// [`SceneError::File`] or [`SceneError::Content`].
+pub fn read(path: &Path) -> Result<Gaussians, SceneError> {
+    let bytes = std::fs::read(path).map_err(|because| SceneError::File { path: path.to_owned(), because })?;
+    let is_splat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
+    let scene = if is_splat { splat::read_splat(&bytes) } else { read_by_content(&bytes) };
+    scene.map_err(|because| SceneError::Content { path: path.to_owned(), because: Box::new(because) })
+}
+
+fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
+    let starts = |magic: &[u8]| bytes.starts_with(magic);
+    if starts(b"ply\n") || starts(b"ply\r\n") {
+        ply::read_ply(bytes)
+    } else if starts(&spz::MAGIC) || starts(&spz::GZIP_MAGIC) {
+        spz::read_spz(bytes)
+    } else if starts(b"PK\x03\x04") {
+        Err(SceneError::Unsupported {
+            format: "scene",
+            offset: 0,
+            what: "a zip archive (SOG?)".into(),
+            hint: "convert it to .ply or .spz",
+        })
+    } else {
+        let head = &bytes[..bytes.len().min(4)];
+        Err(SceneError::Malformed {
+            format: "scene",
+            offset: 0,
+            found: format!("the bytes {head:02x?}"),
+            wanted: "`ply`, `NGSP` or gzip (a .splat file is told by its extension)".into(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_told_apart_by_content() {
+        let t = |bytes: &[u8], message: &str| {
+            assert_eq!(read_by_content(bytes).unwrap_err().to_string(), message);
+        };
+        t(
+            b"",
+            "read scene at byte 0: found the bytes [], \
+             wanted `ply`, `NGSP` or gzip (a .splat file is told by its extension)",
+        );
+        t(
+            b"PK\x03\x04....",
+            "read scene at byte 0: a zip archive (SOG?) is not supported; convert it to .ply or .spz",
+        );
+        t(b"NGSP", "read .spz at byte 4: found the end of the data, wanted 4 bytes of version");
+        t(b"ply\n", "read .ply at byte 4: found the end of the data, wanted a header line");
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = read(Path::new("no/such.ply")).unwrap_err().to_string();
+        assert!(error.starts_with("read `no/such.ply`: "), "{error}");
     }
 }

@@ -1,0 +1,82 @@
+//! The way of every Gaussian from a file into memory: what is not finite is left out and counted.
+
+use super::{Gaussians, SceneError, Screening, sh};
+use glam::DVec3;
+
+/// One Gaussian, its fields as in [`Gaussians`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Gaussian<'a> {
+    pub(super) position: [f32; 3],
+    pub(super) log_scale: [f32; 3],
+    pub(super) rotation: [f32; 4],
+    pub(super) opacity_logit: f32,
+    /// As many entries as the collector's degree asks for.
+    pub(super) sh: &'a [[f32; 3]],
+}
+
+impl Gaussian<'_> {
+    fn is_finite(&self) -> bool {
+        let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+        finite(&self.position)
+            && finite(&self.log_scale)
+            && finite(&self.rotation)
+            && self.opacity_logit.is_finite()
+            && finite(self.sh.as_flattened())
+    }
+}
+
+/// Gaussians on their way into memory.
+#[derive(Debug)]
+pub(super) struct Collector {
+    scene: Gaussians,
+}
+
+impl Collector {
+    /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the file's size.
+    pub(super) fn new(sh_degree: u8, capacity: usize) -> Self {
+        let scene = Gaussians {
+            origin: DVec3::ZERO,
+            positions: Vec::with_capacity(capacity),
+            log_scales: Vec::with_capacity(capacity),
+            rotations: Vec::with_capacity(capacity),
+            opacity_logits: Vec::with_capacity(capacity),
+            sh: Vec::with_capacity(capacity * sh::len(sh_degree)),
+            sh_degree,
+            antialiased: None,
+            screening: Screening::default(),
+        };
+        Self { scene }
+    }
+
+    /// Takes the file's next Gaussian.
+    pub(super) fn push(&mut self, gaussian: &Gaussian) {
+        debug_assert_eq!(gaussian.sh.len(), self.scene.sh_len());
+        let scene = &mut self.scene;
+        scene.screening.read += 1;
+        if !gaussian.is_finite() {
+            scene.screening.non_finite += 1;
+            return;
+        }
+        if is_zero(gaussian.rotation) {
+            scene.screening.zero_quaternions += 1;
+        }
+        scene.positions.push(gaussian.position);
+        scene.log_scales.push(gaussian.log_scale);
+        scene.rotations.push(gaussian.rotation);
+        scene.opacity_logits.push(gaussian.opacity_logit);
+        scene.sh.extend_from_slice(gaussian.sh);
+    }
+
+    /// The scene, unless nothing is left of it.
+    pub(super) fn finish(self, origin: DVec3, antialiased: Option<bool>) -> Result<Gaussians, SceneError> {
+        let Screening { read, non_finite, .. } = self.scene.screening;
+        if self.scene.is_empty() {
+            return Err(SceneError::Empty { read, non_finite });
+        }
+        Ok(Gaussians { origin, antialiased, ..self.scene })
+    }
+}
+
+fn is_zero(rotation: [f32; 4]) -> bool {
+    rotation.iter().all(|v| v.abs().to_bits() == 0)
+}

@@ -1,0 +1,176 @@
+//! The header of a `.ply` file: what elements follow, and how their properties are laid out.
+//!
+//! Grammar: Greg Turk, "The PLY Polygon File Format", 1994.
+
+use super::notes::Notes;
+use crate::scene::SceneError;
+use crate::scene::cursor::Cursor;
+
+/// How the body is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// A property's number type.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Number {
+    /// Bytes that a value takes.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    fn from_name(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+}
+
+/// What stands in a property's place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    One(Number),
+    List { length: Number, item: Number },
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: usize,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    /// Bytes of a row, or `None` where rows differ because they hold a list.
+    pub(super) fn stride(&self) -> Option<usize> {
+        self.properties.iter().map(|p| if let Kind::One(n) = p.kind { Some(n.size()) } else { None }).sum()
+    }
+
+    pub(super) fn has(&self, property: &str) -> bool {
+        self.properties.iter().any(|p| p.name == property)
+    }
+}
+
+/// Bytes that a header may have: ours has 1,600. A bound keeps the search for repeated names short.
+const MAX_LEN: usize = 1 << 16;
+
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// What our own comments say.
+    pub(super) notes: Notes,
+}
+
+impl Header {
+    /// Reads the header and leaves `cursor` at the body.
+    pub(super) fn read(cursor: &mut Cursor) -> Result<Self, SceneError> {
+        let at = cursor.clone();
+        if cursor.line("a header line")? != "ply" {
+            return Err(at.malformed("another first line", "`ply`"));
+        }
+        let encoding = read_encoding(cursor)?;
+        let mut header = Self { encoding, elements: Vec::new(), notes: Notes::default() };
+        loop {
+            let at = cursor.clone();
+            let line = cursor.line("a header line")?;
+            if line.trim_end() == "end_header" {
+                return Ok(header);
+            }
+            if cursor.offset() > MAX_LEN {
+                return Err(at.malformed("a header that goes on", format!("its end by byte {MAX_LEN}")));
+            }
+            header.take_line(&line, &at)?;
+        }
+    }
+
+    fn take_line(&mut self, line: &str, at: &Cursor) -> Result<(), SceneError> {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words[..] {
+            ["comment", Notes::MARK, ref note @ ..] => self.notes.read(note, at),
+            ["comment" | "obj_info", ..] | [] => Ok(()),
+            ["element", name, count] => self.add_element(name, count, at),
+            ["property", number, name] => {
+                let kind = Kind::One(parse_number(number, at)?);
+                self.add_property(name, kind, at)
+            }
+            ["property", "list", length, item, name] => {
+                let kind = Kind::List { length: parse_number(length, at)?, item: parse_number(item, at)? };
+                self.add_property(name, kind, at)
+            }
+            _ => Err(at.malformed(format!("the line `{line}`"), "comment, element, property or end_header")),
+        }
+    }
+
+    fn add_element(&mut self, name: &str, count: &str, at: &Cursor) -> Result<(), SceneError> {
+        let count = count.parse().map_err(|_| at.malformed(format!("`{count}`"), "a count of rows"))?;
+        if self.elements.iter().any(|e| e.name == name) {
+            return Err(at.malformed(format!("a second element `{name}`"), "each element once"));
+        }
+        self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+        Ok(())
+    }
+
+    fn add_property(&mut self, name: &str, kind: Kind, at: &Cursor) -> Result<(), SceneError> {
+        let Some(element) = self.elements.last_mut() else {
+            return Err(at.malformed(format!("property `{name}` of no element"), "an element first"));
+        };
+        if element.has(name) {
+            return Err(at.malformed(format!("a second property `{name}`"), "each property once"));
+        }
+        element.properties.push(Property { name: name.to_owned(), kind });
+        Ok(())
+    }
+}
+
+fn read_encoding(cursor: &mut Cursor) -> Result<Encoding, SceneError> {
+    let at = cursor.clone();
+    let line = cursor.line("a header line")?;
+    match line.split_ascii_whitespace().collect::<Vec<_>>()[..] {
+        ["format", "ascii", "1.0"] => Ok(Encoding::Ascii),
+        ["format", "binary_little_endian", "1.0"] => Ok(Encoding::LittleEndian),
+        ["format", "binary_big_endian", "1.0"] => Ok(Encoding::BigEndian),
+        _ => Err(at.malformed(
+            format!("the line `{line}`"),
+            "format ascii, binary_little_endian or binary_big_endian, version 1.0",
+        )),
+    }
+}
+
+fn parse_number(name: &str, at: &Cursor) -> Result<Number, SceneError> {
+    Number::from_name(name)
+        .ok_or_else(|| at.malformed(format!("the type `{name}`"), "a number type such as float or uchar"))
+}

@@ -1,0 +1,94 @@
+//! What the `.ply` format has no place for, kept in comments of our own: a foreign reader skips them, ours reads
+//! back what it has written.
+//!
+//! ```text
+//! comment gs2e antialiased true
+//! comment gs2e screening read 31000 non_finite 2 zero_quaternions 0
+//! comment gs2e origin 4.5e5 -1.25e3 0e0
+//! ```
+
+use crate::scene::cursor::Cursor;
+use crate::scene::{Gaussians, SceneError, Screening};
+use glam::DVec3;
+use std::fmt;
+
+/// The notes of one file; each may be absent.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Notes {
+    pub(super) antialiased: Option<bool>,
+    pub(super) screening: Option<Screening>,
+    pub(super) origin: Option<DVec3>,
+}
+
+impl Notes {
+    /// First word of a comment that is a note.
+    pub(super) const MARK: &str = "gs2e";
+
+    /// What has to be noted of `scene`.
+    pub(super) fn of(scene: &Gaussians) -> Self {
+        Self {
+            antialiased: scene.antialiased,
+            screening: Some(scene.screening),
+            origin: (scene.origin != DVec3::ZERO).then_some(scene.origin),
+        }
+    }
+
+    /// Reads the words of a note after the mark.
+    pub(super) fn read(&mut self, words: &[&str], at: &Cursor) -> Result<(), SceneError> {
+        let known = match *words {
+            ["antialiased", flag] => flag.parse().is_ok_and(|flag| {
+                self.antialiased = Some(flag);
+                true
+            }),
+            ["screening", "read", read, "non_finite", non_finite, "zero_quaternions", zero] => {
+                self.screening = parse_screening([read, non_finite, zero]);
+                self.screening.is_some()
+            }
+            ["origin", x, y, z] => {
+                self.origin = parse_origin([x, y, z]);
+                self.origin.is_some()
+            }
+            _ => false,
+        };
+        if known {
+            return Ok(());
+        }
+        Err(at.malformed(
+            format!("the note `{}`", words.join(" ")),
+            "antialiased BOOL, screening read N non_finite N zero_quaternions N, or origin X Y Z",
+        ))
+    }
+}
+
+fn parse_screening([read, non_finite, zero]: [&str; 3]) -> Option<Screening> {
+    Some(Screening {
+        read: read.parse().ok()?,
+        non_finite: non_finite.parse().ok()?,
+        zero_quaternions: zero.parse().ok()?,
+    })
+}
+
+fn parse_origin([x, y, z]: [&str; 3]) -> Option<DVec3> {
+    let origin = DVec3::new(x.parse().ok()?, y.parse().ok()?, z.parse().ok()?);
+    origin.is_finite().then_some(origin)
+}
+
+/// The notes as header lines. `{:e}` prints the shortest digits that give the same number back.
+impl fmt::Display for Notes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(flag) = self.antialiased {
+            writeln!(f, "comment {} antialiased {flag}", Self::MARK)?;
+        }
+        if let Some(Screening { read, non_finite, zero_quaternions }) = self.screening {
+            writeln!(
+                f,
+                "comment {} screening read {read} non_finite {non_finite} zero_quaternions {zero_quaternions}",
+                Self::MARK
+            )?;
+        }
+        if let Some(DVec3 { x, y, z }) = self.origin {
+            writeln!(f, "comment {} origin {x:e} {y:e} {z:e}", Self::MARK)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,62 @@
+//! The canonical `.ply` form of a scene.
+
+use super::position::absolute;
+use super::{notes::Notes, property_names};
+use crate::scene::Gaussians;
+use glam::DVec3;
+use std::fmt::Write as _;
+use std::io::{self, BufWriter, Write};
+
+/// Writes `scene` as 3DGS itself does (graphdeco-inria/gaussian-splatting, `GaussianModel.save_ply`): binary little
+/// endian, `x y z nx ny nz f_dc f_rest opacity scale rot`, the rest of the harmonics channel by channel, normals
+/// zero. Positions are `double` where the scene has an origin and `float` where it has none. [`super::read_ply`]
+/// gives the same scene back, bit for bit.
+///
+/// # Errors
+/// What `out` answers.
+pub fn write_ply(scene: &Gaussians, out: impl Write) -> io::Result<()> {
+    let mut out = BufWriter::new(out);
+    out.write_all(header(scene).as_bytes())?;
+    let mut row = Vec::new();
+    for i in 0..scene.len() {
+        row.clear();
+        push_row(scene, i, &mut row);
+        out.write_all(&row)?;
+    }
+    out.flush()
+}
+
+fn header(scene: &Gaussians) -> String {
+    let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
+    let notes = Notes::of(scene);
+    let (count, position) = (scene.len(), if notes.origin.is_some() { "double" } else { "float" });
+    let _ = writeln!(text, "{notes}element vertex {count}");
+    for (i, name) in property_names(scene.sh_degree).iter().enumerate() {
+        let number = if i < 3 { position } else { "float" };
+        let _ = writeln!(text, "property {number} {name}");
+    }
+    text + "end_header\n"
+}
+
+fn push_row(scene: &Gaussians, i: usize, row: &mut Vec<u8>) {
+    push_position(scene.positions[i], scene.origin, row);
+    let mut push = |values: &[f32]| values.iter().for_each(|v| row.extend(v.to_le_bytes()));
+    push(&[0.0; 3]);
+    let (dc, rest) = scene.sh_of(i).split_at(1);
+    push(&dc[0]);
+    for channel in 0..3 {
+        rest.iter().for_each(|c| push(&c[channel..=channel]));
+    }
+    push(&[scene.opacity_logits[i]]);
+    push(&scene.log_scales[i]);
+    push(&scene.rotations[i]);
+}
+
+fn push_position(position: [f32; 3], origin: DVec3, row: &mut Vec<u8>) {
+    if origin == DVec3::ZERO {
+        return position.iter().for_each(|p| row.extend(p.to_le_bytes()));
+    }
+    for (p, o) in position.into_iter().zip(origin.to_array()) {
+        row.extend(absolute(p, o).to_le_bytes());
+    }
+}

@@ -1,0 +1,210 @@
+//! Real spherical harmonics of degree 0 to 3, as trained splat scenes use them.
+//!
+//! Basis, order and signs are those of Kerbl et al. 2023 (graphdeco-inria/gaussian-splatting, `utils/sh_utils.py`;
+//! graphdeco-inria/diff-gaussian-rasterization, `auxiliary.h`), which follow Sloan, "Efficient Spherical Harmonic
+//! Evaluation", JCGT 2(2), 2013, appendix A2: function `l^2 + l + m` for order `m = -l..=l` of degree `l`. They are
+//! orthonormal over the unit sphere. A colour is `max(0, 0.5 + sum of coefficient x function)`, without an upper
+//! clamp, in the direction from the camera's centre to the Gaussian's.
+
+use std::ops::{Add, Mul, Sub};
+
+/// Highest degree.
+pub const MAX_DEGREE: u8 = 3;
+/// Functions of degree 0 to [`MAX_DEGREE`].
+pub const MAX_LEN: usize = 16;
+
+/// The function of degree 0: `sqrt(1 / (4 pi))`.
+pub const C0: f64 = 0.28209479177387814;
+/// Magnitude of the functions of degree 1: `sqrt(3 / (4 pi))`.
+pub const C1: f64 = 0.4886025119029199;
+/// Factors of the functions of degree 2.
+pub const C2: [f64; 5] =
+    [1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396];
+/// Factors of the functions of degree 3.
+pub const C3: [f64; 7] = [
+    -0.5900435899266435,
+    2.890611442640554,
+    -0.4570457994644658,
+    0.3731763325901154,
+    -0.4570457994644658,
+    1.445305721320277,
+    -0.5900435899266435,
+];
+
+/// The floating-point types that the basis is evaluated in.
+pub trait Scalar: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// The nearest value to `x`.
+    fn nearest(x: f64) -> Self;
+}
+
+impl Scalar for f64 {
+    fn nearest(x: f64) -> Self {
+        x
+    }
+}
+
+impl Scalar for f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to 32 bits is what is asked for")]
+    fn nearest(x: f64) -> Self {
+        x as f32
+    }
+}
+
+/// Number of functions up to `degree`: `(degree + 1)^2`.
+#[must_use]
+pub const fn len(degree: u8) -> usize {
+    (degree as usize + 1).pow(2)
+}
+
+/// The functions of degree 0 to `degree` in the unit direction `[x, y, z]`; entries from `len(degree)` on are zero.
+///
+/// A degree above [`MAX_DEGREE`] gives the functions up to [`MAX_DEGREE`].
+#[must_use]
+pub fn basis<T: Scalar>(degree: u8, dir: [T; 3]) -> [T; MAX_LEN] {
+    let mut b = [T::nearest(0.0); MAX_LEN];
+    b[0] = T::nearest(C0);
+    if degree >= 1 {
+        let [x, y, z] = dir;
+        let c = T::nearest(C1);
+        b[1..4].copy_from_slice(&[T::nearest(-C1) * y, c * z, T::nearest(-C1) * x]);
+    }
+    if degree >= 2 {
+        b[4..9].copy_from_slice(&second_degree(dir));
+    }
+    if degree >= 3 {
+        b[9..16].copy_from_slice(&third_degree(dir));
+    }
+    b
+}
+
+fn second_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 5] {
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let [c0, c1, c2, c3, c4] = C2.map(T::nearest);
+    [c0 * (x * y), c1 * (y * z), c2 * (zz + zz - xx - yy), c3 * (x * z), c4 * (xx - yy)]
+}
+
+fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let three = T::nearest(3.0);
+    let ring = T::nearest(4.0) * zz - xx - yy;
+    let [c0, c1, c2, c3, c4, c5, c6] = C3.map(T::nearest);
+    [
+        c0 * y * (three * xx - yy),
+        c1 * (x * y) * z,
+        c2 * y * ring,
+        c3 * z * (zz + zz - three * (xx + yy)),
+        c4 * x * ring,
+        c5 * z * (xx - yy),
+        c6 * x * (xx - three * yy),
+    ]
+}
+
+/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` under the values of [`basis`], summed in the order of
+/// the functions; the shorter of the two ends the sum.
+#[must_use]
+pub fn colour<T: Scalar + PartialOrd>(coefficients: &[[T; 3]], basis: &[T]) -> [T; 3] {
+    let zero = T::nearest(0.0);
+    let mut sum = [T::nearest(0.0); 3];
+    for (c, &b) in coefficients.iter().zip(basis) {
+        for (s, &c) in sum.iter_mut().zip(c) {
+            *s = *s + c * b;
+        }
+    }
+    sum.map(|s| {
+        let v = s + T::nearest(0.5);
+        if v > zero { v } else { zero }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    /// Exact for polynomials up to degree 7 over the sphere: 4 Gauss-Legendre nodes in z, 8 angles round it.
+    fn sphere() -> Vec<([f64; 3], f64)> {
+        let nodes = [
+            (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+            (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+        ];
+        let mut points = Vec::new();
+        for (z, w) in nodes {
+            for k in 0..8 {
+                let a = f64::from(k) * PI / 4.0;
+                let r = (1.0_f64 - z * z).sqrt();
+                let weight = w * PI / 4.0;
+                points.push(([r * a.cos(), r * a.sin(), z], weight));
+                points.push(([r * a.cos(), r * a.sin(), -z], weight));
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn the_functions_are_orthonormal() {
+        let mut gram = [[0.0; MAX_LEN]; MAX_LEN];
+        for (dir, weight) in sphere() {
+            let b = basis(3, dir);
+            for i in 0..MAX_LEN {
+                for j in 0..MAX_LEN {
+                    gram[i][j] += weight * b[i] * b[j];
+                }
+            }
+        }
+        for (i, row) in gram.iter().enumerate() {
+            for (j, &v) in row.iter().enumerate() {
+                let wanted = f64::from(u8::from(i == j));
+                // 32 terms of magnitude about 1, each rounded a few times at 1.1e-16.
+                assert!((v - wanted).abs() < 2e-14, "<{i}, {j}> = {v}");
+            }
+        }
+    }
+
+    /// The sign of each function, read off a direction in the octant where all factors are positive
+    /// (the polynomials of `numerics.md` 7.1 evaluated by hand at (2, 1, 2) / 3).
+    #[test]
+    fn signs_and_order_are_the_published_ones() {
+        let b = basis::<f64>(3, [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0]);
+        let wanted = [
+            0.282094792,
+            -0.488602512 / 3.0,
+            0.488602512 * 2.0 / 3.0,
+            -0.488602512 * 2.0 / 3.0,
+            1.09254843 * 2.0 / 9.0,
+            -1.09254843 * 2.0 / 9.0,
+            0.315391565 * 3.0 / 9.0,
+            -1.09254843 * 4.0 / 9.0,
+            0.546274215 * 3.0 / 9.0,
+            -0.59004359 * 11.0 / 27.0,
+            2.89061144 * 4.0 / 27.0,
+            -0.457045799 * 11.0 / 27.0,
+            0.373176333 * 2.0 * (8.0 - 12.0 - 3.0) / 27.0,
+            -0.457045799 * 22.0 / 27.0,
+            1.44530572 * 6.0 / 27.0,
+            -0.59004359 * 2.0 / 27.0,
+        ];
+        for (i, (got, wanted)) in b.iter().zip(wanted).enumerate() {
+            // the constants above carry nine digits
+            assert!((got - wanted).abs() < 2e-9, "function {i}: {got} for {wanted}");
+        }
+    }
+
+    #[test]
+    fn lower_degrees_are_prefixes() {
+        let dir = [0.48_f32, -0.6, 0.64];
+        let full = basis(3, dir);
+        for degree in 0..=3 {
+            let b = basis(degree, dir);
+            assert_eq!(b[..len(degree)], full[..len(degree)]);
+            assert!(b[len(degree)..].iter().all(|&v| v.to_bits() == 0));
+        }
+    }
+
+    #[test]
+    fn colours_are_clamped_below_and_not_above() {
+        let b = basis::<f32>(0, [0.0, 0.0, 1.0]);
+        let [low, mid, high] = colour(&[[-4.0, 0.0, 4.0]], &b);
+        assert_eq!((low, mid), (0.0, 0.5));
+        assert!((high - 1.628_379_2).abs() < 1e-6);
+    }
+}

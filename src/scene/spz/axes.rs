@@ -1,0 +1,164 @@
+//! From the axes of a `.spz` file to those of `.ply`: right, down, front.
+
+use crate::scene::SceneError;
+use crate::scene::cursor::Cursor;
+use crate::scene::sh;
+
+/// Record type of Adobe's coordinate-system extension (nianticlabs/spz, `extensions/README.md`).
+const COORDINATE_SYSTEM: u32 = 0xADBE_0003;
+
+/// For each axis, whether it points the other way than `.ply`'s.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Flip(pub(super) [bool; 3]);
+
+/// For each function of [`sh::basis`], the axes in which it is odd.
+const ODD: [[bool; 3]; sh::MAX_LEN] = {
+    const F: bool = false;
+    const T: bool = true;
+    [
+        [F, F, F],
+        [F, T, F],
+        [F, F, T],
+        [T, F, F],
+        [T, T, F],
+        [F, T, T],
+        [F, F, F],
+        [T, F, T],
+        [F, F, F],
+        [F, T, F],
+        [T, T, T],
+        [F, T, F],
+        [F, F, T],
+        [T, F, F],
+        [F, F, T],
+        [T, F, F],
+    ]
+};
+
+impl Flip {
+    /// The format's own axes, right, up, back.
+    pub(super) const RIGHT_UP_BACK: Self = Self([false, true, true]);
+
+    /// Factors of a position's components.
+    pub(super) fn of_position(self) -> [f32; 3] {
+        self.0.map(sign)
+    }
+
+    /// Factors of the components `x, y, z` of a quaternion: the axis of a rotation is a pseudovector, so each takes
+    /// the other two axes' signs.
+    pub(super) fn of_rotation(self) -> [f32; 3] {
+        let [x, y, z] = self.0;
+        [sign(y ^ z), sign(x ^ z), sign(x ^ y)]
+    }
+
+    /// Factor of each harmonic.
+    pub(super) fn of_harmonics(self) -> [f32; sh::MAX_LEN] {
+        ODD.map(|odd| sign(odd.iter().zip(self.0).fold(false, |s, (&odd, flip)| s ^ (odd && flip))))
+    }
+
+    /// The flip that the extension records ask for; records of other types are skipped.
+    pub(super) fn from_extensions(cursor: &mut Cursor) -> Result<Self, SceneError> {
+        let mut flip = Self::RIGHT_UP_BACK;
+        while !cursor.rest().is_empty() {
+            let kind = cursor.u32("an extension's type")?;
+            let len = cursor.u32("an extension's length")? as usize;
+            let mut payload = cursor.clone();
+            cursor.take(len, "an extension")?;
+            if kind == COORDINATE_SYSTEM {
+                flip = Self::from_number(&mut payload)?;
+            }
+        }
+        Ok(flip)
+    }
+
+    /// Numbers 1 to 8 of nianticlabs/spz, `CoordinateSystem`: from zero, bit 0 is right, bit 1 up, bit 2 front. From
+    /// 9 on axes change places.
+    fn from_number(cursor: &mut Cursor) -> Result<Self, SceneError> {
+        let at = cursor.clone();
+        let number = cursor.u32("a coordinate system")?;
+        match number {
+            0 => Ok(Self::RIGHT_UP_BACK),
+            1..=8 => {
+                let bit = |k: u32| (number - 1) >> k & 1 == 1;
+                Ok(Self([!bit(0), bit(1), !bit(2)]))
+            }
+            9..=16 => {
+                let what = format!("coordinate system {number}, which exchanges axes,");
+                Err(at.unsupported(what, "store it right, up, back"))
+            }
+            _ => Err(at.malformed(format!("coordinate system {number}"), "a number from 1 to 16")),
+        }
+    }
+}
+
+fn sign(flip: bool) -> f32 {
+    if flip { -1.0 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The functions that change sign from right, up, back to right, down, front, as `pipeline.md` 4.6 lists them.
+    #[test]
+    fn the_published_terms_flip() {
+        let flipped: Vec<usize> = Flip::RIGHT_UP_BACK
+            .of_harmonics()
+            .iter()
+            .enumerate()
+            .filter_map(|(i, &s)| (s < 0.0).then_some(i))
+            .collect();
+        assert_eq!(flipped, [1, 2, 4, 7, 9, 11, 12, 14]);
+        assert_eq!(Flip::RIGHT_UP_BACK.of_rotation().map(f32::is_sign_negative), [false, true, true]);
+    }
+
+    /// Seen from the flipped direction, the flipped coefficients give the same colour.
+    #[test]
+    fn flipping_harmonics_and_direction_changes_nothing() {
+        for bits in 0..8 {
+            let flip = Flip([bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
+            let dir = [0.48_f32, -0.6, 0.64];
+            let seen = sh::basis(3, dir);
+            let s = flip.of_position();
+            let flipped = sh::basis(3, [dir[0] * s[0], dir[1] * s[1], dir[2] * s[2]]);
+            for (i, factor) in flip.of_harmonics().into_iter().enumerate() {
+                assert!((seen[i] - factor * flipped[i]).abs() < 1e-6, "flip {bits}, function {i}");
+            }
+        }
+    }
+
+    /// `R' = F R F` for the matrix of the quaternion, with glam as the judge.
+    #[test]
+    fn flipping_rotations_is_conjugation() {
+        let (w, v) = (0.8_f32, glam::Vec3::new(0.36, -0.48, 0.0));
+        for bits in 0..8 {
+            let flip = Flip([bits & 1 != 0, bits & 2 != 0, bits & 4 != 0]);
+            let f = glam::Mat3::from_diagonal(glam::Vec3::from_array(flip.of_position()));
+            let q = glam::Quat::from_xyzw(v.x, v.y, v.z, w);
+            let flipped = v * glam::Vec3::from_array(flip.of_rotation());
+            let got = glam::Mat3::from_quat(glam::Quat::from_xyzw(flipped.x, flipped.y, flipped.z, w));
+            let wanted = f * glam::Mat3::from_quat(q) * f;
+            assert!(got.abs_diff_eq(wanted, 1e-6), "{bits}");
+        }
+    }
+
+    #[test]
+    fn coordinate_systems_are_read_by_number() {
+        let t = |number: u32, wanted: Option<[bool; 3]>| {
+            let mut bytes = 7_u32.to_le_bytes().to_vec();
+            bytes.extend(2_u32.to_le_bytes());
+            bytes.extend([1, 2]);
+            for word in [COORDINATE_SYSTEM, 4, number] {
+                bytes.extend(word.to_le_bytes());
+            }
+            let flip = Flip::from_extensions(&mut Cursor::new("extensions", &bytes)).ok();
+            assert_eq!(flip, wanted.map(Flip), "{number}");
+        };
+        t(1, Some([true, false, true])); // left, down, back
+        t(4, Some([false, true, true])); // right, up, back
+        t(6, Some([false, false, false])); // right, down, front
+        t(7, Some([true, true, false])); // left, up, front
+        t(9, None);
+        t(17, None);
+    }
+}

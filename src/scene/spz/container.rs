@@ -1,0 +1,158 @@
+//! The two containers of `.spz`: one gzip stream, or a table of zstd streams.
+
+use super::Header;
+use super::axes::Flip;
+use super::planes::{COUNT, NAMES, Planes};
+use crate::scene::cursor::Cursor;
+use crate::scene::{Gaussians, SceneError};
+use std::io::{self, Read};
+
+const LEGACY: &str = ".spz (decompressed)";
+const EXTENSIONS: &str = ".spz (extensions)";
+const PLANE: &str = ".spz (decompressed plane)";
+/// Bytes of extension records that are read at most.
+const MAX_EXTENSIONS: usize = 1 << 20;
+/// Compressed bytes stand for at most this many times their number (nianticlabs/spz's own bound): a header that
+/// promises more Gaussians than that is refused before anything is decompressed.
+const MAX_RATIO: usize = 1024;
+
+/// Versions 2 and 3. Offsets in errors count decompressed bytes.
+pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
+    let mut stream = Stream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
+    let start = stream.take(16, "header")?;
+    let mut cursor = Cursor::new(LEGACY, &start);
+    let header = Header::read(&mut cursor)?;
+    if header.version == 4 {
+        return Err(cursor.malformed("version 4 within gzip", "version 2 or 3"));
+    }
+    bound_count(&header, bytes.len(), &cursor)?;
+    let mut planes = Planes(Default::default());
+    for ((plane, len), name) in planes.0.iter_mut().zip(header.plane_lens()).zip(NAMES) {
+        *plane = stream.take(len, name)?;
+    }
+    let flip = legacy_flip(&header, &mut stream)?;
+    header.scene(&planes, flip)
+}
+
+/// Reads to the end of the stream, where gzip's own checksum is verified.
+fn legacy_flip(header: &Header, stream: &mut Stream<impl Read>) -> Result<Flip, SceneError> {
+    let start = stream.offset;
+    let rest = stream.up_to(MAX_EXTENSIONS + 1, "extensions")?;
+    let allowed = if header.has_extensions { MAX_EXTENSIONS } else { 0 };
+    if rest.len() > allowed {
+        let wanted = format!("the end of the data within {allowed} bytes");
+        return Err(stream.malformed(start, "more bytes", wanted));
+    }
+    Flip::from_extensions(&mut Cursor::new(EXTENSIONS, &rest))
+}
+
+/// Version 4.
+pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
+    let mut cursor = Cursor::new(".spz", bytes);
+    let header = Header::read(&mut cursor)?;
+    if header.version != 4 {
+        return Err(cursor.malformed(format!("version {} without gzip", header.version), "version 4"));
+    }
+    bound_count(&header, bytes.len(), &cursor)?;
+    let [stream_count] = cursor.array("number of streams")?;
+    let at = cursor.clone();
+    let table = cursor.u32("offset of the table")? as usize;
+    cursor.take(12, "reserved bytes")?;
+    let Some(extensions_len) = table.checked_sub(cursor.offset()) else {
+        return Err(at.malformed(format!("a table at byte {table}"), "a table after the header"));
+    };
+    let extensions = cursor.take(extensions_len, "extensions")?;
+    let flip = if header.has_extensions {
+        Flip::from_extensions(&mut Cursor::new(EXTENSIONS, extensions))?
+    } else {
+        Flip::RIGHT_UP_BACK
+    };
+    let planes = read_streams(&header, stream_count, &mut cursor)?;
+    header.scene(&planes, flip)
+}
+
+/// The table and the streams behind it. A plane without bytes, harmonics of degree 0, has no stream.
+fn read_streams(header: &Header, stream_count: u8, cursor: &mut Cursor) -> Result<Planes, SceneError> {
+    let lens = header.plane_lens();
+    let present: Vec<usize> = (0..COUNT).filter(|&i| lens[i] > 0).collect();
+    if usize::from(stream_count) != present.len() {
+        let wanted = format!("{} streams at degree {}", present.len(), header.sh_degree);
+        return Err(cursor.malformed(format!("{stream_count} streams"), wanted));
+    }
+    let mut compressed_lens = [0; COUNT];
+    for &i in &present {
+        compressed_lens[i] = cursor.u64("a stream's length")?;
+        let at = cursor.clone();
+        let raw = cursor.u64("a plane's length")?;
+        if raw != lens[i] as u64 {
+            return Err(at.malformed(format!("{raw} bytes of {}", NAMES[i]), format!("{} bytes", lens[i])));
+        }
+    }
+    let mut planes = Planes(Default::default());
+    for &i in &present {
+        let at = cursor.clone();
+        let len = usize::try_from(compressed_lens[i]).unwrap_or(usize::MAX);
+        let compressed = cursor.take(len, NAMES[i])?;
+        planes.0[i] = decompress(compressed, lens[i], NAMES[i], &at)?;
+    }
+    cursor.end()?;
+    Ok(planes)
+}
+
+fn decompress(compressed: &[u8], len: usize, name: &'static str, at: &Cursor) -> Result<Vec<u8>, SceneError> {
+    let broken = |e: io::Error| at.malformed(format!("a broken stream of {name} ({e})"), "a zstd stream");
+    let mut inner = zstd::stream::read::Decoder::with_buffer(compressed).map_err(broken)?;
+    // No window need be larger than the plane; 8 MiB is what RFC 8878 asks every decoder for.
+    inner.window_log_max((usize::BITS - len.leading_zeros()).clamp(23, 27)).map_err(broken)?;
+    let mut stream = Stream { format: PLANE, inner, offset: 0 };
+    let plane = stream.take(len, name)?;
+    let rest = stream.up_to(1, name)?;
+    if rest.is_empty() {
+        return Ok(plane);
+    }
+    Err(at.malformed(format!("more than {len} bytes of {name}"), "as many as the table says"))
+}
+
+fn bound_count(header: &Header, file_len: usize, at: &Cursor) -> Result<(), SceneError> {
+    let [positions, ..] = header.plane_lens();
+    if positions > file_len.saturating_mul(MAX_RATIO) {
+        let found = format!("{} Gaussians in {file_len} bytes", header.count);
+        return Err(at.malformed(found, format!("positions of at most {MAX_RATIO} times the file's length")));
+    }
+    Ok(())
+}
+
+/// A decompressed stream. Memory grows with what really comes out, never with what is promised.
+struct Stream<R> {
+    format: &'static str,
+    inner: R,
+    offset: usize,
+}
+
+impl<R: Read> Stream<R> {
+    /// Exactly `len` bytes.
+    fn take(&mut self, len: usize, what: &'static str) -> Result<Vec<u8>, SceneError> {
+        let start = self.offset;
+        let bytes = self.up_to(len, what)?;
+        if bytes.len() == len {
+            return Ok(bytes);
+        }
+        let found = format!("{} bytes before the end", bytes.len());
+        Err(self.malformed(start, found, format!("{len} bytes of {what}")))
+    }
+
+    /// `len` bytes, or fewer where the stream ends before.
+    fn up_to(&mut self, len: usize, what: &'static str) -> Result<Vec<u8>, SceneError> {
+        let mut bytes = Vec::new();
+        let read = self.inner.by_ref().take(len as u64).read_to_end(&mut bytes);
+        self.offset += bytes.len();
+        match read {
+            Ok(_) => Ok(bytes),
+            Err(e) => Err(self.malformed(self.offset, format!("a broken stream ({e})"), what)),
+        }
+    }
+
+    fn malformed(&self, offset: usize, found: impl Into<String>, wanted: impl Into<String>) -> SceneError {
+        SceneError::Malformed { format: self.format, offset, found: found.into(), wanted: wanted.into() }
+    }
+}

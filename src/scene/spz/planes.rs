@@ -1,0 +1,104 @@
+//! The planes of a `.spz` file and the Gaussians in them.
+
+use super::{Flip, Header};
+use crate::scene::collector::{Collector, Gaussian};
+use crate::scene::opacity::logit_of_byte;
+use crate::scene::sh;
+use std::f32::consts::FRAC_1_SQRT_2;
+
+/// Number of planes.
+pub(super) const COUNT: usize = 6;
+/// What the planes hold, in file order.
+pub(super) const NAMES: [&str; COUNT] =
+    ["positions", "opacities", "colours", "scales", "rotations", "harmonics"];
+
+/// The planes' bytes, each of the length that the header asks for.
+#[derive(Debug)]
+pub(super) struct Planes(pub(super) [Vec<u8>; COUNT]);
+
+impl Planes {
+    /// Hands every Gaussian to `collector`.
+    pub(super) fn collect(&self, header: &Header, flip: Flip, collector: &mut Collector) {
+        let [positions, opacities, colours, scales, rotations, harmonics] = &self.0;
+        let signs = Signs::of(flip);
+        let unit = 1.0 / (1_u32 << header.fractional_bits) as f32;
+        let rotation_len = rotations.len() / header.count.max(1);
+        let rest_len = sh::len(header.sh_degree) - 1;
+        let mut coefficients = vec![[0.0; 3]; rest_len + 1];
+        for (i, &opacity) in opacities.iter().enumerate() {
+            coefficients[0] = three(colours, i).map(|b| (f32::from(b) / 255.0 - 0.5) / COLOUR_SCALE);
+            for k in 0..rest_len {
+                let sign = signs.harmonics[k + 1];
+                coefficients[k + 1] =
+                    three(harmonics, i * rest_len + k).map(|b| sign * ((f32::from(b) - 128.0) / 128.0));
+            }
+            collector.push(&Gaussian {
+                position: position(&positions[9 * i..9 * i + 9], unit, signs.position),
+                log_scale: three(scales, i).map(|b| f32::from(b) / 16.0 - 10.0),
+                rotation: rotation(&rotations[rotation_len * i..rotation_len * (i + 1)], signs.rotation),
+                opacity_logit: logit_of_byte(opacity),
+                sh: &coefficients,
+            });
+        }
+    }
+}
+
+/// Colours are stored as `0.5 + COLOUR_SCALE * coefficient`, so that some leave room beyond black and white.
+const COLOUR_SCALE: f32 = 0.15;
+
+struct Signs {
+    position: [f32; 3],
+    rotation: [f32; 3],
+    harmonics: [f32; sh::MAX_LEN],
+}
+
+impl Signs {
+    fn of(flip: Flip) -> Self {
+        Self { position: flip.of_position(), rotation: flip.of_rotation(), harmonics: flip.of_harmonics() }
+    }
+}
+
+fn three(plane: &[u8], i: usize) -> [u8; 3] {
+    [plane[3 * i], plane[3 * i + 1], plane[3 * i + 2]]
+}
+
+/// Three numbers of 24 bits in units of `unit`, a power of two; exact in 32 bits.
+fn position(bytes: &[u8], unit: f32, signs: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|k| {
+        let [low, mid, high] = three(bytes, k);
+        let fixed = i32::from_le_bytes([0, low, mid, high]) >> 8;
+        signs[k] * (fixed as f32 * unit)
+    })
+}
+
+/// The quaternion `w x y z` of three bytes (version 2) or four (from version 3 on).
+fn rotation(bytes: &[u8], signs: [f32; 3]) -> [f32; 4] {
+    let [x, y, z, w] = match *bytes {
+        [x, y, z] => first_three([x, y, z]),
+        [a, b, c, d] => smallest_three(u32::from_le_bytes([a, b, c, d])),
+        _ => unreachable!("the header fixes three or four bytes a rotation"),
+    };
+    [w, signs[0] * x, signs[1] * y, signs[2] * z]
+}
+
+/// `x, y, z` as bytes of -1..1; `w`, which is not negative, completes the unit.
+fn first_three(xyz: [u8; 3]) -> [f32; 4] {
+    let [x, y, z] = xyz.map(|b| f32::from(b) / 127.5 - 1.0);
+    [x, y, z, (1.0 - (x * x + y * y + z * z)).max(0.0).sqrt()]
+}
+
+/// From the lowest bits up: the components `w, z, y, x` without the largest, each nine bits of magnitude in
+/// `sqrt(1/2) / 511` and a sign; then two bits, which is the largest, counted in `x y z w`.
+fn smallest_three(mut packed: u32) -> [f32; 4] {
+    let largest = (packed >> 30) as usize;
+    let mut components = [0.0; 4];
+    let mut squares = 0.0;
+    for i in (0..4).rev().filter(|&i| i != largest) {
+        let magnitude = FRAC_1_SQRT_2 * (packed & 511) as f32 / 511.0;
+        components[i] = if packed & 512 != 0 { -magnitude } else { magnitude };
+        squares += magnitude * magnitude;
+        packed >>= 10;
+    }
+    components[largest] = (1.0_f32 - squares).max(0.0).sqrt();
+    components
+}
