@@ -1,6 +1,7 @@
 //! Sequences of luminance frames, pulled one at a time: a sequence is never whole in memory.
 
 pub mod array;
+pub mod rendered;
 
 use crate::image::{Image, Size};
 use crate::units::Timestamp;

@@ -1,5 +1,9 @@
 //! Rendering Gaussians: the trait that back ends implement, the rules they share, what they count.
 
+pub mod cpu;
+pub mod flow;
+pub mod shared;
+
 use crate::camera::Camera;
 use crate::image::Image;
 use crate::se3::Se3;
@@ -104,6 +108,12 @@ pub enum RenderError {
     /// The view has a value that no image can be made of.
     #[error("the view cannot be rendered: {0}")]
     View(String),
+    /// The back end cannot hold the scene.
+    #[error("the scene cannot be rendered: {0}")]
+    Scene(String),
+    /// A parameter has a value that no image can be made with.
+    #[error("the style cannot be rendered: {0}")]
+    Style(String),
 }
 
 /// A back end that holds one scene and renders views of it.

@@ -4,3 +4,8 @@ mod codecs;
 mod event_statistics;
 mod tidy;
 mod trajectories;
+#[cfg(test)]
+mod support;
+
+#[cfg(test)]
+mod render_golden;

@@ -1,0 +1,131 @@
+//! The CPU back end: plain IEEE arithmetic in f64 up to camera coordinates and f32 from there on.
+//!
+//! Passes: `project` every Gaussian, `sort` those that are left, `bin` them into tiles, `raster` each tile,
+//! `resolve` the tiles into images. No fused multiply-add and no transcendental function of the platform has a
+//! part in a pixel, and the order of every sum is fixed: the bytes are the same on every machine and at every
+//! number of threads.
+
+mod activate;
+mod bin;
+mod exp2;
+mod extent;
+mod project;
+mod raster;
+mod resolve;
+mod sort;
+mod splat;
+
+use super::shared::MAX_EDGE;
+use super::{Channels, RenderError, Rendered, Renderer, Style, View, Work};
+use crate::scene::Gaussians;
+use activate::Activated;
+use bin::{Grid, Lists};
+use project::{Eye, Projected, Projection};
+use resolve::Blended;
+use sort::Sorter;
+use splat::Splat;
+use std::sync::Arc;
+
+/// A scene ready to be rendered, and the buffers of its last frame.
+#[derive(Debug)]
+pub struct Cpu {
+    scene: Arc<Gaussians>,
+    activated: Vec<Activated>,
+    style: Style,
+    splats: Vec<Splat>,
+    chunks: Vec<Projected>,
+    sorter: Sorter,
+    lists: Lists,
+    tiles: Vec<f32>,
+}
+
+impl Cpu {
+    /// Prepares a scene. Gaussians with a value that is not finite are kept out of every image.
+    ///
+    /// # Errors
+    /// When the scene has more than 2^32 - 1 Gaussians or the background is not finite.
+    pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
+        if u32::try_from(scene.len()).is_err() {
+            let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
+            return Err(RenderError::Scene(because));
+        }
+        if !style.background.iter().all(|v| v.is_finite()) {
+            return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
+        }
+        let activated = activate::activate(&scene);
+        Ok(Self {
+            scene,
+            activated,
+            style,
+            splats: Vec::new(),
+            chunks: Vec::new(),
+            sorter: Sorter::default(),
+            lists: Lists::default(),
+            tiles: Vec::new(),
+        })
+    }
+}
+
+impl Renderer for Cpu {
+    fn fingerprint(&self) -> &str {
+        "cpu/1"
+    }
+
+    fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+        check(view)?;
+        let eye = Eye::new(view, self.scene.origin);
+        let projection =
+            Projection { scene: &self.scene, activated: &self.activated, style: self.style, eye, want };
+        projection.run(&mut self.splats, &mut self.chunks);
+        let mut work = Work::default();
+        self.chunks.iter().for_each(|chunk| work += chunk.work);
+
+        let order = self.sorter.run(&self.splats, &self.chunks);
+        let grid = Grid::new(view.camera.size);
+        work.tile_pairs = self.lists.run(order, &self.splats, grid);
+        let features = feature_count(want);
+        work += raster(features, &self.splats, &self.lists, grid, &mut self.tiles);
+        resolve::run(Blended { tiles: &self.tiles, features, grid }, want, self.style.background, out);
+        Ok(work)
+    }
+}
+
+/// Values that each splat carries for these channels. Alpha comes with any.
+fn feature_count(want: Channels) -> usize {
+    3 * usize::from(want.rgb) + usize::from(want.luminance) + usize::from(want.depth)
+}
+
+/// The raster pass for this number of features.
+fn raster(features: usize, splats: &[Splat], lists: &Lists, grid: Grid, out: &mut Vec<f32>) -> Work {
+    match features {
+        0 => raster::run::<0>(splats, lists, grid, out),
+        1 => raster::run::<1>(splats, lists, grid, out),
+        2 => raster::run::<2>(splats, lists, grid, out),
+        3 => raster::run::<3>(splats, lists, grid, out),
+        4 => raster::run::<4>(splats, lists, grid, out),
+        5 => raster::run::<5>(splats, lists, grid, out),
+        n => unreachable!("colour, luminance and depth make five features, not {n}"),
+    }
+}
+
+/// Whether an image can be made of the view.
+fn check(view: &View) -> Result<(), RenderError> {
+    let camera = view.camera;
+    let fail = |because: String| Err(RenderError::View(because));
+    let [w, h] = [camera.size.width, camera.size.height];
+    if w == 0 || h == 0 || w > MAX_EDGE || h > MAX_EDGE {
+        return fail(format!("image size {}, wanted 1 to {MAX_EDGE} px along each edge", camera.size));
+    }
+    let focal_is_good = |f: f64| f.is_finite() && f > 0.0;
+    if !(focal_is_good(camera.fx) && focal_is_good(camera.fy)) {
+        return fail(format!("focal lengths {}, {} px, wanted finite positive ones", camera.fx, camera.fy));
+    }
+    if !(camera.cx.is_finite() && camera.cy.is_finite()) {
+        return fail(format!("principal point ({}, {}) is not finite", camera.cx, camera.cy));
+    }
+    let pose = view.world_from_camera;
+    if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
+        return fail(format!("pose {pose:?} is not finite"));
+    }
+    Ok(())
+}

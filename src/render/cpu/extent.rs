@@ -1,0 +1,103 @@
+//! Which pixels a projected Gaussian may touch under each of the rules.
+
+use super::project::Footprint;
+use super::splat::{edge_margin, pixels_within};
+use crate::render::Rules;
+use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, MIN_ALPHA, TILE};
+
+/// The exponent `q` at which `opacity * 2^-q` has fallen to the least opacity that is blended, `log2(255 opacity)`,
+/// and a little more: the exponential errs by 2e-7 of its value, and `q` itself by some units of 2^-24.
+pub(super) fn reach(opacity: f32) -> f32 {
+    libm::log2f(opacity / MIN_ALPHA).max(0.0) * (1.0 + 1e-5) + 1e-5
+}
+
+/// First and end of the columns and of the rows that may be touched, or `None` where the image has none of them.
+///
+/// Under `official` these are the pixels of the published tiles that the ellipse's bounding box reaches: pixels of a
+/// tile beyond the box are skipped for their opacity there, so leaving them out changes nothing.
+pub(super) fn pixels(
+    rules: Rules,
+    mean: [f32; 2],
+    shape: &Footprint,
+    reach: f32,
+    size: [f32; 2],
+) -> Option<[[u16; 2]; 2]> {
+    // q = log2(e)/2 * d^T S^-1 d, so the box's half-widths are sqrt(2 ln 2 q S_ii)
+    let half = [shape.a, shape.c].map(|v| (2.0 * std::f32::consts::LN_2 * reach * v).sqrt());
+    let radius = (EXTENT_SIGMAS * longest(shape).sqrt()).ceil();
+    let side = |k: usize| {
+        let wide = half[k] + edge_margin(half[k]);
+        let [first, end] = pixels_within(mean[k] - wide, mean[k] + wide, size[k]);
+        match rules {
+            Rules::Exact => [first, end],
+            Rules::Official => {
+                let [low, high] = official(mean[k] - 0.5, radius, size[k]);
+                [first.max(low), end.min(high)]
+            }
+        }
+    };
+    let [columns, rows] = [side(0), side(1)];
+    (columns[0] < columns[1] && rows[0] < rows[1]).then_some([columns, rows])
+}
+
+/// The larger eigenvalue of the dilated covariance, with the published floor under its root, px^2.
+fn longest(shape: &Footprint) -> f32 {
+    let (middle, half) = (0.5 * (shape.a + shape.c), 0.5 * (shape.a - shape.c));
+    middle + (half * half + shape.b * shape.b).max(EXTENT_ROOT_FLOOR).sqrt()
+}
+
+/// The published square rounded out to tiles, in pixels: `trunc((c - r) / 16)` to `trunc((c + r + 15) / 16)`.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "truncation is what is published, and the values are clamped to the image first"
+)]
+fn official(centre: f32, radius: f32, size: f32) -> [u16; 2] {
+    let tile = TILE as f32;
+    let low = ((centre - radius) / tile).trunc() * tile;
+    let high = ((centre + radius + (tile - 1.0)) / tile).trunc() * tile;
+    [low.clamp(0.0, size) as u16, high.clamp(0.0, size) as u16]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn round(variance: f32) -> Footprint {
+        let det = variance * variance;
+        Footprint { a: variance, b: 0.0, c: variance, det, det0: det, depth_deviation: 0.0 }
+    }
+
+    #[test]
+    fn official_squares_are_rounded_out_to_tiles() {
+        // variance 4 px^2: r = ceil(3 sqrt(4 + sqrt(.1))) = 7, from the mean's pixel index
+        let t = |centre: f32, wanted: [u16; 2]| assert_eq!(official(centre, 7.0, 100.0), wanted, "{centre}");
+        t(24.0, [16, 32]); // 17..31
+        t(23.0, [16, 32]); // 16..30
+        t(22.9, [0, 32]); // reaches pixel 15
+        t(25.0, [16, 32]); // (25 + 7 + 15) / 16 = 2.94
+        t(26.0, [16, 48]); // = 3 exactly
+        t(-6.9, [0, 0]); // (-6.9 + 22) / 16 < 1
+        t(-6.0, [0, 16]);
+        t(106.9, [96, 100]);
+        t(1e30, [100, 100]);
+    }
+
+    #[test]
+    fn exact_extents_hold_every_pixel_that_counts_and_few_others() {
+        for (variance, opacity) in [(0.3, 1.0), (4.0, 0.5), (900.0, 0.99), (4.0, 0.004)] {
+            let [columns, rows] =
+                pixels(Rules::Exact, [500.25, 300.375], &round(variance), reach(opacity), [1000.0, 600.0])
+                    .unwrap();
+            // alpha = opacity exp(-d^2 / 2 variance) >= 1/255
+            let radius = (2.0 * f64::from(variance) * (255.0 * f64::from(opacity)).ln()).sqrt();
+            let counts = |k: u32, mean: f64| (f64::from(k) + 0.5 - mean).abs() <= radius;
+            for (range, mean) in [(columns, 500.25), (rows, 300.375)] {
+                let inside: Vec<u32> = (0..1000).filter(|&k| counts(k, mean)).collect();
+                assert!(inside.iter().all(|&k| u32::from(range[0]) <= k && k < u32::from(range[1])));
+                assert!(usize::from(range[1] - range[0]) <= inside.len() + 2, "{range:?} for {inside:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Pass 5: the tiles' sums become images: background behind, depth normalised.
+
+use super::bin::Grid;
+use super::raster::PIXELS;
+use crate::image::{Image, luminance};
+use crate::render::shared::{DEPTH_MIN_ALPHA, TILE};
+use crate::render::{Channels, Rendered};
+use rayon::prelude::*;
+
+/// The blended tiles of a frame, as the raster pass left them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Blended<'a> {
+    /// Planes of all tiles.
+    pub(super) tiles: &'a [f32],
+    /// Features a splat.
+    pub(super) features: usize,
+    /// Tiles.
+    pub(super) grid: Grid,
+}
+
+/// Makes the images that are wanted.
+pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], out: &mut Rendered) {
+    let mut first = 0;
+    let mut next = |n: usize| {
+        first += n;
+        first - n
+    };
+    let rgb = want.rgb.then(|| next(3));
+    let grey = want.luminance.then(|| next(1));
+    let depth = want.depth.then(|| next(1));
+    fill(&mut out.rgb, [0.0; 3], rgb, blended, |pixel, f| {
+        std::array::from_fn(|c| pixel.sum(f + c) + pixel.rest() * background[c])
+    });
+    let behind = luminance(background);
+    fill(&mut out.luminance, 0.0, grey, blended, |pixel, f| pixel.sum(f) + pixel.rest() * behind);
+    fill(&mut out.alpha, 0.0, want.alpha.then_some(0), blended, |pixel, _| 1.0 - pixel.rest());
+    fill(&mut out.depth, 0.0, depth, blended, |pixel, f| {
+        let alpha = 1.0 - pixel.rest();
+        if alpha < DEPTH_MIN_ALPHA { f32::NAN } else { pixel.sum(f) / alpha }
+    });
+}
+
+/// One pixel's values in the planes of its tile.
+struct Pixel<'a> {
+    tile: &'a [f32],
+    index: usize,
+}
+
+impl Pixel<'_> {
+    fn sum(&self, feature: usize) -> f32 {
+        self.tile[feature * PIXELS + self.index]
+    }
+
+    fn rest(&self) -> f32 {
+        self.tile[self.tile.len() - PIXELS + self.index]
+    }
+}
+
+/// Fills one image from the feature that its values begin at, or takes it away where it is not wanted.
+fn fill<T: Copy + Send>(
+    image: &mut Option<Image<T>>,
+    blank: T,
+    feature: Option<usize>,
+    blended: Blended<'_>,
+    value: impl Fn(Pixel<'_>, usize) -> T + Sync,
+) {
+    let Some(feature) = feature else {
+        *image = None;
+        return;
+    };
+    let Blended { tiles, features, grid } = blended;
+    let stride = (features + 1) * PIXELS;
+    let reused = image.take().filter(|i| i.size() == grid.size);
+    let mut filled = reused.unwrap_or_else(|| Image::filled(grid.size, blank));
+    filled.pixels_mut().par_chunks_mut(grid.size.width as usize).enumerate().for_each(|(y, row)| {
+        let first = y / TILE * grid.columns;
+        for (x, to) in row.iter_mut().enumerate() {
+            let tile = &tiles[(first + x / TILE) * stride..][..stride];
+            *to = value(Pixel { tile, index: y % TILE * TILE + x % TILE }, feature);
+        }
+    });
+    *image = Some(filled);
+}

@@ -1,0 +1,141 @@
+//! Optical flow of a static scene between two views, from the depth of the first.
+//!
+//! The world point of a pixel lies at the pixel's depth along the optical axis (`numerics.md` 7.5, `pipeline.md` 8):
+//! where depth mixes near and far at a semi-transparent edge, so does the flow.
+
+#![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
+
+use super::View;
+use crate::camera::Camera;
+use crate::image::Image;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// How far the world point of each pixel of `from` moves on the image on the way to `to`, px; `depth` is in scene
+/// units along the optical axis of `from`. NaN where depth is NaN, and where the point is not in front of `to`.
+///
+/// # Panics
+/// If `depth` does not have the size of `from`'s camera.
+#[must_use]
+pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
+    let size = from.camera.size;
+    assert_eq!(depth.size(), size, "the depth image is that of the view");
+    // Centres are subtracted before anything is rotated: far from the world's origin the sum of two poses cancels.
+    let to_from_world = to.world_from_camera.rotation_matrix().transpose();
+    let turn = to_from_world * from.world_from_camera.rotation_matrix();
+    let shift = to_from_world * (from.world_from_camera.translation - to.world_from_camera.translation);
+    let width = size.width as usize;
+    let mut moved = vec![0.0; size.pixels()];
+    moved.par_iter_mut().enumerate().for_each(|(i, moved)| {
+        let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
+        let point = unproject(&from.camera, pixel, f64::from(depth.pixels()[i]));
+        *moved = match project(&to.camera, turn * point + shift) {
+            Some([x, y]) => DVec2::new(x - pixel[0], y - pixel[1]).length() as f32,
+            None => f32::NAN,
+        };
+    });
+    Image::from_vec(size, moved)
+}
+
+/// The point of a pixel at this depth, camera axes.
+fn unproject(camera: &Camera, [x, y]: [f64; 2], z: f64) -> DVec3 {
+    DVec3::new((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0) * z
+}
+
+/// The pixel of a point in camera axes, or `None` where it is not in front of the camera.
+fn project(camera: &Camera, point: DVec3) -> Option<[f64; 2]> {
+    let in_front = point.z > 0.0;
+    in_front.then(|| [camera.fx * point.x / point.z + camera.cx, camera.fy * point.y / point.z + camera.cy])
+}
+
+/// Order statistics of a set of values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quantiles {
+    /// Half of the values are at most this.
+    pub median: f32,
+    /// 95 % of the values are at most this.
+    pub p95: f32,
+    /// The largest.
+    pub max: f32,
+}
+
+impl Quantiles {
+    /// Quantiles of the values that are not NaN, or `None` where there is none. Each is itself a value: the smallest
+    /// of which at least that share of all are no larger (nearest rank).
+    #[must_use]
+    pub fn of(mut values: Vec<f32>) -> Option<Self> {
+        values.retain(|v| !v.is_nan());
+        values.sort_unstable_by(f32::total_cmp);
+        let n = values.len();
+        let at = |percent: usize| values[(n * percent).div_ceil(100) - 1];
+        (n > 0).then(|| Self { median: at(50), p95: at(95), max: at(100) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+    use crate::se3::Se3;
+    use glam::DQuat;
+
+    const SIZE: Size = Size { width: 40, height: 30 };
+
+    fn view(translation: DVec3, rotation: DQuat) -> View {
+        let camera = Camera { size: SIZE, fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0 };
+        View { camera, world_from_camera: Se3 { rotation, translation } }
+    }
+
+    #[test]
+    fn a_parallel_plane_moves_by_focal_length_times_shift_over_depth() {
+        // far from the world's origin, and with the camera turned: neither matters to a shift along its own axes
+        let turn = DQuat::from_rotation_y(0.7);
+        let start = DVec3::splat(1e6);
+        let depth = Image::filled(SIZE, 4.0);
+        let from = view(start, turn);
+        let sideways = displacement(&depth, &from, &view(start + turn * DVec3::new(0.1, 0.0, 0.0), turn));
+        let down = displacement(&depth, &from, &view(start + turn * DVec3::new(0.0, 0.1, 0.0), turn));
+        for (moved, wanted) in [(sideways, 50.0 * 0.1 / 4.0), (down, 60.0 * 0.1 / 4.0)] {
+            // positions at 1e6 are rounded at 1.2e-10, times 60/4 px a unit; the result at 6e-8 of itself
+            assert!(moved.pixels().iter().all(|v| (v - wanted).abs() < 2e-7), "{:?}", moved.pixels()[0]);
+        }
+    }
+
+    #[test]
+    fn the_flow_of_a_pure_rotation_does_not_depend_on_depth() {
+        let (from, to) =
+            (view(DVec3::ZERO, DQuat::IDENTITY), view(DVec3::ZERO, DQuat::from_rotation_x(0.01)));
+        let [near, far] = [1.0, 1000.0].map(|z| displacement(&Image::filled(SIZE, z), &from, &to));
+        for (a, b) in near.pixels().iter().zip(far.pixels()) {
+            assert!((a - b).abs() <= 1e-7, "{a} {b}");
+        }
+        // the row through the centre moves by fy tan(angle), half a pixel off it
+        let wanted = 60.0 * (0.01_f64 - (0.5_f64 / 60.0).atan()).tan() + 0.5;
+        assert!((f64::from(near.pixels()[14 * 40 + 20]) - wanted).abs() < 1e-3, "{wanted}");
+    }
+
+    #[test]
+    fn undefined_depth_and_points_behind_have_no_flow() {
+        let mut depth = Image::filled(SIZE, 4.0);
+        depth.pixels_mut()[7] = f32::NAN;
+        let from = view(DVec3::ZERO, DQuat::IDENTITY);
+        let still = displacement(&depth, &from, &from);
+        assert!(still.pixels()[7].is_nan());
+        assert_eq!(still.pixels().iter().filter(|&&v| v < 1e-12).count(), SIZE.pixels() - 1);
+        let past = displacement(&depth, &from, &view(DVec3::new(0.0, 0.0, 5.0), DQuat::IDENTITY));
+        assert!(past.pixels().iter().all(|v| v.is_nan()));
+    }
+
+    #[test]
+    fn quantiles_are_values_of_nearest_rank() {
+        let t = |values: Vec<f32>, wanted: Option<[f32; 3]>| {
+            let found = Quantiles::of(values).map(|q| [q.median, q.p95, q.max]);
+            assert_eq!(found, wanted);
+        };
+        t((1..=100).rev().map(|v| v as f32).collect(), Some([50.0, 95.0, 100.0]));
+        t((1..=21).map(|v| v as f32).collect(), Some([11.0, 20.0, 21.0]));
+        t(vec![3.0, f32::NAN], Some([3.0, 3.0, 3.0]));
+        t(vec![f32::NAN], None);
+        t(Vec::new(), None);
+    }
+}

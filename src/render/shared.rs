@@ -1,0 +1,44 @@
+//! The constants of all back ends, each written once (`numerics.md` 7.1; graphdeco-inria/diff-gaussian-rasterization,
+//! `cuda_rasterizer/forward.cu` and `auxiliary.h`).
+
+/// Edge of a square tile, px.
+pub const TILE: usize = 16;
+
+/// A Gaussian is kept where its depth is above this, scene units.
+pub const NEAR: f32 = 0.2;
+
+/// Added to both variances of a projected Gaussian, px^2.
+pub const DILATION: f32 = 0.3;
+
+/// The affine approximation is taken at directions clamped to this multiple of half the field of view.
+pub const FRUSTUM_SLACK: f64 = 1.3;
+
+/// Largest opacity of one layer at one pixel.
+pub const MAX_ALPHA: f32 = 0.99;
+
+/// A layer below this opacity is skipped.
+pub const MIN_ALPHA: f32 = 1.0 / 255.0;
+
+/// A pixel is finished before the layer that would take its transmittance below this.
+pub const STOP: f32 = 1e-4;
+
+/// Least ratio of the determinants without and with dilation that the antialiased rule compensates for.
+pub const COMPENSATION_FLOOR: f32 = 2.5e-5;
+
+/// Rules `official`: half a Gaussian's square extent, in standard deviations along its longer axis.
+pub const EXTENT_SIGMAS: f32 = 3.0;
+
+/// Rules `official`: least value under the root of the larger eigenvalue in the extent, px^4.
+pub const EXTENT_ROOT_FLOOR: f32 = 0.1;
+
+/// Depth is undefined where the accumulated opacity is below this.
+pub const DEPTH_MIN_ALPHA: f32 = 0.5;
+
+/// Depth deviation over depth above which the affine approximation is doubtful.
+pub const AFFINE_DOUBTFUL: f32 = 0.1;
+
+/// Depth deviation over depth above which the affine approximation is invalid.
+pub const AFFINE_INVALID: f32 = 0.3;
+
+/// Largest image edge, px: pixel coordinates inside the back ends have 16 bits.
+pub const MAX_EDGE: u32 = 65_535;

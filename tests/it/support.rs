@@ -1,0 +1,4 @@
+//! What several features' tests share.
+
+pub(crate) mod ply;
+pub(crate) mod shared;
