@@ -2,10 +2,7 @@
 
 mod codecs;
 mod event_statistics;
+mod render_golden;
+mod support;
 mod tidy;
 mod trajectories;
-#[cfg(test)]
-mod support;
-
-#[cfg(test)]
-mod render_golden;
