@@ -3,6 +3,7 @@
 pub mod anchors;
 pub mod rendered;
 pub mod array;
+pub mod rendered;
 
 use crate::image::{Image, Size};
 use crate::units::Timestamp;

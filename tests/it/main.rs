@@ -5,6 +5,11 @@ mod support;
 
 #[cfg(test)]
 mod render_golden;
+mod codecs;
+mod event_statistics;
+mod render_golden;
+mod support;
+mod tidy;
 mod trajectories;
 mod event_statistics;
 mod codecs;

@@ -1,2 +1,46 @@
-//! x
-fn main() {}
+//! Tasks of the repository: `cargo xtask ci | test | bench | manifest`.
+//!
+//! The standard library only, so that building it costs a second and never a second copy of the crate's dependencies.
+
+mod ci;
+mod command;
+mod demo;
+mod suite;
+
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+usage: cargo xtask <task>
+
+  ci                 what CI runs: formatting, clippy, tests, documentation, the README's first command
+  test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
+  bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, names of workloads)
+  manifest           builds the demo release and rewrites manifests/demo.json from it
+";
+
+fn main() -> ExitCode {
+    let mut args = std::env::args().skip(1);
+    let task = args.next();
+    let rest: Vec<String> = args.collect();
+    let done = match (task.as_deref(), rest.as_slice()) {
+        (Some("ci"), []) => ci::run(),
+        (Some("test"), args) => suite::run(args),
+        (Some("bench"), args) => {
+            command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()
+        }
+        (Some("manifest"), []) => demo::rewrite_manifest(),
+        _ => return usage(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            command::say(&format!("error: {why}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn usage() -> ExitCode {
+    command::say(USAGE.trim_end());
+    ExitCode::from(2)
+}

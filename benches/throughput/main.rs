@@ -1,0 +1,65 @@
+//! How fast each part is on this machine: `cargo xtask bench [--json] [--runs N] [PART]…`.
+//!
+//! Nothing here passes or fails. Rates are given at the median and at the fastest of several runs, with the workload;
+//! `RAYON_NUM_THREADS=1` gives them for one core.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "the figures are printed")]
+
+mod measure;
+mod workloads;
+
+use std::process::ExitCode;
+
+struct Options {
+    json: bool,
+    runs: usize,
+    /// Names of parts; empty for all.
+    parts: Vec<String>,
+}
+
+fn main() -> ExitCode {
+    let options = match parse(std::env::args().skip(1)) {
+        Ok(options) => options,
+        Err(why) => {
+            eprintln!("error: {why}\nusage: cargo xtask bench [--json] [--runs N] [PART]...");
+            return ExitCode::from(2);
+        }
+    };
+    let wanted = |part: &str| options.parts.is_empty() || options.parts.iter().any(|name| name == part);
+    let timings = measure::measure(workloads::all(&wanted), options.runs);
+    let threads = rayon::current_num_threads();
+    if options.json {
+        let rows: Vec<_> = timings.iter().map(measure::Timing::json).collect();
+        println!("{}", serde_json::json!({ "threads": threads, "runs": options.runs, "parts": rows }));
+        return ExitCode::SUCCESS;
+    }
+    println!("{} runs each after one to warm up, {threads} threads", options.runs);
+    println!("{}", measure::HEAD);
+    timings.iter().flat_map(measure::Timing::rows).for_each(|row| println!("{row}"));
+    ExitCode::SUCCESS
+}
+
+fn parse(args: impl Iterator<Item = String>) -> Result<Options, String> {
+    let mut options = Options { json: false, runs: 7, parts: Vec::new() };
+    let mut args = args;
+    while let Some(arg) = args.next() {
+        match arg.as_str() {
+            "--json" => options.json = true,
+            // What cargo adds for every benchmark.
+            "--bench" => {}
+            "--runs" => options.runs = count(args.next().as_deref())?,
+            part if workloads::PARTS.contains(&part) => options.parts.push(arg),
+            _ => {
+                return Err(format!(
+                    "found `{arg}`, wanted an option or one of {}",
+                    workloads::PARTS.join(" ")
+                ));
+            }
+        }
+    }
+    Ok(options)
+}
+
+fn count(text: Option<&str>) -> Result<usize, String> {
+    let found = text.unwrap_or("nothing");
+    found.parse().ok().filter(|n| *n > 0).ok_or(format!("found {found} after --runs, wanted a count above 0"))
+}

@@ -1,0 +1,34 @@
+//! What CI runs, step by step, each with its seconds; the first failure stops it.
+
+use crate::command::{Outcome, cargo, say};
+use crate::{demo, suite};
+use std::time::Instant;
+
+type Step = (&'static str, fn() -> Outcome);
+
+const STEPS: [Step; 5] = [
+    ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
+    ("clippy", || {
+        cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]).run()
+    }),
+    ("tests", || suite::run(&[])),
+    ("documentation", || {
+        cargo(&["doc", "--quiet", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings").run()
+    }),
+    ("the README's first command", demo::first_command_twice),
+];
+
+/// Runs every step.
+pub(crate) fn run() -> Outcome {
+    let begin = Instant::now();
+    for (name, step) in STEPS {
+        say(&format!("ci: {name}"));
+        let start = Instant::now();
+        let done = step();
+        let seconds = start.elapsed().as_secs_f64();
+        done.map_err(|why| format!("ci: {name} failed after {seconds:.1} s: {why}"))?;
+        say(&format!("ci: {name}: ok, {seconds:.1} s"));
+    }
+    say(&format!("ci: all {} steps ok, {:.1} s", STEPS.len(), begin.elapsed().as_secs_f64()));
+    Ok(())
+}

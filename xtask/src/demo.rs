@@ -1,0 +1,68 @@
+//! The demo release: the README's first command, and the manifest of it that is committed.
+
+use crate::command::{Outcome, Task, cargo, root, say};
+use std::path::{Path, PathBuf};
+
+/// The README's first command, as it stands there.
+const README_COMMAND: &str = "cargo run --release -- release --to out recipes/demo.yaml";
+
+/// Runs the README's first command, but into a temporary folder, twice. The second run must find nothing to do.
+pub(crate) fn first_command_twice() -> Outcome {
+    let readme = std::fs::read_to_string(root().join("README.md")).map_err(|e| format!("README.md: {e}"))?;
+    if !readme.lines().any(|line| line == README_COMMAND) {
+        return Err(format!("README.md has no line `{README_COMMAND}`"));
+    }
+    let folder = Folder::new("first-command")?;
+    release(&folder).run()?;
+    let second = release(&folder).capture()?;
+    let told = String::from_utf8_lossy(&second.stderr);
+    if !told.lines().any(|line| line.starts_with("made 0,")) {
+        return Err(format!("the second run should have said `made 0, …`; it said:\n{told}"));
+    }
+    say("the second run made nothing");
+    Ok(())
+}
+
+/// Makes the demo release and copies its `manifest.json` to `manifests/demo.json`.
+pub(crate) fn rewrite_manifest() -> Outcome {
+    let folder = Folder::new("manifest")?;
+    release(&folder).run()?;
+    let (from, to) = (folder.out().join("manifest.json"), root().join("manifests/demo.json"));
+    let fresh = std::fs::read(&from).map_err(|e| format!("{}: {e}", from.display()))?;
+    let unchanged = std::fs::read(&to).is_ok_and(|committed| committed == fresh);
+    std::fs::write(&to, fresh).map_err(|e| format!("{}: {e}", to.display()))?;
+    say(if unchanged { "manifests/demo.json: unchanged" } else { "manifests/demo.json: rewritten" });
+    Ok(())
+}
+
+/// [`README_COMMAND`] with its `out`, and its store, in `folder`: as in a fresh clone, whatever was built here.
+fn release(folder: &Folder) -> Task {
+    let (out, store) = (folder.out(), folder.0.join("store"));
+    let args = README_COMMAND.split(' ').skip(1).map(PathBuf::from);
+    let args: Vec<PathBuf> =
+        args.map(|arg| if arg == Path::new("out") { out.clone() } else { arg }).collect();
+    cargo(&args).args([Path::new("--store"), &store])
+}
+
+/// A folder of our own below the system's temporary one, removed when we are done with it.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Outcome<Self> {
+        let path = std::env::temp_dir().join(format!("gs2e-{name}-{}", std::process::id()));
+        std::fs::create_dir(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(Self(path))
+    }
+
+    fn out(&self) -> PathBuf {
+        self.0.join("out")
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if let Err(e) = std::fs::remove_dir_all(&self.0) {
+            say(&format!("{} cannot be removed: {e}", self.0.display()));
+        }
+    }
+}
