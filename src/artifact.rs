@@ -3,13 +3,20 @@
 //! An artifact is a handful of named files. Small ones are read whole; large ones (events, pictures) are opened as
 //! handles, and their bytes are streamed by whoever needs them.
 
+use crate::camera::Camera;
 use crate::check::Finding;
-use crate::scene::Gaussians;
+use crate::frames::anchors::Anchors;
+use crate::render::Work;
+use crate::render::flow::Quantiles;
+use crate::scene::{Gaussians, Screening};
+use crate::seed::Seed;
+use crate::sensor::{Account, Sensor};
 use crate::source::Capture;
 use crate::store::Store;
 use crate::store::record::Output;
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
@@ -104,7 +111,8 @@ impl Artifact for Gaussians {
     const KIND: &'static str = "gaussians";
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
-        files.read("scene.ply", |mut file| crate::scene::ply::read_ply(&mut file))
+        let path = files.path("scene.ply")?;
+        crate::scene::read(path).map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })
     }
 }
 

@@ -2,10 +2,10 @@
 
 use super::{Context, SourceFile, Stage, StageError};
 use crate::scene::procedural::{self, StillLife};
+use crate::scene::ply::write_ply;
 use crate::scene::{self, Gaussians};
 use serde::Serialize;
 use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Parameters: where the Gaussians come from.
@@ -62,11 +62,6 @@ impl Stage for Reconstructing {
             }
         };
         let out = cx.out.join("scene.ply");
-        let write = || -> std::io::Result<()> {
-            let mut file = BufWriter::new(File::create(&out)?);
-            scene::ply::write(&gaussians, &mut file)?;
-            file.flush()
-        };
-        write().map_err(StageError::io(&out))
+        File::create(&out).and_then(|file| write_ply(&gaussians, file)).map_err(StageError::io(&out))
     }
 }

@@ -10,6 +10,8 @@ use crate::scene::Gaussians;
 use crate::source::Capture;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::fs::File;
+use std::io::BufWriter;
 use std::sync::Arc;
 
 /// Parameters: camera, rendering, and every how many poses a frame is kept.
@@ -60,7 +62,9 @@ impl Stage for Photographing {
             }
             images.par_iter().try_for_each(|(j, image)| {
                 let out = cx.out.join(format!("{j:06}.png"));
-                png::write(&out, image).map_err(StageError::io(&out))
+                File::create(&out)
+                    .and_then(|file| png::write(&png::to_bytes(image), BufWriter::new(file)))
+                    .map_err(StageError::io(&out))
             })?;
         }
         let out = cx.out.join("work.json");
