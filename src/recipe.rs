@@ -1,5 +1,23 @@
 //! A recipe: what a scene is made from and what is made of it, parsed and valid.
 
+mod canonical;
+mod clash;
+mod fault;
+mod field;
+mod find;
+mod merge;
+mod names;
+mod nearest;
+mod problem;
+mod reader;
+mod resolve;
+mod schema;
+mod text;
+mod tree;
+
+pub use fault::{Fault, Faults, LISTED};
+pub use find::read_all;
+
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
@@ -9,6 +27,7 @@ use crate::speed::Speed;
 use crate::trajectory::refine::Refine;
 use crate::units::Hertz;
 use std::collections::BTreeSet;
+use std::fmt;
 use std::path::PathBuf;
 
 /// One scene.
@@ -16,6 +35,8 @@ use std::path::PathBuf;
 pub struct Recipe {
     /// The file it was read from.
     pub file: PathBuf,
+    /// Where it names what may turn out to be missing.
+    pub named_at: NamedAt,
     /// Scene id: the path of the scene in the release, `/`-separated.
     pub scene: String,
     /// Seed that all streams derive from.
@@ -44,6 +65,34 @@ pub struct Recipe {
     pub licence: Option<LicenceChoice>,
     /// The merged recipe in full, defaults filled, as `scene.json` shows it. Paths are as written.
     pub merged: serde_json::Value,
+}
+
+/// Places in the recipe's files, for messages about what is named there; they enter no key.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct NamedAt {
+    /// The scene id.
+    pub scene: Option<Position>,
+    /// The source.
+    pub source: Option<Position>,
+    /// The reconstruction.
+    pub reconstruct: Option<Position>,
+}
+
+/// A place in a file of recipes; it shows as `file:line:column`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Position {
+    /// The file, as the user named it.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column, from 1, in characters.
+    pub column: usize,
+}
+
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.file, self.line, self.column)
+    }
 }
 
 /// Where poses come from. Paths are resolved against the recipe's folder.

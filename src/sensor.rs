@@ -10,6 +10,7 @@ use crate::event::EventSink;
 use crate::frames::{Frame, FrameError, Frames};
 use crate::image::Size;
 use crate::seed::Seed;
+use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
@@ -27,6 +28,16 @@ impl Sensor {
     pub fn as_model(&self) -> &dyn Model {
         match self {
             Self::Voltmeter(v) => v,
+        }
+    }
+
+    /// What the sensor will do by itself at this frame rate.
+    ///
+    /// # Errors
+    /// When its parameters make no usable stream.
+    pub fn screen(&self, rate: Hertz) -> Result<voltmeter::Screening, voltmeter::ScreenError> {
+        match self {
+            Self::Voltmeter(v) => v.screen(rate),
         }
     }
 }

@@ -8,7 +8,9 @@ use crate::plan::Plan;
 use crate::plan::assess::assess;
 use crate::run::{self, Options, Summary};
 use crate::store::{Access, Store};
-use crate::{recipe, sensor};
+use crate::recipe::{self, Recipe};
+use crate::sensor::Sensor;
+use crate::sensor::voltmeter::screen::Noise;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -30,15 +32,34 @@ impl Build {
     }
 }
 
-/// Reads recipes into a plan, and says what they make a careful reader wonder at.
+/// Reads recipes into a plan, and says once for each sensor what it does by itself.
 pub(super) fn read_plan(recipes: &[PathBuf], console: &Console) -> Result<Plan, Problem> {
-    let recipes = recipe::find::read_all(recipes)?;
+    let recipes = recipe::read_all(recipes)?;
+    let mut told: Vec<&Sensor> = Vec::new();
     for recipe in &recipes {
-        for warning in sensor::warnings(&recipe.sensor, recipe.rate) {
-            console.say(&format!("warning: {}: {warning}", recipe.scene));
+        if !told.contains(&&recipe.sensor) {
+            told.push(&recipe.sensor);
+            tell_sensor(recipe, console)?;
         }
     }
     Ok(Plan::new(recipes))
+}
+
+fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
+    let scene = &recipe.scene;
+    let screening = recipe.sensor.screen(recipe.rate);
+    let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
+    let [on, off] = screening.contrast;
+    console.say(&format!("sensor of {scene}: one event is a step of ln(L + k2) by {on:.4} up, {off:.4} down"));
+    for n in screening.noise {
+        let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
+        let Noise { grey, leak_hz, total_hz, .. } = n;
+        console.say(&format!("  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"));
+    }
+    for warning in &screening.warnings {
+        console.say(&format!("warning: {scene}: {warning}"));
+    }
+    Ok(())
 }
 
 /// Opens the store for writing, waiting for another process where there is one.

@@ -1,7 +1,7 @@
 //! Why a verb ends early, told in four parts: what failed, where, why, and what to do.
 
 use crate::plan::assess::PlanError;
-use crate::recipe::fault::Faults;
+use crate::recipe::Faults;
 use crate::store::StoreError;
 use serde_json::json;
 use std::process::ExitCode;
