@@ -8,3 +8,4 @@ mod support;
 mod tidy;
 mod trajectories;
 mod recipes;
+mod sources;
