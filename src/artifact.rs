@@ -1,1 +1,215 @@
-//! Not written yet.
+//! The one seam between domain codecs and the store: which files an artifact consists of, and how it is opened.
+//!
+//! An artifact is a handful of named files. Small ones are read whole; large ones (events, pictures) are opened as
+//! handles, and their bytes are streamed by whoever needs them.
+
+use crate::camera::Camera;
+use crate::check::Finding;
+use crate::frames::anchors::Anchors;
+use crate::render::Work;
+use crate::render::flow::Quantiles;
+use crate::scene::{Gaussians, Screening};
+use crate::seed::Seed;
+use crate::sensor::{Account, Sensor};
+use crate::source::Capture;
+use crate::store::Store;
+use crate::store::record::Output;
+use crate::trajectory::Trajectory;
+use crate::trajectory::report::Report;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// The files of an artifact by name, wherever the store keeps them.
+#[derive(Debug, Clone, Default)]
+pub struct Files {
+    paths: BTreeMap<String, PathBuf>,
+}
+
+impl Files {
+    /// The files that a step made, where the store keeps them.
+    #[must_use]
+    pub fn of(outputs: &[Output], store: &Store) -> Self {
+        Self { paths: outputs.iter().map(|o| (o.name.clone(), store.path_of(&o.digest))).collect() }
+    }
+
+    /// Where the file of this name lies.
+    ///
+    /// # Errors
+    /// When the artifact has no such file.
+    pub fn path(&self, name: &str) -> Result<&Path, ArtifactError> {
+        let found = self.paths.get(name).map(PathBuf::as_path);
+        found.ok_or_else(|| ArtifactError { name: name.to_owned(), because: "it is not there".into() })
+    }
+
+    /// All names and paths, sorted by name.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Path)> {
+        self.paths.iter().map(|(name, path)| (name.as_str(), path.as_path()))
+    }
+
+    fn read<T, E: ToString>(
+        &self,
+        name: &str,
+        parse: impl FnOnce(BufReader<File>) -> Result<T, E>,
+    ) -> Result<T, ArtifactError> {
+        let failed = |because: String| ArtifactError { name: name.to_owned(), because };
+        let file = File::open(self.path(name)?).map_err(|e| failed(e.to_string()))?;
+        parse(BufReader::new(file)).map_err(|e| failed(e.to_string()))
+    }
+
+    /// Reads a JSON file.
+    ///
+    /// # Errors
+    /// When it is absent or of another form.
+    pub fn json<T: serde::de::DeserializeOwned>(&self, name: &str) -> Result<T, ArtifactError> {
+        self.read(name, |file| serde_json::from_reader(file))
+    }
+}
+
+/// Why a stored artifact cannot be opened: it was altered behind the store's back, or another version wrote it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("open {name} in the store: {because}")]
+pub struct ArtifactError {
+    name: String,
+    because: String,
+}
+
+/// Writes `value` as JSON for people and programs: indented, final newline.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> std::io::Result<()> {
+    let mut file = BufWriter::new(File::create(path)?);
+    serde_json::to_writer_pretty(&mut file, value)?;
+    file.write_all(b"\n")?;
+    file.flush()
+}
+
+/// Something that steps hand to one another through the store.
+pub trait Artifact: Sized {
+    /// What it is; the role of the input that holds it.
+    const KIND: &'static str;
+
+    /// Opens it.
+    ///
+    /// # Errors
+    /// When a file is absent or cannot be read.
+    fn open(files: &Files) -> Result<Self, ArtifactError>;
+}
+
+impl Artifact for Capture {
+    const KIND: &'static str = "capture";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        files.json("capture.json")
+    }
+}
+
+impl Artifact for Gaussians {
+    const KIND: &'static str = "gaussians";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        let path = files.path("scene.ply")?;
+        crate::scene::read(path).map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })
+    }
+}
+
+/// A trajectory with its report.
+#[derive(Debug)]
+pub struct Motion {
+    /// The poses.
+    pub trajectory: Trajectory,
+    /// Its `speed.json`.
+    pub report: Report,
+}
+
+impl Artifact for Motion {
+    const KIND: &'static str = "trajectory";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        let trajectory = files.read("poses.txt", |file| Trajectory::read_poses(file))?;
+        Ok(Self { trajectory, report: files.json("speed.json")? })
+    }
+}
+
+/// An event stream and what was counted while it was made.
+#[derive(Debug)]
+pub struct EventStream {
+    /// `events.h5`.
+    pub events: PathBuf,
+    /// What the sensor saw at a few frames: `brightness.npy`, float32 `[K, H, W]`.
+    pub anchors: Anchors,
+    /// The rest.
+    pub simulation: Simulation,
+}
+
+/// How an event stream was made: `simulation.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Simulation {
+    /// The camera that was rendered.
+    pub camera: Camera,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Degree of their harmonics.
+    pub sh_degree: u8,
+    /// What the reader of the scene left out or mended.
+    pub screening: Screening,
+    /// Whether the antialiased rule was used.
+    pub antialiased: bool,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Seed of its stream.
+    pub seed: Seed,
+    /// What it counted.
+    pub account: Account,
+    /// What the renderer counted, over all frames.
+    pub work: Work,
+    /// How far the picture moves between neighbouring poses, px; `None` where no pixel has a depth.
+    pub flow_px: Option<Quantiles>,
+    /// Stamps of the images in `brightness.npy`.
+    pub brightness_stamps_us: Vec<i64>,
+}
+
+impl Artifact for EventStream {
+    const KIND: &'static str = "events";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        let simulation: Simulation = files.json("simulation.json")?;
+        let stamps = simulation.brightness_stamps_us.clone();
+        let anchors = files.read("brightness.npy", |file| Anchors::read(stamps, file))?;
+        Ok(Self { events: files.path("events.h5")?.to_owned(), anchors, simulation })
+    }
+}
+
+/// PNG files by name.
+#[derive(Debug)]
+pub struct Pictures {
+    /// Name and path, sorted by name.
+    pub files: Vec<(String, PathBuf)>,
+}
+
+impl Artifact for Pictures {
+    const KIND: &'static str = "pictures";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        Ok(Self { files: files.iter().map(|(name, path)| (name.to_owned(), path.to_owned())).collect() })
+    }
+}
+
+/// The verdicts on a trajectory.
+#[derive(Debug)]
+pub struct Verdicts {
+    /// One record a statement.
+    pub findings: Vec<Finding>,
+}
+
+impl Artifact for Verdicts {
+    const KIND: &'static str = "checks";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        Ok(Self { findings: files.json("checks.json")? })
+    }
+}

@@ -33,6 +33,30 @@ impl Camera {
     }
 }
 
+/// A recipe's camera, where it differs from the source's own.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CameraChoice {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// fx, fy, cx, cy in pixels; `None` keeps the source's horizontal field of view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub intrinsics: Option<[f64; 4]>,
+}
+
+impl CameraChoice {
+    /// The camera that this choice makes of the source's.
+    #[must_use]
+    pub fn resolve(&self, source: &Camera) -> Camera {
+        let size = Size { width: self.width, height: self.height };
+        match self.intrinsics {
+            Some([fx, fy, cx, cy]) => Camera { size, fx, fy, cx, cy },
+            None => source.resized(size),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

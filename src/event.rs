@@ -3,6 +3,7 @@
 pub mod h5;
 pub mod npz;
 pub mod order;
+pub mod picture;
 
 use crate::image::Size;
 use crate::units::Timestamp;

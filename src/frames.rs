@@ -1,5 +1,6 @@
 //! Sequences of luminance frames, pulled one at a time: a sequence is never whole in memory.
 
+pub mod anchors;
 pub mod array;
 pub mod rendered;
 

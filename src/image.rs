@@ -1,5 +1,7 @@
 //! Images in memory and the colour arithmetic that all of the program shares.
 
+pub mod png;
+
 use std::fmt;
 
 /// Width and height in pixels.

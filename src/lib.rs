@@ -1,7 +1,56 @@
-//! `gs2e` builds datasets of synthetic event-camera streams and proves them.
+//! `gs2e` builds datasets of synthetic event-camera streams from 3D Gaussian splats, and proves them.
+//!
+//! # The story, which runs one way
+//! ```text
+//! recipe ── plan ── run ── store ── check ── release
+//!             │      └ capture → reconstruct → trajectory → { events, sharp } → checks
+//!             └ for each step: key = what it is, its own parameters, the digests of its inputs
+//! ```
+//! A [`recipe`] says what a scene is. The [`plan`] turns recipes into steps. A step whose key has a sound record in
+//! the [`store`] is left alone; [`run`] runs the others. [`check`]s judge what was made. The [`release`] copies what
+//! passed, with its licences, into the tree that people download.
+//!
+//! Two ideas carry the rest. **The key and its explanation come from one walk**: a step describes itself into a
+//! [`store::description::Value`], whose encoding is hashed into the key and whose lines `gs2e why` prints, so the
+//! explanation cannot disagree with the key. **A scene pays only for what it needs**: the plan has no step whose
+//! product nobody asked for, a stage's key holds only what the stage reads, the renderer is asked for one channel
+//! where one is enough, and a sensor without noise draws no random number; what was left out is counted.
+//!
+//! # The rooms
+//! A module knows those above it in this list, and none below (`tests/it/tidy.rs` holds the list against the code).
+//!
+//! | room | what lives there |
+//! |---|---|
+//! | [`units`] [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
+//! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`source`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
+//! | [`store`] | blobs, records, descriptions; knows nothing of ours |
+//! | [`artifact`] | the one seam between domain formats and the store |
+//! | [`stage`] | what a step is: parameters, inputs, and one call into a room |
+//! | [`mod@recipe`] | YAML to valid values, with file, line and column of every fault |
+//! | [`plan`] | recipes to steps; which of them must run, and why |
+//! | [`run`] | runs them: order, cores, failures, interrupts |
+//! | [`release`] | the tree that people download, and its audit |
+//! | [`cli`] | what the user types and reads; the only printing, environment and clock for people |
+//!
+//! # Invariants
+//! - Nothing below `cli` prints or reads the environment; the clock is read in `cli`, `run` and the stat cache only.
+//! - A key never holds a path, a host, a time or a thread count.
+//! - Nothing iterates a hash map.
+//! - Every random draw is a pure function of a stream's seed, what it is drawn for, and where.
+//! - Each constant has one definition.
+//! - A check never repairs.
+//! - What is in the store is never changed in place.
+//! - A frame sequence is never whole in memory.
+//! - No stage holds arithmetic.
+//! - `unsafe` is forbidden.
+//! - Numbers: 64 bits for poses, time and sensor state that accumulates; 32 bits for splats and pixels. What reaches
+//!   a file is computed with IEEE operations and `libm`, in a fixed order, so that its bytes are the same on every
+//!   machine and with any number of threads.
+
 pub mod artifact;
 pub mod camera;
 pub mod check;
+pub mod cli;
 pub mod event;
 pub mod frames;
 pub mod image;

@@ -1,2 +1,5 @@
-//! x
-fn main() {}
+//! The `gs2e` program: see [`gs2e::cli`].
+
+fn main() -> std::process::ExitCode {
+    gs2e::cli::run(std::env::args_os())
+}

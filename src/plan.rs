@@ -1,1 +1,83 @@
-//! Not written yet.
+//! Plans: from recipes to steps, and from steps and the store to what must run.
+
+pub mod assess;
+mod wire;
+
+use crate::recipe::Recipe;
+use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
+
+/// The steps of some scenes, inputs before those that need them.
+#[derive(Debug, Default)]
+pub struct Plan {
+    scenes: Vec<Recipe>,
+    steps: Vec<PlannedStep>,
+}
+
+/// One step of a plan.
+#[derive(Debug)]
+pub struct PlannedStep {
+    /// Index of its scene.
+    pub scene: usize,
+    /// Its name within the scene, as `capture` or `base/events`.
+    pub name: String,
+    /// What it is.
+    pub step: Box<dyn AnyStep>,
+}
+
+impl Plan {
+    /// Plans every scene. `recipes` are sorted by scene id, so the order of files does not matter.
+    #[must_use]
+    pub fn new(recipes: Vec<Recipe>) -> Self {
+        let mut plan = Self::default();
+        for (scene, recipe) in recipes.iter().enumerate() {
+            wire::scene(recipe, &mut Wiring { plan: &mut plan, scene });
+        }
+        plan.scenes = recipes;
+        plan
+    }
+
+    /// The scenes, in order of their ids.
+    #[must_use]
+    pub fn scenes(&self) -> &[Recipe] {
+        &self.scenes
+    }
+
+    /// The steps, inputs before those that need them.
+    #[must_use]
+    pub fn steps(&self) -> &[PlannedStep] {
+        &self.steps
+    }
+
+    /// Id of the scene that a step belongs to.
+    #[must_use]
+    pub fn scene_of(&self, step: &PlannedStep) -> &str {
+        &self.scenes[step.scene].scene
+    }
+
+    /// The steps of one scene, with their ids.
+    pub fn steps_of(&self, scene: usize) -> impl Iterator<Item = (StepId, &PlannedStep)> {
+        let ids = (0..self.steps.len()).map(StepId);
+        ids.zip(&self.steps).filter(move |(_, step)| step.scene == scene)
+    }
+}
+
+/// Adds the steps of one scene.
+#[derive(Debug)]
+pub struct Wiring<'p> {
+    plan: &'p mut Plan,
+    scene: usize,
+}
+
+impl Wiring<'_> {
+    /// Adds a step and promises its product.
+    pub fn add<S>(&mut self, name: String, stage: S, inputs: S::Inputs) -> Target<S::Output>
+    where
+        S: Stage + std::fmt::Debug + Send + Sync + 'static,
+        S::Inputs: std::fmt::Debug + Send + Sync,
+    {
+        let id = StepId(self.plan.steps.len());
+        let step = Box::new(Wired { stage, inputs });
+        self.plan.steps.push(PlannedStep { scene: self.scene, name, step });
+        Target::new(id)
+    }
+}

@@ -1,14 +1,33 @@
 //! A recipe: what a scene is made from and what is made of it, parsed and valid.
 
+mod canonical;
+mod clash;
+mod fault;
+mod field;
+mod find;
+mod merge;
+mod names;
+mod nearest;
+mod problem;
+mod reader;
+mod resolve;
+mod schema;
+mod text;
+mod tree;
+
+pub use fault::{Fault, Faults, LISTED};
+pub use find::read_all;
+
+use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::render::Rules;
+use crate::render::RenderChoice;
 use crate::scene::procedural::StillLife;
 use crate::sensor::Sensor;
 use crate::speed::Speed;
 use crate::trajectory::refine::Refine;
 use crate::units::Hertz;
-use serde::Serialize;
 use std::collections::BTreeSet;
+use std::fmt;
 use std::path::PathBuf;
 
 /// One scene.
@@ -16,6 +35,8 @@ use std::path::PathBuf;
 pub struct Recipe {
     /// The file it was read from.
     pub file: PathBuf,
+    /// Where it names what may turn out to be missing.
+    pub named_at: NamedAt,
     /// Scene id: the path of the scene in the release, `/`-separated.
     pub scene: String,
     /// Seed that all streams derive from.
@@ -46,6 +67,34 @@ pub struct Recipe {
     pub merged: serde_json::Value,
 }
 
+/// Places in the recipe's files, for messages about what is named there; they enter no key.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct NamedAt {
+    /// The scene id.
+    pub scene: Option<Position>,
+    /// The source.
+    pub source: Option<Position>,
+    /// The reconstruction.
+    pub reconstruct: Option<Position>,
+}
+
+/// A place in a file of recipes; it shows as `file:line:column`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Position {
+    /// The file, as the user named it.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column, from 1, in characters.
+    pub column: usize,
+}
+
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.file, self.line, self.column)
+    }
+}
+
 /// Where poses come from. Paths are resolved against the recipe's folder.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
@@ -64,18 +113,6 @@ pub enum Reconstruct {
     Given(PathBuf),
 }
 
-/// The recipe's camera.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct CameraChoice {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// fx, fy, cx, cy in pixels; `None` keeps the source's horizontal field of view.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub intrinsics: Option<[f64; 4]>,
-}
-
 /// One trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectoryRecipe {
@@ -85,29 +122,6 @@ pub struct TrajectoryRecipe {
     pub refine: Refine,
     /// How fast it is followed.
     pub speed: Speed,
-}
-
-/// The recipe's rendering.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct RenderChoice {
-    /// Conventions.
-    pub rules: Rules,
-    /// Antialiasing.
-    pub antialiased: Antialiased,
-    /// Colour behind the scene, 0..1.
-    pub background: [f64; 3],
-}
-
-/// Whether the antialiased rule is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Antialiased {
-    /// As the scene file says; off where it cannot say.
-    Auto,
-    /// On.
-    On,
-    /// Off.
-    Off,
 }
 
 /// Something made for each trajectory.

@@ -30,6 +30,43 @@ pub struct Style {
     pub background: [f32; 3],
 }
 
+/// A recipe's rendering: a [`Style`] that may leave antialiasing to the scene file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RenderChoice {
+    /// Conventions.
+    pub rules: Rules,
+    /// Antialiasing.
+    pub antialiased: Antialiased,
+    /// Colour behind the scene, 0..1.
+    pub background: [f64; 3],
+}
+
+/// Whether the antialiased rule is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Antialiased {
+    /// As the scene file says; off where it cannot say.
+    Auto,
+    /// On.
+    On,
+    /// Off.
+    Off,
+}
+
+impl RenderChoice {
+    /// The style for a scene that says of itself that it was, or was not, trained antialiased.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "colours are blended in 32 bits")]
+    pub fn resolve(&self, scene_antialiased: Option<bool>) -> Style {
+        let antialiased = match self.antialiased {
+            Antialiased::Auto => scene_antialiased.unwrap_or(false),
+            Antialiased::On => true,
+            Antialiased::Off => false,
+        };
+        Style { rules: self.rules, antialiased, background: self.background.map(|c| c as f32) }
+    }
+}
+
 /// Where from and through which camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {

@@ -2,6 +2,7 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+pub mod statistics;
 pub mod voltmeter;
 mod window;
 
@@ -9,11 +10,12 @@ use crate::event::EventSink;
 use crate::frames::{Frame, FrameError, Frames};
 use crate::image::Size;
 use crate::seed::Seed;
+use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
 /// A sensor of the recipe.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sensor {
     /// The stochastic model of DVS-Voltmeter.
@@ -28,13 +30,44 @@ impl Sensor {
             Self::Voltmeter(v) => v,
         }
     }
+
+    /// What the sensor will do by itself at this frame rate.
+    ///
+    /// # Errors
+    /// When its parameters make no usable stream.
+    pub fn screen(&self, rate: Hertz) -> Result<voltmeter::Screening, voltmeter::ScreenError> {
+        match self {
+            Self::Voltmeter(v) => v.screen(rate),
+        }
+    }
 }
 
 /// Parameters of a sensor.
 pub trait Model {
+    /// Version of the law that draws the events; raised when the same parameters come to mean other events.
+    fn law_version(&self) -> u32;
+
+    /// Brightness contrast of one ON and of one OFF event, as a difference of natural logarithms.
+    fn contrast(&self) -> (f64, f64);
+
     /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the frames'
     /// top-left pixel, so that a crop draws the noise of the whole.
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels>;
+    ///
+    /// # Errors
+    /// When a parameter is outside its range, or a pixel outside the 65536 x 65536 that events can name.
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError>;
+}
+
+/// Whether every pixel of a frame has coordinates that events can hold.
+fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
+    let fits = |extent: u32, from: u16| u64::from(extent) + u64::from(from) <= 1 << 16;
+    if fits(size.width, origin[0]) && fits(size.height, origin[1]) {
+        return Ok(());
+    }
+    let [x, y] = origin;
+    Err(SensorError::Setup(format!(
+        "frames of {size} at ({x}, {y}) reach beyond the 65536 columns and rows of events"
+    )))
 }
 
 /// State of a sensor's pixels.
@@ -102,6 +135,9 @@ pub enum SensorError {
         /// `max_events_per_pixel_frame`.
         cap: u32,
     },
+    /// The sensor cannot be set up.
+    #[error("{0}")]
+    Setup(String),
     /// A frame that does not follow the one before.
     #[error("frame {frame}: {because}")]
     Frame {
@@ -141,7 +177,7 @@ pub fn simulate(
     sink: &mut dyn EventSink,
     tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
 ) -> Result<Account, SimulateError> {
-    let mut pixels = model.start(frames.size(), [0, 0], seed);
+    let mut pixels = model.start(frames.size(), [0, 0], seed)?;
     while let Some(frame) = frames.next()? {
         pixels.advance(&frame, sink)?;
         if tap(&frame).is_break() {

@@ -1,1 +1,306 @@
-//! Not written yet.
+//! Stages: what a step is. Each holds its parameters, names its inputs, and calls the room that does the work.
+//!
+//! A stage's own fields are its parameters: nothing else of a recipe can enter its key. What must not enter
+//! (paths, a back end already told by the class) is skipped in its serialisation. No stage holds arithmetic.
+
+pub mod capture;
+pub mod checks;
+pub mod events;
+pub mod reconstruct;
+pub mod sharp;
+pub mod trajectory;
+
+use crate::artifact::{Artifact, ArtifactError, Files};
+use crate::camera::{Camera, CameraChoice};
+use crate::source::Capture;
+use crate::store::Digest;
+use crate::store::description::{Value, describe};
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Index of a step in its plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct StepId(pub usize);
+
+/// A promise that a step will make an artifact of kind `A`: wiring the wrong kind does not compile.
+#[derive(Debug)]
+pub struct Target<A> {
+    /// The step.
+    pub step: StepId,
+    kind: PhantomData<fn() -> A>,
+}
+
+impl<A> Target<A> {
+    /// The product of a step, whose stage makes `A` by the type of [`crate::plan::Wiring::add`].
+    pub(crate) fn new(step: StepId) -> Self {
+        Self { step, kind: PhantomData }
+    }
+}
+
+impl<A> Clone for Target<A> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<A> Copy for Target<A> {}
+
+/// What a stage takes: nothing, targets, or targets that may be absent.
+pub trait Inputs {
+    /// The opened artifacts.
+    type Opened;
+
+    /// Role and step of each input that is there.
+    fn targets(&self) -> Vec<(&'static str, StepId)>;
+
+    /// Opens the inputs; `files` are those of [`Inputs::targets`], in order.
+    ///
+    /// # Errors
+    /// When an artifact cannot be opened.
+    fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<Self::Opened, ArtifactError>;
+}
+
+impl Inputs for () {
+    type Opened = ();
+
+    fn targets(&self) -> Vec<(&'static str, StepId)> {
+        Vec::new()
+    }
+
+    fn open<'f>(&self, _: &mut dyn Iterator<Item = &'f Files>) -> Result<(), ArtifactError> {
+        Ok(())
+    }
+}
+
+impl<A: Artifact> Inputs for Target<A> {
+    type Opened = A;
+
+    fn targets(&self) -> Vec<(&'static str, StepId)> {
+        vec![(A::KIND, self.step)]
+    }
+
+    fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<A, ArtifactError> {
+        A::open(files.next().expect("one set of files for each target"))
+    }
+}
+
+impl<I: Inputs> Inputs for Option<I> {
+    type Opened = Option<I::Opened>;
+
+    fn targets(&self) -> Vec<(&'static str, StepId)> {
+        self.as_ref().map(I::targets).unwrap_or_default()
+    }
+
+    fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<Self::Opened, ArtifactError> {
+        self.as_ref().map(|inputs| inputs.open(files)).transpose()
+    }
+}
+
+macro_rules! tuple_inputs {
+    ($($name:ident $index:tt),+) => {
+        impl<$($name: Inputs),+> Inputs for ($($name,)+) {
+            type Opened = ($($name::Opened,)+);
+
+            fn targets(&self) -> Vec<(&'static str, StepId)> {
+                [$(self.$index.targets()),+].concat()
+            }
+
+            fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<Self::Opened, ArtifactError> {
+                Ok(($(self.$index.open(files)?,)+))
+            }
+        }
+    };
+}
+tuple_inputs!(A 0, B 1);
+tuple_inputs!(A 0, B 1, C 2);
+
+/// A file outside the store that a stage reads.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SourceFile {
+    /// Its name within the source: this enters the key.
+    pub name: String,
+    /// Where it is: this does not.
+    pub path: PathBuf,
+}
+
+/// A stage: parameters, inputs, and how its product is made.
+pub trait Stage: serde::Serialize {
+    /// Its name.
+    const NAME: &'static str;
+
+    /// Raised when the same parameters and inputs come to mean other bytes.
+    const REVISION: u32;
+
+    /// What it takes from other steps.
+    type Inputs: Inputs;
+
+    /// What it makes.
+    type Output: Artifact;
+
+    /// The numerical class, for stages whose bytes depend on the machinery that computes them.
+    fn class(&self) -> Option<String> {
+        None
+    }
+
+    /// The files outside the store that it reads, in a stable order.
+    ///
+    /// # Errors
+    /// When a source cannot be listed.
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        Ok(Vec::new())
+    }
+
+    /// Writes the product's files into `cx.out`.
+    ///
+    /// # Errors
+    /// When the work fails, or was asked to stop.
+    fn run(&self, inputs: <Self::Inputs as Inputs>::Opened, cx: &mut Context<'_>) -> Result<(), StageError>;
+}
+
+/// What a running stage may use beside its inputs.
+#[derive(Debug)]
+pub struct Context<'a> {
+    /// Empty folder for its files.
+    pub out: &'a Path,
+    cancel: &'a AtomicBool,
+    /// What it has to say beside its product.
+    pub warnings: Vec<String>,
+}
+
+impl<'a> Context<'a> {
+    /// A context that writes into `out` and stops when `cancel` is set.
+    #[must_use]
+    pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
+        Self { out, cancel, warnings: Vec::new() }
+    }
+
+    /// Asked at every frame or chunk: `Err` where the work shall stop.
+    ///
+    /// # Errors
+    /// [`StageError::Cancelled`].
+    pub fn go_on(&self) -> Result<(), StageError> {
+        if self.cancel.load(Ordering::Relaxed) { Err(StageError::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// The camera of a trajectory: the recipe's choice, else the source's own, with a warning where views disagree.
+fn camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut Context<'_>) -> Camera {
+    let (own, warning) = capture.camera();
+    cx.warnings.extend(warning.map(|w| w.to_string()));
+    choice.map_or(own, |choice| choice.resolve(&own))
+}
+
+/// Why a step failed. The texts fit after "failed to ".
+#[derive(Debug, thiserror::Error)]
+pub enum StageError {
+    /// It was asked to stop.
+    #[error("finish: it was interrupted")]
+    Cancelled,
+    /// A source is not there.
+    #[error("find {}", path.display())]
+    Missing {
+        /// Where it should be.
+        path: PathBuf,
+    },
+    /// An input cannot be opened.
+    #[error(transparent)]
+    Artifact(#[from] ArtifactError),
+    /// The work itself failed; the text says at what, and why.
+    #[error("{0}")]
+    Work(String),
+    /// A file cannot be read or written.
+    #[error("use {}: {source}", path.display())]
+    Io {
+        /// Which.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+}
+
+impl StageError {
+    /// A failure of the work, as `doing: cause`.
+    pub fn work<E: std::fmt::Display>(doing: &str) -> impl FnOnce(E) -> Self {
+        let doing = doing.to_owned();
+        move |e| Self::Work(format!("{doing}: {e}"))
+    }
+
+    /// A failure to use a file.
+    pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { path, source }
+    }
+}
+
+/// A stage with its inputs.
+#[derive(Debug)]
+pub struct Wired<S: Stage> {
+    /// Parameters.
+    pub stage: S,
+    /// Where its inputs come from.
+    pub inputs: S::Inputs,
+}
+
+/// A wired stage whatever its types.
+pub trait AnyStep: std::fmt::Debug + Send + Sync {
+    /// Name of the stage.
+    fn stage(&self) -> &'static str;
+
+    /// Role and step of each input.
+    fn inputs(&self) -> Vec<(&'static str, StepId)>;
+
+    /// Files outside the store that it reads.
+    ///
+    /// # Errors
+    /// When a source cannot be listed.
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError>;
+
+    /// What enters the key: the stage, its revision and class, its parameters, and the digests of its inputs by
+    /// role.
+    fn describe(&self, inputs: &[(String, Digest)]) -> Value;
+
+    /// Opens the inputs and does the work.
+    ///
+    /// # Errors
+    /// When an input cannot be opened, or the work fails.
+    fn run(&self, inputs: &[Files], cx: &mut Context<'_>) -> Result<(), StageError>;
+}
+
+impl<S> AnyStep for Wired<S>
+where
+    S: Stage + std::fmt::Debug + Send + Sync,
+    S::Inputs: std::fmt::Debug + Send + Sync,
+{
+    fn stage(&self) -> &'static str {
+        S::NAME
+    }
+
+    fn inputs(&self) -> Vec<(&'static str, StepId)> {
+        self.inputs.targets()
+    }
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        self.stage.sources()
+    }
+
+    fn describe(&self, inputs: &[(String, Digest)]) -> Value {
+        let inputs = inputs.iter().map(|(role, digest)| (role.clone(), Value::Digest(*digest))).collect();
+        let mut fields = BTreeMap::from([
+            ("stage".to_owned(), Value::Text(S::NAME.to_owned())),
+            ("revision".to_owned(), Value::Unsigned(S::REVISION.into())),
+            ("params".to_owned(), describe(&self.stage)),
+            ("inputs".to_owned(), Value::Record(inputs)),
+        ]);
+        if let Some(class) = self.stage.class() {
+            fields.insert("class".to_owned(), Value::Text(class));
+        }
+        Value::Record(fields)
+    }
+
+    fn run(&self, files: &[Files], cx: &mut Context<'_>) -> Result<(), StageError> {
+        let inputs = self.inputs.open(&mut files.iter())?;
+        self.stage.run(inputs, cx)
+    }
+}

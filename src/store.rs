@@ -1,1 +1,380 @@
-//! Not written yet.
+//! The store: immutable blobs under the BLAKE3 of their bytes, and records that say what a key made.
+//!
+//! ```text
+//! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  tmp/  trash/
+//! ```
+//! `cas/` and `ac/` are the truth and never changed in place; `state.db` is an index of `ac/` and a cache of file
+//! digests: losing it costs time, never correctness. Publishing goes blobs, record, database row, in this order, so
+//! a record never names bytes that are not there. The store knows nothing of scenes, poses or events.
+
+pub mod blob;
+pub mod description;
+mod disk;
+mod lock;
+pub mod record;
+mod stat_cache;
+mod state;
+
+use blob::Blobs;
+use record::{Output, Record};
+use stat_cache::StatCache;
+use state::State;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Mutex;
+
+/// BLAKE3 of some bytes.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Digest([u8; 32]);
+
+impl Digest {
+    /// The digest of `bytes`.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(*blake3::hash(bytes).as_bytes())
+    }
+
+    /// The digest of a whole file.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn of_file(path: &Path) -> std::io::Result<Self> {
+        disk::digest(path)
+    }
+
+    /// The 32 bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+
+    /// The first 12 hexadecimal digits, for people.
+    #[must_use]
+    pub fn short(&self) -> String {
+        self.to_string()[..12].to_owned()
+    }
+}
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(blake3::Hash::from_bytes(self.0).to_hex().as_str())
+    }
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl FromStr for Digest {
+    type Err = blake3::HexError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(Self(*blake3::Hash::from_hex(text)?.as_bytes()))
+    }
+}
+
+impl serde::Serialize for Digest {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for Digest {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
+        text.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+/// What a step is: a hash of everything that may change its bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(transparent)]
+pub struct Key(pub Digest);
+
+impl Key {
+    /// The key of a description.
+    #[must_use]
+    pub fn of(description: &description::Value) -> Self {
+        let mut bytes = Vec::new();
+        description.encode(&mut bytes);
+        Self(Digest(blake3::derive_key("gs2e 2026 step key v1", &bytes)))
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Why the store cannot do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// An operation on a file failed.
+    #[error("{doing} {}: {source}", path.display())]
+    Io {
+        /// What was being done.
+        doing: &'static str,
+        /// To which file.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The database refused.
+    #[error("the state database {}: {source}", path.display())]
+    State {
+        /// The file.
+        path: PathBuf,
+        /// Cause.
+        source: rusqlite::Error,
+    },
+    /// A newer program made the store.
+    #[error("{} has format {found}, this gs2e knows {known}", path.display())]
+    Newer {
+        /// The store.
+        path: PathBuf,
+        /// Its format.
+        found: String,
+        /// The format of this program.
+        known: u32,
+    },
+    /// Another process works in the store.
+    #[error("{} is in use by {holder}", path.display())]
+    Locked {
+        /// The store.
+        path: PathBuf,
+        /// Who holds it: pid, host and command.
+        holder: String,
+    },
+    /// A key made other bytes than before.
+    #[error("nondeterministic step: key {key} made {first} before and {second} now")]
+    Nondeterministic {
+        /// The key.
+        key: Key,
+        /// Content digest on record.
+        first: Digest,
+        /// Content digest made now.
+        second: Digest,
+    },
+}
+
+/// Format of the folder; raised when an older program could no longer use it.
+const FORMAT: u32 = 1;
+
+/// An open store.
+#[derive(Debug)]
+pub struct Store {
+    root: PathBuf,
+    blobs: Blobs,
+    state: Mutex<State>,
+    stats: Mutex<StatCache>,
+    notices: Vec<String>,
+    lock: Option<lock::Lock>,
+}
+
+/// How a store is opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// To look only: takes no lock, creates nothing.
+    Read,
+    /// To build: takes the lock, and waits for it.
+    Write,
+    /// To build: takes the lock, or fails at once.
+    WriteNow,
+}
+
+impl Store {
+    /// Opens the store at `root`, for writing creates it. `waiting` is told once for whom it waits.
+    ///
+    /// # Errors
+    /// When it cannot be read or made, was made by a newer program, or is locked and `access` does not wait.
+    pub fn open(root: &Path, access: Access, waiting: &mut dyn FnMut(&str)) -> Result<Self, StoreError> {
+        let lock = match access {
+            Access::Read => None,
+            Access::Write | Access::WriteNow => {
+                disk::create_dir(root)?;
+                Some(lock::Lock::take(root, access == Access::Write, waiting)?)
+            }
+        };
+        disk::check_format(root, FORMAT, lock.is_some())?;
+        let blobs = Blobs::new(root);
+        if lock.is_some() {
+            for folder in ["cas", "ac", "tmp", "trash"] {
+                disk::create_dir(&root.join(folder))?;
+            }
+            // Nobody else may write while the lock is held: what lies here was left by a process that died.
+            disk::empty_dir(&root.join("tmp"))?;
+        }
+        let (state, notices) = State::open(root, lock.is_some())?;
+        let stats = StatCache::new(state.stat_entries());
+        Ok(Self {
+            root: root.to_owned(),
+            blobs,
+            state: Mutex::new(state),
+            stats: Mutex::new(stats),
+            notices,
+            lock,
+        })
+    }
+
+    /// What opening had to mend, one line each.
+    #[must_use]
+    pub fn notices(&self) -> &[String] {
+        &self.notices
+    }
+
+    /// Whether this process may write.
+    #[must_use]
+    pub fn is_writable(&self) -> bool {
+        self.lock.is_some()
+    }
+
+    /// The record of a key, if there is one.
+    #[must_use]
+    pub fn record(&self, key: &Key) -> Option<Vec<Output>> {
+        self.state().outputs(key)
+    }
+
+    /// The whole record of a key as it lies in `ac/`; `None` where it is absent or damaged.
+    #[must_use]
+    pub fn full_record(&self, key: &Key) -> Option<Record> {
+        Record::read(&self.root, key).ok().flatten()
+    }
+
+    /// The key that a step of a scene was last made with.
+    #[must_use]
+    pub fn last_key(&self, scene: &str, step: &str) -> Option<Key> {
+        self.state().last(scene, step)
+    }
+
+    /// Remembers that a step of a scene now stands at `key`, for explanations.
+    pub fn note_last(&self, scene: &str, step: &str, key: Key) {
+        self.state().set_last(scene, step, key);
+    }
+
+    /// The state of a blob, by its stat fields where they are known and by its bytes where not.
+    ///
+    /// # Errors
+    /// When the file is there and cannot be read.
+    pub fn examine(&self, output: &Output) -> Result<BlobState, StoreError> {
+        let path = self.blobs.path(&output.digest);
+        let found = self.stats().digest_of(&path);
+        match found {
+            Ok(digest) if digest == output.digest => Ok(BlobState::Sound),
+            Ok(_) => Ok(BlobState::Altered),
+            Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(BlobState::Missing),
+            Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
+        }
+    }
+
+    /// Where a blob lies.
+    #[must_use]
+    pub fn path_of(&self, digest: &Digest) -> PathBuf {
+        self.blobs.path(digest)
+    }
+
+    /// The digest of a file outside the store, read only where its stat fields moved.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn digest_of(&self, path: &Path) -> std::io::Result<Digest> {
+        self.stats().digest_of(path)
+    }
+
+    /// Takes an altered blob out of the way, into `trash/`.
+    ///
+    /// # Errors
+    /// When it cannot be moved.
+    pub fn discard(&self, digest: &Digest) -> Result<PathBuf, StoreError> {
+        self.blobs.discard(digest)
+    }
+
+    /// An empty folder for a step to write its files in.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn workspace(&self) -> Result<Workspace, StoreError> {
+        self.blobs.workspace()
+    }
+
+    /// Publishes the files of a workspace as what `record` made: blobs, then the record, then the index.
+    ///
+    /// # Errors
+    /// When a file cannot be read or written, or the key is on record with other bytes that are still there.
+    pub fn publish(&self, workspace: Workspace, mut record: Record) -> Result<Vec<Output>, StoreError> {
+        record.outputs = self.blobs.take_all(&workspace)?;
+        if let Some(before) = self.full_record(&record.key) {
+            let kept = before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)));
+            if kept && before.outputs != record.outputs {
+                return Err(StoreError::Nondeterministic {
+                    key: record.key,
+                    first: record::content(&before.outputs),
+                    second: record::content(&record.outputs),
+                });
+            }
+        }
+        record.write(&self.root)?;
+        for output in &record.outputs {
+            self.settle(&output.digest);
+        }
+        self.state().insert(&record.key, record.outputs.clone());
+        Ok(record.outputs)
+    }
+
+    /// Renews what is known of a blob after this program itself linked or unlinked it, which moves its ctime.
+    pub fn settle(&self, digest: &Digest) {
+        self.stats().settle(&self.blobs.path(digest), *digest);
+    }
+
+    /// Writes what is pending to the database. The records themselves are already on disk.
+    ///
+    /// # Errors
+    /// When the database refuses.
+    pub fn flush(&self) -> Result<(), StoreError> {
+        let entries = self.stats().take_changes();
+        self.state().flush(&entries)
+    }
+
+    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().expect("no holder of the state panics")
+    }
+
+    fn stats(&self) -> std::sync::MutexGuard<'_, StatCache> {
+        self.stats.lock().expect("no holder of the stat cache panics")
+    }
+}
+
+/// What became of a blob.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BlobState {
+    /// There, with the bytes of its name.
+    Sound,
+    /// Not there.
+    Missing,
+    /// There, with other bytes.
+    Altered,
+}
+
+/// A folder under `tmp/` that is removed with its content when dropped.
+#[derive(Debug)]
+pub struct Workspace {
+    path: PathBuf,
+}
+
+impl Workspace {
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Workspace {
+    fn drop(&mut self) {
+        // Whatever stays is removed when the store is next opened for writing.
+        let _ = std::fs::remove_dir_all(&self.path);
+    }
+}

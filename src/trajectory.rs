@@ -13,6 +13,7 @@ pub mod refine;
 pub mod report;
 pub mod sample;
 pub mod smooth;
+pub mod text;
 
 use crate::se3::rotation::MeanError;
 use crate::se3::rotation_spline::Unsettled;

@@ -140,7 +140,7 @@ fn parse_digits(text: &str) -> Option<u64> {
 }
 
 /// A frame rate in frames per second, exact.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 pub struct Hertz(pub Ratio);
 
 impl Hertz {

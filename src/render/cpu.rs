@@ -39,6 +39,10 @@ pub struct Cpu {
     tiles: Vec<f32>,
 }
 
+/// The numerical class: plain IEEE operations in a fixed order, equal on every machine. Raised with every change of
+/// a pixel's bits.
+pub const FINGERPRINT: &str = "cpu/1";
+
 impl Cpu {
     /// Prepares a scene. Gaussians with a value that is not finite are kept out of every image.
     ///
@@ -68,7 +72,7 @@ impl Cpu {
 
 impl Renderer for Cpu {
     fn fingerprint(&self) -> &str {
-        "cpu/1"
+        FINGERPRINT
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {

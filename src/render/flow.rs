@@ -49,7 +49,8 @@ fn project(camera: &Camera, point: DVec3) -> Option<[f64; 2]> {
 }
 
 /// Order statistics of a set of values.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Quantiles {
     /// Half of the values are at most this.
     pub median: f32,
@@ -70,6 +71,15 @@ impl Quantiles {
         let at = |percent: usize| values[(n * percent).div_ceil(100) - 1];
         (n > 0).then(|| Self { median: at(50), p95: at(95), max: at(100) })
     }
+}
+
+/// At most `wanted` pairs of neighbouring poses, evenly spread over `poses` and holding its first and its last pair.
+#[must_use]
+pub fn sample_pairs(poses: usize, wanted: usize) -> Vec<(usize, usize)> {
+    let pairs = poses.saturating_sub(1);
+    let count = wanted.min(pairs);
+    let first = |i: usize| if count > 1 { i * (pairs - 1) / (count - 1) } else { 0 };
+    (0..count).map(|i| (first(i), first(i) + 1)).collect()
 }
 
 #[cfg(test)]
@@ -99,6 +109,13 @@ mod tests {
             // positions at 1e6 are rounded at 1.2e-10, times 60/4 px a unit; the result at 6e-8 of itself
             assert!(moved.pixels().iter().all(|v| (v - wanted).abs() < 2e-7), "{:?}", moved.pixels()[0]);
         }
+    }
+
+    #[test]
+    fn sampled_pairs_hold_both_ends() {
+        assert_eq!(sample_pairs(150, 3), [(0, 1), (74, 75), (148, 149)]);
+        assert_eq!(sample_pairs(3, 9), [(0, 1), (1, 2)]);
+        assert_eq!(sample_pairs(1, 9), []);
     }
 
     #[test]

@@ -181,8 +181,8 @@ mod tests {
         let points: Vec<DVec3> =
             (0..7u8).map(|i| DVec3::new(f64::from(i * i % 5), f64::from(i % 3), 1.0)).collect();
         let spline = CubicSpline::not_a_knot(&STEPS, &points);
-        for i in 0..5 {
-            let (left, right, h) = (spline.segment(i), spline.segment(i + 1), STEPS[i]);
+        for (i, h) in STEPS[..5].iter().copied().enumerate() {
+            let (left, right) = (spline.segment(i), spline.segment(i + 1));
             assert!((left.value(h) - right.value(0.0)).length() < 1e-13);
             assert!((left.slope(h) - right.slope(0.0)).length() < 1e-12);
             assert!((left.bend(h) - right.bend(0.0)).length() < 1e-10, "{i}");

@@ -6,18 +6,20 @@ mod drift;
 mod exact;
 mod noiseless;
 pub mod presets;
+pub mod screen;
 pub mod units;
 
 pub use presets::Preset;
+pub use screen::{ScreenError, Screening};
 pub use units::Units;
 
-use super::{Model, Pixels};
+use super::{Model, Pixels, SensorError, check_extent};
 use crate::image::Size;
 use crate::seed::Seed;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Parameters, in the official unit system: microseconds, grey 0..255, voltages in thresholds of the preset.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Voltmeter {
     /// k1 to k6: pure number, grey, grey^.5/us^.5, 1/us, 1/(grey us), 1/us^.5.
     pub k: [f64; 6],
@@ -38,7 +40,7 @@ pub struct Voltmeter {
 }
 
 /// Which sampler draws the events.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Law {
     /// First passages of the process, whatever the frame rate.
@@ -46,7 +48,7 @@ pub enum Law {
 }
 
 /// How brightness turns into drift.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Gain {
     /// `k1 ln(L + k2)`.
@@ -56,7 +58,7 @@ pub enum Gain {
 }
 
 /// Voltages at the first frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Initial {
     /// All zero, as published.
@@ -64,7 +66,7 @@ pub enum Initial {
 }
 
 /// Brightness between two frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Between {
     /// Linear in `ln(L + k2)`.
@@ -89,9 +91,22 @@ impl Voltmeter {
 }
 
 impl Model for Voltmeter {
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
+    fn law_version(&self) -> u32 {
         match self.law {
-            Law::Exact => Box::new(exact::Exact::new(self, size, origin, seed)),
+            Law::Exact => exact::VERSION,
+        }
+    }
+
+    /// `threshold / k1`: what users of event cameras call C.
+    fn contrast(&self) -> (f64, f64) {
+        (self.threshold_on / self.k[0], self.threshold_off / self.k[0])
+    }
+
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError> {
+        self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
+        check_extent(size, origin)?;
+        match self.law {
+            Law::Exact => Ok(Box::new(exact::Exact::new(self, size, origin, seed))),
         }
     }
 }

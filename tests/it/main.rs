@@ -3,6 +3,8 @@
 mod codecs;
 mod event_statistics;
 mod render_golden;
+mod store;
 mod support;
 mod tidy;
 mod trajectories;
+mod recipes;

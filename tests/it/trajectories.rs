@@ -1,5 +1,7 @@
 //! Refined trajectories against closed forms, independent quadrature and SciPy.
 
+#![expect(clippy::unwrap_used, reason = "test code outside of test functions")]
+
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::{angle, exp};

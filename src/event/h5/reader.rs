@@ -5,6 +5,7 @@ use crate::event::{Event, EventFileError, EventSource, Header, LawStamp, Polarit
 use crate::image::Size;
 use crate::units::Timestamp;
 use rust_hdf5::{H5Dataset, H5File, H5Type};
+use std::panic::AssertUnwindSafe;
 use std::path::Path;
 
 /// More elements of a dataset for each byte of the file than zlib can compress into it (its ratio is below 1,032).
@@ -44,6 +45,10 @@ impl Reader {
     /// # Errors
     /// When it is no HDF5 file, a dataset is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
+        guarded(|| Self::open_unguarded(path))
+    }
+
+    fn open_unguarded(path: &Path) -> Result<Self, EventFileError> {
         let bytes = std::fs::metadata(path)?.len();
         let file = H5File::options().no_locking().open(path)?;
         let (t, count) = column::<u32>(&file, T)?;
@@ -206,9 +211,21 @@ fn read<T: H5Type>(
     start: usize,
     count: usize,
 ) -> Result<Vec<T>, EventFileError> {
-    dataset.read_slice(&[start], &[count]).map_err(|e| EventFileError::Dataset {
-        dataset: name,
-        because: format!("elements {start} to {} cannot be read: {e}", start + count - 1),
+    guarded(|| {
+        dataset.read_slice(&[start], &[count]).map_err(|e| EventFileError::Dataset {
+            dataset: name,
+            because: format!("elements {start} to {} cannot be read: {e}", start + count - 1),
+        })
+    })
+}
+
+/// Runs what reads with rust-hdf5, of which 0.7.9 panics on some damaged files (a datatype whose size overflows): in
+/// a file from a stranger that is one fault more, not a crash.
+fn guarded<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
+    std::panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
+        Err(EventFileError::Container(
+            "the HDF5 structure is damaged beyond what its library can name".to_owned(),
+        ))
     })
 }
 

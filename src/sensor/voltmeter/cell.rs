@@ -3,11 +3,6 @@
 //! The noise is a Brownian tree: every draw belongs to a cell of the clock, so neither frames nor neighbours nor
 //! threads can change it. Cells in which no barrier is within reach are crossed in one step; the others are halved down
 //! to leaves, in which the path is a bridge between known ends and its first touches are drawn exactly.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "times within a root cell are below 2^20 ns"
-)]
 
 use super::bridge::{Barriers, Live, Side, touch_probability, touch_time};
 use super::drift::Path;

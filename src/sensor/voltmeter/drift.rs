@@ -29,7 +29,6 @@ impl Process {
     }
 
     /// Whether no brightness makes noise.
-    #[expect(clippy::float_cmp, reason = "exactly zero is how noise is switched off")]
     pub(super) fn is_noiseless(&self) -> bool {
         self.k3 == 0.0 && self.k6 == 0.0
     }
@@ -189,7 +188,6 @@ impl Path {
 
     /// Appends a clipped piece.
     pub(super) fn push(&mut self, piece: &Piece, whole: Smooth) {
-        #[expect(clippy::float_cmp, reason = "a piece that is not clipped skips exactly nothing")]
         let smooth = if piece.skipped == 0.0 { whole } else { whole.from(piece.skipped) };
         self.parts.push(Part { from: piece.from, to: piece.to, at: self.end, smooth });
         self.end += smooth.rise(piece.to - piece.from);

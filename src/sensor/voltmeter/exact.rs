@@ -24,6 +24,9 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 
+/// Version of the law: raised when a clock, a constant or a draw changes.
+pub(super) const VERSION: u32 = 1;
+
 /// Stamps end here, so that the number of a root cell's nanosecond fits the counter of the draws: 2.3 years.
 const LAST_STAMP: i64 = 1 << 56;
 

@@ -1,0 +1,157 @@
+//! The command line: what the user types, what they read, and how the program ends.
+//!
+//! The only room that prints, reads the environment, or looks at a clock for people. Text for people goes to
+//! stderr, results for programs to stdout.
+
+mod audit;
+mod build;
+mod check;
+mod console;
+mod plan;
+mod problem;
+mod progress;
+mod release;
+mod why;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use console::Console;
+use problem::{Exit, Problem};
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Builds datasets of synthetic event-camera streams from 3D Gaussian splats, and proves them.
+#[derive(Debug, Parser)]
+#[command(name = "gs2e", version, about, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Make what is stale, and nothing else
+    Build(build::Build),
+    /// Show what `build` would run, may run and leave alone, each with its reason; runs nothing
+    Plan(plan::Show),
+    /// Show what goes into a step's key, and what changed since it was last made
+    Why(why::Why),
+    /// Show the verdicts of the validation passes over what is built
+    Check(check::Check),
+    /// Build what is stale, check it, and write the release tree
+    Release(release::Release),
+    /// Read every byte of a release tree and say whether it is whole and consistent
+    Audit(audit::Audit),
+}
+
+/// Options of every verb.
+#[derive(Debug, Args)]
+struct Common {
+    /// Work in this folder
+    #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
+    directory: Option<PathBuf>,
+    /// Where built things are kept
+    #[arg(long, value_name = "DIR", default_value = ".gs2e", global = true)]
+    store: PathBuf,
+    /// Cores to use [default: all]
+    #[arg(short = 'j', long = "jobs", value_name = "N", global = true, value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// Keep going past a failed scene
+    #[arg(short = 'k', long, global = true)]
+    keep_going: bool,
+    /// What renders
+    #[arg(long, value_enum, default_value_t = Backend::Auto, global = true)]
+    backend: Backend,
+    /// Fail instead of waiting when another gs2e works in the store
+    #[arg(long, global = true)]
+    no_wait: bool,
+    /// Print results for programs to stdout
+    #[arg(long, global = true)]
+    json: bool,
+    /// Print failures only
+    #[arg(short, long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Backend {
+    Auto,
+    Cpu,
+    Gpu,
+    Reference,
+}
+
+impl Backend {
+    /// Refuses what this program does not have.
+    fn screen(self) -> Result<(), Problem> {
+        let name = match self {
+            Self::Auto | Self::Cpu => return Ok(()),
+            Self::Gpu => "gpu",
+            Self::Reference => "reference",
+        };
+        let message = format!("the back end `{name}` is not built into this gs2e: it renders on the CPU");
+        Err(Problem::usage("no-adapter", message).help("--backend cpu, or leave it out"))
+    }
+}
+
+/// The recipes or folders that a verb works on.
+#[derive(Debug, Args)]
+struct Targets {
+    /// Recipes, or folders of recipes
+    #[arg(value_name = "RECIPE or DIR", default_value = "recipes")]
+    recipes: Vec<PathBuf>,
+}
+
+/// Runs the program with these arguments, the first being its own name.
+#[must_use]
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Where the terminal is gone there is nobody left to tell.
+            let _ = error.print();
+            return Exit::from_clap(&error).into();
+        }
+    };
+    let console = Console::new(cli.common.json, cli.common.quiet);
+    match dispatch(cli, &console) {
+        Ok(exit) => exit.into(),
+        Err(problem) => {
+            console.problem(&problem);
+            problem.exit.into()
+        }
+    }
+}
+
+fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
+    if let Some(directory) = &cli.common.directory {
+        std::env::set_current_dir(directory).map_err(|e| {
+            Problem::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
+        })?;
+    }
+    cli.common.backend.screen()?;
+    let common = &cli.common;
+    match cli.verb {
+        Verb::Build(verb) => verb.run(common, console),
+        Verb::Plan(verb) => verb.run(common, console),
+        Verb::Why(verb) => verb.run(common, console),
+        Verb::Check(verb) => verb.run(common, console),
+        Verb::Release(verb) => verb.run(common, console),
+        Verb::Audit(verb) => verb.run(common, console),
+    }
+}
+
+/// A flag that the first interrupt sets; the second ends the program at once, which is as safe as a power cut.
+fn on_interrupt() -> Result<Arc<AtomicBool>, Problem> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register_conditional_shutdown(signal, 130, flag.clone())
+            .and_then(|_| signal_hook::flag::register(signal, flag.clone()))
+            .map_err(|e| Problem::failed("signals", format!("interrupts cannot be handled: {e}")))?;
+    }
+    Ok(flag)
+}

@@ -1,0 +1,125 @@
+//! `gs2e build`: makes what is stale, and nothing else.
+
+use super::console::Console;
+use super::problem::{Exit, Problem};
+use super::progress::Progress;
+use super::{Common, Targets, on_interrupt};
+use crate::plan::Plan;
+use crate::plan::assess::assess;
+use crate::run::{self, Options, Summary};
+use crate::store::{Access, Store};
+use crate::recipe::{self, Recipe};
+use crate::sensor::Sensor;
+use crate::sensor::voltmeter::screen::Noise;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Arguments of `build`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Build {
+    #[command(flatten)]
+    targets: Targets,
+}
+
+impl Build {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        let plan = read_plan(&self.targets.recipes, console)?;
+        let store = open(common, console)?;
+        let (summary, seconds) = build(&plan, &store, common, console)?;
+        console.say(&last_line(&summary, seconds));
+        Ok(exit(&summary))
+    }
+}
+
+/// Reads recipes into a plan, and says once for each sensor what it does by itself.
+pub(super) fn read_plan(recipes: &[PathBuf], console: &Console) -> Result<Plan, Problem> {
+    let recipes = recipe::read_all(recipes)?;
+    let mut told: Vec<&Sensor> = Vec::new();
+    for recipe in &recipes {
+        if !told.contains(&&recipe.sensor) {
+            told.push(&recipe.sensor);
+            tell_sensor(recipe, console)?;
+        }
+    }
+    Ok(Plan::new(recipes))
+}
+
+fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
+    let scene = &recipe.scene;
+    let screening = recipe.sensor.screen(recipe.rate);
+    let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
+    let [on, off] = screening.contrast;
+    console.say(&format!("sensor of {scene}: one event is a step of ln(L + k2) by {on:.4} up, {off:.4} down"));
+    for n in screening.noise {
+        let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
+        let Noise { grey, leak_hz, total_hz, .. } = n;
+        console.say(&format!("  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"));
+    }
+    for warning in &screening.warnings {
+        console.say(&format!("warning: {scene}: {warning}"));
+    }
+    Ok(())
+}
+
+/// Opens the store for writing, waiting for another process where there is one.
+pub(super) fn open(common: &Common, console: &Console) -> Result<Store, Problem> {
+    let access = if common.no_wait { Access::WriteNow } else { Access::Write };
+    let store = Store::open(&common.store, access, &mut |holder| {
+        console.insist(&format!("waiting: {} is in use by {holder}", common.store.display()));
+    })?;
+    for notice in store.notices() {
+        console.insist(&format!("warning: {notice}"));
+    }
+    Ok(store)
+}
+
+/// Builds what is stale; the seconds are for people.
+pub(super) fn build(
+    plan: &Plan,
+    store: &Store,
+    common: &Common,
+    console: &Console,
+) -> Result<(Summary, f64), Problem> {
+    let started = Instant::now();
+    // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
+    if !common.keep_going {
+        assess(plan, store)?;
+    }
+    let cores = common.jobs.map_or_else(all_cores, usize::from);
+    let options = Options { cores, keep_going: common.keep_going };
+    let cancel = on_interrupt()?;
+    let progress = Progress::new(plan, console);
+    let summary = run::run(plan, store, options, &cancel, &progress);
+    progress.close();
+    Ok((summary?, started.elapsed().as_secs_f64()))
+}
+
+fn all_cores() -> usize {
+    std::thread::available_parallelism().map_or(1, NonZero::get)
+}
+
+pub(super) fn last_line(summary: &Summary, seconds: f64) -> String {
+    let Summary { made, kept, failures, unreached, interrupted, .. } = summary;
+    if *interrupted {
+        let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
+        return format!(
+            "interrupted: {finished} of {all} steps are finished and kept; run the same command to go on"
+        );
+    }
+    let mut text = format!("made {made}, up to date {kept}, failed {}", failures.len());
+    if *unreached > 0 {
+        text.push_str(&format!(", not reached {unreached}"));
+    }
+    format!("{text}; {seconds:.2} s")
+}
+
+pub(super) fn exit(summary: &Summary) -> Exit {
+    if summary.interrupted {
+        Exit::Interrupted
+    } else if summary.failures.is_empty() {
+        Exit::Done
+    } else {
+        Exit::Failed
+    }
+}

@@ -1,0 +1,103 @@
+//! `gs2e check`: the verdicts of the validation passes over what is built.
+
+use super::Common;
+use super::build::read_plan;
+use super::console::Console;
+use super::problem::{Exit, Problem};
+use crate::artifact::{Artifact, Files, Verdicts};
+use crate::check::{Finding, NAMES, Verdict};
+use crate::plan::Plan;
+use crate::plan::assess::assess;
+use crate::stage::checks;
+use crate::store::{Access, Store};
+use std::path::PathBuf;
+
+/// Arguments of `check`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Check {
+    /// Scene ids [default: all]
+    #[arg(value_name = "SCENE")]
+    scenes: Vec<String>,
+    /// Where the recipes are
+    #[arg(long, value_name = "RECIPE or DIR", default_value = "recipes")]
+    recipes: Vec<PathBuf>,
+    /// Count this check as failed where it was not run
+    #[arg(long, value_name = "CHECK", value_parser = clap::builder::PossibleValuesParser::new(NAMES))]
+    require: Vec<String>,
+}
+
+impl Check {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        let plan = read_plan(&self.recipes, console)?;
+        if let Some(name) = self.scenes.iter().find(|name| plan.scenes().iter().all(|r| r.scene != **name)) {
+            return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
+        }
+        let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
+        let findings = built_findings(&plan, &store, &self.scenes)?;
+        show(&findings, console);
+        let missed = |finding: &Finding| {
+            finding.verdict == Verdict::NotRun && self.require.contains(&finding.check)
+        };
+        let absent = self.require.iter().filter(|name| findings.iter().all(|f| f.check != **name)).count();
+        let failed = findings.iter().filter(|f| f.verdict == Verdict::Fail || missed(f)).count() + absent;
+        Ok(if failed == 0 { Exit::Done } else { Exit::Fault })
+    }
+}
+
+/// The findings of every built trajectory of the named scenes, or of all where none is named.
+fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<Finding>, Problem> {
+    let assessed = assess(plan, store)?;
+    let mut findings = Vec::new();
+    for (step, assessed) in plan.steps().iter().zip(&assessed) {
+        let scene = plan.scene_of(step);
+        let wanted = scenes.is_empty() || scenes.iter().any(|name| name == scene);
+        if step.step.stage() != checks::NAME || !wanted {
+            continue;
+        }
+        let Some(outputs) = &assessed.outputs else {
+            let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
+            return Err(Problem::failed("not-built", message).help("gs2e build"));
+        };
+        let verdicts = Verdicts::open(&Files::of(outputs, store));
+        findings.extend(verdicts.map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?.findings);
+    }
+    Ok(findings)
+}
+
+/// Prints findings: to programs as records, to people as a table with the faults first.
+pub(super) fn show(findings: &[Finding], console: &Console) {
+    if console.json {
+        for finding in findings {
+            console.result(&serde_json::to_value(finding).expect("a finding is plain data"));
+        }
+        return;
+    }
+    let mut sorted: Vec<&Finding> = findings.iter().collect();
+    let rank = |verdict| match verdict {
+        Verdict::Fail => 0,
+        Verdict::Waived => 1,
+        Verdict::Warn => 2,
+        Verdict::NotRun => 3,
+        Verdict::Pass => 4,
+    };
+    sorted.sort_by_key(|f| rank(f.verdict));
+    for f in &sorted {
+        let verdict = match f.verdict {
+            Verdict::Fail => "FAIL",
+            Verdict::Waived => "waived",
+            Verdict::Warn => "warn",
+            Verdict::NotRun => "not run",
+            Verdict::Pass => "pass",
+        };
+        console.print(&format!("{verdict:7}  {:15}  {}: {}", f.check, f.subject, f.because));
+    }
+    let count = |verdict| sorted.iter().filter(|f| f.verdict == verdict).count();
+    console.say(&format!(
+        "{} pass, {} warn, {} fail, {} waived, {} not run",
+        count(Verdict::Pass),
+        count(Verdict::Warn),
+        count(Verdict::Fail),
+        count(Verdict::Waived),
+        count(Verdict::NotRun)
+    ));
+}

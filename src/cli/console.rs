@@ -1,0 +1,55 @@
+//! Where text goes: people read stderr, programs read stdout.
+
+use super::problem::Problem;
+use std::io::{IsTerminal, Write};
+
+/// The two streams, and what the user wants on them.
+#[derive(Debug)]
+pub(super) struct Console {
+    pub(super) json: bool,
+    pub(super) quiet: bool,
+}
+
+impl Console {
+    pub(super) fn new(json: bool, quiet: bool) -> Self {
+        Self { json, quiet }
+    }
+
+    /// Whether a person watches.
+    pub(super) fn is_live(&self) -> bool {
+        !self.quiet && std::io::stderr().is_terminal()
+    }
+
+    /// A line for people, unless they want none.
+    pub(super) fn say(&self, text: &str) {
+        if !self.quiet {
+            self.insist(text);
+        }
+    }
+
+    /// A line for people, whatever they want.
+    #[expect(clippy::unused_self, reason = "everything printed goes through the console")]
+    pub(super) fn insist(&self, text: &str) {
+        // Where stderr is gone there is nobody left to tell.
+        let _ = writeln!(std::io::stderr().lock(), "{text}");
+    }
+
+    /// A result for programs: one JSON value on a line of stdout.
+    pub(super) fn result(&self, value: &serde_json::Value) {
+        self.print(&value.to_string());
+    }
+
+    /// A line of stdout.
+    #[expect(clippy::unused_self, reason = "everything printed goes through the console")]
+    pub(super) fn print(&self, text: &str) {
+        // A reader that closed the pipe has read all it wants.
+        let _ = writeln!(std::io::stdout().lock(), "{text}");
+    }
+
+    pub(super) fn problem(&self, problem: &Problem) {
+        if self.json {
+            self.result(&problem.to_json());
+        }
+        self.insist(&problem.to_text());
+    }
+}

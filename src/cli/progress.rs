@@ -1,0 +1,110 @@
+//! What is shown of a run: a bar on a terminal, plain lines otherwise.
+
+use super::console::Console;
+use crate::plan::Plan;
+use crate::run::{Event, Observer};
+use crate::stage::StepId;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use std::sync::Mutex;
+
+/// Shows a run as it happens.
+pub(super) struct Progress<'a> {
+    plan: &'a Plan,
+    console: &'a Console,
+    bar: Option<ProgressBar>,
+    shown: Mutex<Shown>,
+}
+
+#[derive(Default)]
+struct Shown {
+    ended: usize,
+    running: Vec<StepId>,
+}
+
+impl<'a> Progress<'a> {
+    pub(super) fn new(plan: &'a Plan, console: &'a Console) -> Self {
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {wide_msg}");
+        let bar = console.is_live().then(|| {
+            let bar = ProgressBar::new(plan.steps().len() as u64);
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.enable_steady_tick(std::time::Duration::from_millis(200));
+            bar
+        });
+        Self { plan, console, bar, shown: Mutex::default() }
+    }
+
+    /// Takes the bar away.
+    pub(super) fn close(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn name(&self, step: StepId) -> String {
+        let step = &self.plan.steps()[step.0];
+        format!("{}/{}", self.plan.scene_of(step), step.name)
+    }
+
+    /// A line above the bar, or alone.
+    fn line(&self, text: &str, always: bool) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| self.console.insist(text)),
+            None if always => self.console.insist(text),
+            None => self.console.say(text),
+        }
+    }
+
+    fn count(&self, change: impl FnOnce(&mut Shown)) -> usize {
+        let mut shown = self.shown.lock().expect("no observer panics");
+        change(&mut shown);
+        if let Some(bar) = &self.bar {
+            let running: Vec<String> = shown.running.iter().map(|step| self.name(*step)).collect();
+            bar.set_position(shown.ended as u64);
+            bar.set_message(running.join(", "));
+        }
+        shown.ended
+    }
+
+    fn end(&self, step: StepId) -> usize {
+        self.count(|shown| {
+            shown.ended += 1;
+            shown.running.retain(|running| *running != step);
+        })
+    }
+
+    fn tell_programs(&self, step: StepId, state: &str, seconds: Option<f64>) {
+        if self.console.json {
+            self.console.result(&json!({ "step": self.name(step), "state": state, "seconds": seconds }));
+        }
+    }
+}
+
+impl Observer for Progress<'_> {
+    fn tell(&self, event: &Event<'_>) {
+        match event {
+            Event::Started { step, .. } => {
+                self.count(|shown| shown.running.push(*step));
+            }
+            Event::Kept { step } => {
+                self.end(*step);
+                self.tell_programs(*step, "kept", None);
+            }
+            Event::Made { step, seconds, warnings } => {
+                let ended = self.end(*step);
+                let (all, name) = (self.plan.steps().len(), self.name(*step));
+                let width = all.to_string().len();
+                self.line(&format!("[{ended:width$}/{all}] {name} {seconds:.1} s"), false);
+                for warning in *warnings {
+                    self.line(&format!("warning: {name}: {warning}"), false);
+                }
+                self.tell_programs(*step, "made", Some(*seconds));
+            }
+            Event::Failed { failure } => {
+                self.end(failure.step);
+                self.line(&format!("error: {}: {}", self.name(failure.step), failure.error), true);
+                self.tell_programs(failure.step, "failed", None);
+            }
+        }
+    }
+}

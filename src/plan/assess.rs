@@ -1,0 +1,254 @@
+//! Whether a step must run, and why: its key against the store.
+
+use super::{Plan, PlannedStep};
+use crate::stage::StageError;
+use crate::store::description::{Line, Value};
+use crate::store::record::{Output, content};
+use crate::store::{BlobState, Digest, Key, Store, StoreError};
+use serde::Serialize;
+
+/// What becomes of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Action {
+    /// Its key has no sound record.
+    Run,
+    /// An input will run: if that makes the bytes it made before, this step stays.
+    MayRun,
+    /// Up to date.
+    Keep,
+}
+
+/// Why a step runs or stays.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "code", rename_all = "kebab-case")]
+pub enum Reason {
+    /// Recorded, and all its outputs are there.
+    UpToDate,
+    /// An input runs first.
+    InputMayChange {
+        /// The step that makes the input.
+        step: String,
+    },
+    /// Never made.
+    NoRecord,
+    /// Made from another input.
+    InputChanged {
+        /// Role of the input.
+        name: String,
+        /// Digest then; empty where there was none.
+        old: String,
+        /// Digest now; empty where there is none.
+        new: String,
+    },
+    /// Made with another parameter.
+    ParamChanged {
+        /// Its place in the description.
+        name: String,
+        /// Value then; empty where there was none.
+        old: String,
+        /// Value now; empty where there is none.
+        new: String,
+    },
+    /// Made by another revision of the stage.
+    Revision {
+        /// Then.
+        old: String,
+        /// Now.
+        new: String,
+    },
+    /// Made by another numerical class.
+    Class {
+        /// Then.
+        old: String,
+        /// Now.
+        new: String,
+    },
+    /// Recorded, but an output is gone.
+    BlobMissing {
+        /// Its digest.
+        digest: String,
+    },
+    /// Recorded, but an output was altered.
+    BlobAltered {
+        /// Its digest.
+        digest: String,
+    },
+}
+
+/// A step held against the store.
+#[derive(Debug, Clone)]
+pub struct Assessment {
+    /// What becomes of it.
+    pub action: Action,
+    /// Why.
+    pub reason: Reason,
+    /// Its key and the description behind it; `None` while an input may change.
+    pub key: Option<(Key, Value)>,
+    /// Its outputs, where it is up to date.
+    pub outputs: Option<Vec<Output>>,
+}
+
+/// Why a plan cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    /// A source file is not there.
+    #[error("{scene}: the source is not there: {}", path.display())]
+    Missing {
+        /// Scene id.
+        scene: String,
+        /// What was looked for.
+        path: std::path::PathBuf,
+    },
+    /// A source cannot be listed or read.
+    #[error("{scene}/{step}: failed to {cause}")]
+    Source {
+        /// Scene id.
+        scene: String,
+        /// Step name.
+        step: String,
+        /// Cause.
+        cause: StageError,
+    },
+    /// The store failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// Holds a whole plan against the store; runs nothing.
+///
+/// # Errors
+/// When a source is absent or unreadable, or the store fails.
+pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> {
+    let mut done: Vec<Assessment> = Vec::with_capacity(plan.steps.len());
+    for step in &plan.steps {
+        let waiting = step.step.inputs().into_iter().find(|(_, id)| done[id.0].outputs.is_none());
+        done.push(match waiting {
+            Some((_, id)) => Assessment {
+                action: Action::MayRun,
+                reason: Reason::InputMayChange { step: plan.steps[id.0].name.clone() },
+                key: None,
+                outputs: None,
+            },
+            None => step_alone(plan, store, step, &|id| done[id].outputs.clone().unwrap_or_default())?,
+        });
+    }
+    Ok(done)
+}
+
+/// Holds one step against the store, given the outputs of its inputs.
+///
+/// # Errors
+/// As [`assess`].
+pub fn step_alone(
+    plan: &Plan,
+    store: &Store,
+    step: &PlannedStep,
+    outputs_of: &dyn Fn(usize) -> Vec<Output>,
+) -> Result<Assessment, PlanError> {
+    let mut inputs: Vec<(String, Digest)> = Vec::new();
+    for (role, id) in step.step.inputs() {
+        inputs.push((role.to_owned(), content(&outputs_of(id.0))));
+    }
+    inputs.extend(source_digests(plan, store, step)?);
+    let description = step.step.describe(&inputs);
+    let key = Key::of(&description);
+    let (reason, outputs) = match store.record(&key) {
+        Some(outputs) => match damage(store, &outputs)? {
+            None => (Reason::UpToDate, Some(outputs)),
+            Some(reason) => (reason, None),
+        },
+        None => (difference(plan, store, step, &description), None),
+    };
+    let action = if outputs.is_some() { Action::Keep } else { Action::Run };
+    Ok(Assessment { action, reason, key: Some((key, description)), outputs })
+}
+
+/// Digests of the files outside the store that a step reads, by role.
+///
+/// # Errors
+/// When one is absent or unreadable.
+pub fn source_digests(
+    plan: &Plan,
+    store: &Store,
+    step: &PlannedStep,
+) -> Result<Vec<(String, Digest)>, PlanError> {
+    let scene = || plan.scene_of(step).to_owned();
+    let failed = |cause| match cause {
+        StageError::Missing { path } => PlanError::Missing { scene: scene(), path },
+        cause => PlanError::Source { scene: scene(), step: step.name.clone(), cause },
+    };
+    let mut digests = Vec::new();
+    for source in step.step.sources().map_err(failed)? {
+        let digest = store.digest_of(&source.path).map_err(|e| match e.kind() {
+            std::io::ErrorKind::NotFound => failed(StageError::Missing { path: source.path.clone() }),
+            _ => failed(StageError::Io { path: source.path.clone(), source: e }),
+        })?;
+        digests.push((format!("file {}", source.name), digest));
+    }
+    Ok(digests)
+}
+
+fn damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreError> {
+    for output in outputs {
+        let digest = output.digest.to_string();
+        match store.examine(output)? {
+            BlobState::Sound => {}
+            BlobState::Missing => return Ok(Some(Reason::BlobMissing { digest })),
+            BlobState::Altered => return Ok(Some(Reason::BlobAltered { digest })),
+        }
+    }
+    Ok(None)
+}
+
+/// What differs from when the step was last made.
+fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Reason {
+    let last = store.last_key(plan.scene_of(step), &step.name);
+    let Some(record) = last.and_then(|key| store.full_record(&key)) else { return Reason::NoRecord };
+    changes(&record.description, &now.lines()).into_iter().next().map_or(Reason::NoRecord, Change::reason)
+}
+
+/// A line that differs between two descriptions.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Change {
+    /// Its place.
+    pub path: String,
+    /// The text before; empty where it was absent.
+    pub old: String,
+    /// The text after; empty where it is absent.
+    pub new: String,
+}
+
+impl Change {
+    fn reason(self) -> Reason {
+        let Self { path, old, new } = self;
+        let below = |prefix: &str| path.strip_prefix(prefix).map(str::to_owned);
+        match path.as_str() {
+            "revision" => Reason::Revision { old, new },
+            "class" => Reason::Class { old, new },
+            _ => match (below("inputs."), below("params.")) {
+                (Some(name), _) => Reason::InputChanged { name, old, new },
+                (None, Some(name)) => Reason::ParamChanged { name, old, new },
+                (None, None) => Reason::ParamChanged { name: path, old, new },
+            },
+        }
+    }
+}
+
+/// The lines that differ, the most telling first: revision and class, then parameters, then inputs.
+#[must_use]
+pub fn changes(old: &[Line], new: &[Line]) -> Vec<Change> {
+    let text = |lines: &[Line], path: &str| {
+        lines.iter().find(|l| l.path == path).map(|l| l.text.clone()).unwrap_or_default()
+    };
+    let mut paths: Vec<&str> = old.iter().chain(new).map(|l| l.path.as_str()).collect();
+    let rank = |path: &str| match path {
+        "revision" | "class" => 0,
+        p if p.starts_with("params.") => 1,
+        _ => 2,
+    };
+    paths.sort_by_key(|path| (rank(path), *path));
+    paths.dedup();
+    let change = |path: &str| Change { path: path.to_owned(), old: text(old, path), new: text(new, path) };
+    paths.into_iter().map(change).filter(|c| c.old != c.new).collect()
+}

@@ -1,0 +1,166 @@
+//! The merged recipe in full, defaults filled: what `scene.json` shows. It is a recipe itself, in one spelling.
+
+use super::field::Field;
+use super::resolve::Resolved;
+use super::resolve::trajectory::DEFAULT_SPEED;
+use super::{Output, Reconstruct, Source, TrajectoryRecipe, schema};
+use crate::render::Antialiased;
+use crate::sensor::Sensor;
+use crate::sensor::voltmeter::{Preset, Voltmeter};
+use crate::trajectory::refine::{Count, Refine, Scale};
+use crate::units::Ratio;
+use serde_json::{Map, Value, json};
+
+/// The canonical form of a recipe: `raw` gives what is shown as it was written (paths, formulae, a literal `k`).
+pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
+    let Sensor::Voltmeter(voltmeter) = &recipe.sensor;
+    let mut out = json!({
+        "version": 1,
+        "scene": recipe.scene,
+        "seed": recipe.seed,
+        "source": source(raw, &recipe.source),
+        "trajectories": trajectories(raw, &recipe.trajectories),
+        "sampling": { "rate": ratio(recipe.rate.0), "between": voltmeter.between },
+        "render": {
+            "rules": recipe.render.rules,
+            "antialiased": antialiased(recipe.render.antialiased),
+            "background": recipe.render.background,
+        },
+        "sensor": { "voltmeter": sensor(raw, voltmeter) },
+        "outputs": recipe.outputs.iter().map(|o| output(*o)).collect::<Vec<_>>(),
+        "sharp": { "every": recipe.sharp_every },
+        "checks": recipe.checks,
+    });
+    let mut add = |key: &str, value: Value| out[key] = value;
+    if let Some(Reconstruct::Given(_)) = &recipe.reconstruct {
+        add("reconstruct", json!({ "given": { "path": given_path(raw) } }));
+    }
+    if let Some(camera) = recipe.camera {
+        let mut sides = json!({ "width": camera.width, "height": camera.height });
+        for (key, value) in ["fx", "fy", "cx", "cy"].into_iter().zip(camera.intrinsics.into_iter().flatten())
+        {
+            sides[key] = json!(value);
+        }
+        add("camera", sides);
+    }
+    if let Some(licence) = &recipe.licence {
+        add("licence", json!({ "expression": licence.expression, "holder": licence.holder }));
+    }
+    out
+}
+
+fn source(raw: &schema::Recipe, source: &Source) -> Value {
+    let path = match raw.source.given() {
+        Some((schema::Source::Colmap(folder) | schema::Source::Nerfstudio(folder), _)) => {
+            written(&folder.path)
+        }
+        _ => None,
+    };
+    match source {
+        Source::Procedural(still_life) => {
+            let mut fields = Map::from_iter([("kind".to_owned(), json!("still-life"))]);
+            if let Ok(Value::Object(rest)) = serde_json::to_value(still_life) {
+                fields.extend(rest);
+            }
+            json!({ "procedural": fields })
+        }
+        Source::Colmap(_) => json!({ "colmap": { "path": path } }),
+        Source::Nerfstudio(_) => json!({ "nerfstudio": { "path": path } }),
+    }
+}
+
+fn given_path(raw: &schema::Recipe) -> Option<&str> {
+    match raw.reconstruct.given() {
+        Some((schema::Reconstruct::Given(given), _)) => written(&given.path),
+        _ => None,
+    }
+}
+
+fn written(field: &Field<String>) -> Option<&str> {
+    field.given().map(|(text, _)| text.as_str())
+}
+
+fn trajectories(raw: &schema::Recipe, list: &[TrajectoryRecipe]) -> Vec<Value> {
+    let Some((written, _)) = raw.trajectories.given() else { return Vec::new() };
+    written.iter().zip(list).filter_map(|(raw, t)| Some(trajectory(raw.given()?.0, t))).collect()
+}
+
+fn trajectory(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
+    let speed = match raw.speed.given() {
+        Some((schema::Speed::Function(text), _)) => written(text),
+        _ => None,
+    };
+    json!({
+        "name": trajectory.name,
+        "refine": refine(&trajectory.refine),
+        "speed": { "function": speed.unwrap_or(DEFAULT_SPEED) },
+    })
+}
+
+fn refine(refine: &Refine) -> Value {
+    let (key, count) = match refine.count {
+        Count::Factor(factor) => ("factor", ratio(factor)),
+        Count::Frames(frames) => ("frames", json!(frames)),
+        Count::Duration(seconds) => ("duration", ratio(seconds)),
+    };
+    let scale = match refine.scale {
+        Scale::Scene => json!("scene"),
+        Scale::None => json!("none"),
+        Scale::Fixed(units) => json!(units),
+    };
+    json!({
+        "window": refine.window,
+        key: count,
+        "order": refine.order,
+        "rotation": refine.rotation,
+        "ends": refine.ends,
+        "metric": { "scale": scale },
+        "gaps": refine.gaps,
+        "curve": refine.curve,
+        "literal": refine.literal,
+    })
+}
+
+fn sensor(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {
+    let mut out = json!({
+        "threshold": { "on": voltmeter.threshold_on, "off": voltmeter.threshold_off },
+        "law": voltmeter.law,
+        "gain": voltmeter.gain,
+        "initial": voltmeter.initial,
+        "max_events_per_pixel_frame": voltmeter.max_events_per_pixel_frame,
+    });
+    let raw = match raw.sensor.given() {
+        Some((schema::Sensor::Voltmeter(raw), _)) => Some(raw),
+        _ => None,
+    };
+    match raw.and_then(|raw| Some((raw.k.given()?.0, raw.units.given()?.0))) {
+        Some((k, units)) => {
+            out["k"] = k.iter().map(|k| json!(k.given().map(|(k, _)| *k))).collect();
+            out["units"] = json!(units);
+        }
+        None => {
+            out["preset"] = json!(raw.and_then(|raw| written(&raw.preset)).unwrap_or(Preset::Dvs346.name()))
+        }
+    }
+    out
+}
+
+/// An integer where it is one, else `n/d`, which a recipe may write as well.
+fn ratio(ratio: Ratio) -> Value {
+    if ratio.denominator() == 1 { json!(ratio.numerator()) } else { json!(ratio.to_string()) }
+}
+
+fn antialiased(choice: Antialiased) -> Value {
+    match choice {
+        Antialiased::Auto => json!("auto"),
+        Antialiased::On => json!(true),
+        Antialiased::Off => json!(false),
+    }
+}
+
+fn output(output: Output) -> &'static str {
+    match output {
+        Output::Events => "events",
+        Output::Sharp => "sharp",
+    }
+}

@@ -1,0 +1,237 @@
+//! What is wrong with a recipe, and where: the four-part message of the command line.
+
+use super::text::{Place, Text};
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+/// As many faults are listed; the rest are counted.
+pub const LISTED: usize = 20;
+
+/// Longest excerpt of a source line, in characters.
+const EXCERPT: usize = 120;
+
+/// One thing that is wrong with a recipe.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    message: String,
+    help: Option<String>,
+    text: Arc<Text>,
+    span: Option<(usize, usize)>,
+}
+
+impl Fault {
+    /// A fault at a place in a file; without a place it is about the file as a whole.
+    pub(super) fn new(message: String, help: Option<String>, text: Arc<Text>, place: Option<Place>) -> Self {
+        let span = place.map(|p| (p.start as usize, p.end.max(p.start) as usize));
+        Self { message, help, text, span }
+    }
+
+    /// The stable code of this kind of fault.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        "recipe-invalid"
+    }
+
+    /// What is wrong, in one line.
+    #[must_use]
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub fn help(&self) -> Option<&str> {
+        self.help.as_deref()
+    }
+
+    /// The file that the fault is in.
+    #[must_use]
+    pub fn file(&self) -> &Path {
+        &self.text.path
+    }
+
+    /// Line and column, both from 1, columns in characters; `None` where the whole file is meant.
+    #[must_use]
+    pub fn position(&self) -> Option<(usize, usize)> {
+        self.span.map(|(start, _)| self.text.position(start))
+    }
+
+    /// The message in its four parts, without colours, ending in a line break.
+    #[must_use]
+    pub fn render_text(&self) -> String {
+        let mut out = format!("error: {}\n {}\n", self.message, self.location());
+        if let Some(excerpt) = self.excerpt() {
+            out.push_str(&excerpt);
+        }
+        if let Some(help) = &self.help {
+            out.push_str(&format!("help: {help}\n"));
+        }
+        out
+    }
+
+    /// The message as one JSON object: `level, code, message, path, line, column, help`.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        let position = self.position();
+        serde_json::json!({
+            "level": "error",
+            "code": self.code(),
+            "message": self.message,
+            "path": shown(self.file()),
+            "line": position.map(|p| p.0),
+            "column": position.map(|p| p.1),
+            "help": self.help,
+        })
+    }
+
+    /// `file:line:column`, or the file alone.
+    #[must_use]
+    pub fn location(&self) -> String {
+        let file = shown(self.file());
+        self.position().map_or_else(|| file.clone(), |(line, column)| format!("{file}:{line}:{column}"))
+    }
+
+    fn excerpt(&self) -> Option<String> {
+        let (start, end) = self.span?;
+        let (number, column) = self.text.position(start);
+        let line: Vec<char> = self.text.line(start).chars().map(printable).collect();
+        let width =
+            self.text.body.get(start..end).map_or(1, |s| s.split(['\n', '\r']).next().map_or(1, chars));
+        let from = column.saturating_sub(EXCERPT / 2).min(line.len().saturating_sub(EXCERPT));
+        let cut: String = line.iter().skip(from).take(EXCERPT).collect();
+        let caret = column - 1 - from;
+        let width = width.clamp(1, (EXCERPT - caret.min(EXCERPT - 1)).max(1));
+        let gutter = number.to_string().len();
+        let (indent, carets) = (" ".repeat(caret), "^".repeat(width));
+        Some(format!("{number} │ {}\n{:gutter$} │ {indent}{carets}\n", cut.trim_end(), ""))
+    }
+}
+
+fn chars(text: &str) -> usize {
+    text.chars().count()
+}
+
+/// Control characters would move the cursor of the terminal that shows them.
+fn printable(c: char) -> char {
+    match c {
+        '\t' => '→',
+        c if c.is_control() => '\u{fffd}',
+        c => c,
+    }
+}
+
+/// A path with `/` between its parts on every system.
+pub(super) fn shown(path: &Path) -> String {
+    path.display().to_string().replace('\\', "/")
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.location(), self.message)
+    }
+}
+
+impl std::error::Error for Fault {}
+
+impl miette::Diagnostic for Fault {
+    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(Self::code(self)))
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.help.as_ref().map(|h| Box::new(h) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        self.span.map(|_| &*self.text as &dyn miette::SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
+        let (start, end) = self.span?;
+        Some(Box::new(std::iter::once(miette::LabeledSpan::new(None, start, end - start))))
+    }
+}
+
+impl miette::SourceCode for Text {
+    fn read_span<'a>(
+        &'a self,
+        span: &miette::SourceSpan,
+        before: usize,
+        after: usize,
+    ) -> Result<Box<dyn miette::SpanContents<'a> + 'a>, miette::MietteError> {
+        let inner = self.body.read_span(span, before, after)?;
+        Ok(Box::new(miette::MietteSpanContents::new_named(
+            shown(&self.path),
+            inner.data(),
+            *inner.span(),
+            inner.line(),
+            inner.column(),
+            inner.line_count(),
+        )))
+    }
+}
+
+/// What is wrong with the recipes: at least one fault, at most [`LISTED`] of them in full.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Faults {
+    listed: Vec<Fault>,
+    more: usize,
+}
+
+impl Faults {
+    /// The faults in the order in which they are shown.
+    ///
+    /// # Panics
+    /// Without a fault: nothing is wrong then.
+    pub(super) fn new(mut faults: Vec<Fault>) -> Self {
+        assert!(!faults.is_empty(), "a list of faults that holds none");
+        let more = faults.len().saturating_sub(LISTED);
+        faults.truncate(LISTED);
+        Self { listed: faults, more }
+    }
+
+    /// The faults that are listed.
+    #[must_use]
+    pub fn listed(&self) -> &[Fault] {
+        &self.listed
+    }
+
+    /// How many more there are.
+    #[must_use]
+    pub fn more(&self) -> usize {
+        self.more
+    }
+
+    /// All messages, with an empty line between two, and the count of those that are not shown.
+    #[must_use]
+    pub fn render_text(&self) -> String {
+        let mut parts: Vec<String> = self.listed.iter().map(Fault::render_text).collect();
+        if self.more > 0 {
+            parts.push(format!("and {} more of such faults\n", self.more));
+        }
+        parts.join("\n")
+    }
+
+    /// One object a fault that is listed.
+    #[must_use]
+    pub fn to_json(&self) -> Vec<serde_json::Value> {
+        self.listed.iter().map(Fault::to_json).collect()
+    }
+}
+
+impl fmt::Display for Faults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lines: Vec<String> = self.listed.iter().map(Fault::to_string).collect();
+        f.write_str(&lines.join("; "))?;
+        if self.more > 0 { write!(f, "; and {} more", self.more) } else { Ok(()) }
+    }
+}
+
+impl std::error::Error for Faults {}
+
+impl miette::Diagnostic for Faults {
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
+        Some(Box::new(self.listed.iter().map(|f| f as &dyn miette::Diagnostic)))
+    }
+}

@@ -1,0 +1,136 @@
+//! `defaults.yaml` under a recipe: mappings merge deeply, lists replace, and of an enumeration another key replaces the
+//! whole. Every value keeps the place that it came from.
+
+use super::tree::{Entry, Kind, Node};
+
+/// Mappings of which one key is chosen, `*` for any name. Those inside lists are not named: lists replace.
+const ENUMERATIONS: [&str; 4] = ["source", "reconstruct", "sensor", "sensors.*"];
+
+/// Groups of keys that say the same thing in other ways: one of the recipe's own takes the place of the other groups.
+const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
+    ("", [&["sensor"], &["sensors"]]),
+    ("sensor.voltmeter", [&["preset"], &["k", "units"]]),
+    ("sensors.*.voltmeter", [&["preset"], &["k", "units"]]),
+];
+
+/// The values of `over`, and where it has none those of `under`.
+pub(super) fn merge(over: Node, under: &Node) -> Node {
+    merge_at("", over, under)
+}
+
+fn merge_at(path: &str, over: Node, under: &Node) -> Node {
+    let Node { place, kind: Kind::Map(entries) } = over else { return over };
+    let Kind::Map(defaults) = &under.kind else { return Node { place, kind: Kind::Map(entries) } };
+    if is_enumeration(path) && !same_key(&entries, defaults) {
+        return Node { place, kind: Kind::Map(entries) };
+    }
+    let mut merged: Vec<Entry> = Vec::with_capacity(entries.len() + defaults.len());
+    let inherited: Vec<&Entry> = defaults.iter().filter(|d| !overruled(path, &d.key, &entries)).collect();
+    for mut entry in entries {
+        if let Some(default) = defaults.iter().find(|d| d.key == entry.key) {
+            entry.value = merge_at(&join(path, &entry.key), entry.value, &default.value);
+        }
+        merged.push(entry);
+    }
+    merged.extend(inherited.into_iter().cloned());
+    Node { place, kind: Kind::Map(merged) }
+}
+
+fn same_key(a: &[Entry], b: &[Entry]) -> bool {
+    matches!((a, b), ([a], [b]) if a.key == b.key)
+}
+
+/// Whether a default's key gives way: to itself, or to a key of another group.
+fn overruled(path: &str, key: &str, entries: &[Entry]) -> bool {
+    let given = |key: &str| entries.iter().any(|e| e.key == key);
+    let groups = EXCLUSIVE.iter().filter(|(at, _)| matches(at, path)).flat_map(|(_, groups)| groups);
+    let others: Vec<&&[&str]> = groups.filter(|group| !group.contains(&key)).collect();
+    let in_group =
+        EXCLUSIVE.iter().any(|(at, groups)| matches(at, path) && groups.iter().any(|g| g.contains(&key)));
+    given(key) || in_group && others.iter().any(|group| group.iter().any(|k| given(k)))
+}
+
+fn is_enumeration(path: &str) -> bool {
+    ENUMERATIONS.iter().any(|pattern| matches(pattern, path))
+}
+
+fn matches(pattern: &str, path: &str) -> bool {
+    let (pattern, path): (Vec<&str>, Vec<&str>) = (pattern.split('.').collect(), path.split('.').collect());
+    pattern.len() == path.len() && pattern.iter().zip(&path).all(|(p, q)| *p == "*" || p == q)
+}
+
+fn join(path: &str, key: &str) -> String {
+    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::text::Text;
+
+    fn parse(yaml: &str) -> Node {
+        let text = Text { path: "test.yaml".into(), body: yaml.into() };
+        Node::parse(&text, 0).unwrap_or_else(|p| panic!("{yaml}: {p:?}"))
+    }
+
+    /// Canonical form without places: keys sorted.
+    fn plain(node: &Node) -> String {
+        match &node.kind {
+            Kind::Null => "~".into(),
+            Kind::Scalar { text, .. } => text.clone(),
+            Kind::List(items) => format!("[{}]", items.iter().map(plain).collect::<Vec<_>>().join(" ")),
+            Kind::Map(entries) => {
+                let mut parts: Vec<String> =
+                    entries.iter().map(|e| format!("{}:{}", e.key, plain(&e.value))).collect();
+                parts.sort();
+                format!("{{{}}}", parts.join(" "))
+            }
+        }
+    }
+
+    #[test]
+    fn the_scene_wins_and_what_it_leaves_open_is_inherited() {
+        let t = |over: &str, under: &str, wanted: &str| {
+            assert_eq!(plain(&merge(parse(over), &parse(under))), wanted, "{over} over {under}");
+        };
+        t("a: 1", "b: 2", "{a:1 b:2}");
+        t("a: {x: 1}", "a: {x: 2, y: 3}", "{a:{x:1 y:3}}");
+        t("a: {b: {c: 1}}", "a: {b: {d: 2}, e: 3}", "{a:{b:{c:1 d:2} e:3}}");
+        t("a: [1]", "a: [2, 3]", "{a:[1]}");
+        t("a: 1", "a: {x: 2}", "{a:1}");
+        t("a: {x: 1}", "a: 2", "{a:{x:1}}");
+    }
+
+    #[test]
+    fn another_choice_replaces_the_whole() {
+        let t = |over: &str, under: &str, wanted: &str| {
+            assert_eq!(plain(&merge(parse(over), &parse(under))), wanted, "{over} over {under}");
+        };
+        t("source: {colmap: {path: a}}", "source: {procedural: {seed: 1}}", "{source:{colmap:{path:a}}}");
+        t("sensor: {esim: {c: 1}}", "sensor: {voltmeter: {preset: dvs346}}", "{sensor:{esim:{c:1}}}");
+        t(
+            "source: {procedural: {arc: 1}}",
+            "source: {procedural: {seed: 1}}",
+            "{source:{procedural:{arc:1 seed:1}}}",
+        );
+        t(
+            "checks: {speed: {max: 1}}",
+            "checks: {polarity: {max: 2}}",
+            "{checks:{polarity:{max:2} speed:{max:1}}}",
+        );
+    }
+
+    #[test]
+    fn another_way_of_saying_it_replaces_the_default_one() {
+        let t = |over: &str, under: &str, wanted: &str| {
+            let wrap = |s: &str| parse(&format!("sensor: {{voltmeter: {{{s}}}}}"));
+            let merged = plain(&merge(wrap(over), &wrap(under)));
+            assert_eq!(merged, format!("{{sensor:{{voltmeter:{{{wanted}}}}}}}"), "{over} over {under}");
+        };
+        t("k: [1], units: u", "preset: dvs346, gain: log", "gain:log k:[1] units:u");
+        t("preset: dvs240", "k: [1], units: u", "preset:dvs240");
+        t("units: v", "k: [1], units: u", "k:[1] units:v");
+        t("gain: log", "preset: dvs240", "gain:log preset:dvs240");
+        assert_eq!(plain(&merge(parse("sensors: {a: 1}"), &parse("sensor: {b: 2}"))), "{sensors:{a:1}}");
+    }
+}

@@ -1,0 +1,137 @@
+//! Names that become folders: scene ids and trajectory names.
+
+/// What a scene id may look like.
+pub(super) const SCENE_HELP: &str =
+    "a scene id is made of letters, digits, \".\", \"_\" and \"-\", in parts separated by \"/\"";
+
+/// What a trajectory name may look like.
+pub(super) const TRAJECTORY_HELP: &str =
+    "a trajectory name is made of letters, digits, \".\", \"_\" and \"-\"";
+
+/// Names that the release itself uses at its top.
+const TAKEN_AT_TOP: [&str; 13] = [
+    "b3sums",
+    "croissant.json",
+    "datasheet.md",
+    "gs2e.py",
+    "index.parquet",
+    "licenses",
+    "manifest.json",
+    "readme.md",
+    "report.html",
+    "reuse.toml",
+    "sha256sums",
+    "sha256sums.minisig",
+    "takedown.txt",
+];
+
+/// Names that a scene's own folder uses.
+const TAKEN_IN_SCENE: [&str; 1] = ["scene.json"];
+
+/// Device names that Windows finds in every folder.
+const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
+
+/// Whether an id stays inside the release folder, on every system; else what speaks against it.
+pub(super) fn scene_id(id: &str) -> Result<(), String> {
+    if id.len() > 200 {
+        return Err(format!("of {} bytes, wanted at most 200", id.len()));
+    }
+    if id.starts_with('/') {
+        return Err("which starts at the root".into());
+    }
+    id.split('/').try_for_each(part)?;
+    let top = id.split('/').next().unwrap_or(id);
+    not_taken(top, &TAKEN_AT_TOP)
+}
+
+/// Whether a trajectory name is one folder inside its scene's; else what speaks against it.
+pub(super) fn trajectory(name: &str) -> Result<(), String> {
+    if name.len() > 100 {
+        return Err(format!("of {} bytes, wanted at most 100", name.len()));
+    }
+    if name.contains('/') {
+        return Err("which has more than one part".into());
+    }
+    part(name)?;
+    not_taken(name, &TAKEN_IN_SCENE)
+}
+
+fn part(part: &str) -> Result<(), String> {
+    if part.is_empty() {
+        return Err("which has an empty part".into());
+    }
+    if part == "." || part == ".." {
+        return Err(format!("whose part \"{part}\" leads out of its place"));
+    }
+    if let Some(c) = part.chars().find(|c| !c.is_ascii_alphanumeric() && !"._-".contains(*c)) {
+        return Err(format!("which holds {}", super::problem::quoted(&c.to_string())));
+    }
+    if part.ends_with('.') {
+        return Err("with a part that ends in \".\", which Windows cuts off".into());
+    }
+    if reserved(part) {
+        return Err(format!("whose part \"{part}\" is a device on Windows"));
+    }
+    Ok(())
+}
+
+fn reserved(part: &str) -> bool {
+    let stem = part.split('.').next().unwrap_or(part).to_ascii_lowercase();
+    let numbered = stem.strip_prefix("com").or_else(|| stem.strip_prefix("lpt"));
+    RESERVED.contains(&stem.as_str())
+        || numbered.is_some_and(|n| n.len() == 1 && n.as_bytes()[0].is_ascii_digit())
+}
+
+fn not_taken(name: &str, taken: &[&str]) -> Result<(), String> {
+    if taken.contains(&name.to_ascii_lowercase().as_str()) {
+        return Err(format!("and \"{name}\" is a file of the release"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_that_stay_in_the_release_are_taken() {
+        for id in
+            ["demo", "mvimgnet/11/16009258", "a.b/c_d-e", "dl3dv/0e12", "...x", "-", "COM", "com10", "conx"]
+        {
+            assert_eq!(scene_id(id), Ok(()), "{id}");
+        }
+    }
+
+    #[test]
+    fn ids_that_lead_out_or_clash_are_refused() {
+        let t = |id: &str, wanted: &str| {
+            let found = scene_id(id).unwrap_err();
+            assert!(found.contains(wanted), "{id}: {found}");
+        };
+        t("", "empty part");
+        t("/etc/passwd", "root");
+        t("../x", "\"..\" leads out");
+        t("a/./b", "\".\" leads out");
+        t("a//b", "empty part");
+        t("a/", "empty part");
+        t("a\\b", "holds");
+        t("C:x", "holds \":\"");
+        t("a b", "holds \" \"");
+        t("é", "holds");
+        t("a\u{202e}b", "holds");
+        t("a.", "cut");
+        t("x/NUL.txt", "device");
+        t("com1", "device");
+        t("LICENSES/x", "file of the release");
+        t("readme.md", "file of the release");
+        t(&"x".repeat(201), "201 bytes");
+    }
+
+    #[test]
+    fn trajectory_names_are_one_part() {
+        assert_eq!(trajectory("base-0"), Ok(()));
+        for bad in ["", "a/b", "..", "scene.json", "Scene.JSON", "aux", "a*"] {
+            assert!(trajectory(bad).is_err(), "{bad}");
+        }
+    }
+}

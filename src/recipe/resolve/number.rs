@@ -1,0 +1,103 @@
+//! Numbers and their ranges.
+
+use super::Resolver;
+use crate::recipe::field::Field;
+use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::text::Place;
+use crate::units::Ratio;
+use std::fmt;
+
+/// The reals that a field takes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Range {
+    low: f64,
+    high: f64,
+    /// The lower end itself is left out.
+    open: bool,
+}
+
+impl Range {
+    /// `low` to `high`, both included.
+    pub(super) const fn new(low: f64, high: f64) -> Self {
+        Self { low, high, open: false }
+    }
+
+    /// Above `low`, up to `high`.
+    pub(super) const fn above(low: f64, high: f64) -> Self {
+        Self { low, high, open: true }
+    }
+
+    fn holds(self, value: f64) -> bool {
+        value <= self.high && if self.open { value > self.low } else { value >= self.low }
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.open {
+            write!(f, "a number above {} and at most {}", self.low, self.high)
+        } else {
+            write!(f, "a number from {} to {}", self.low, self.high)
+        }
+    }
+}
+
+/// The whole numbers that a field takes, both ends included.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Whole {
+    low: u64,
+    high: u64,
+}
+
+impl Whole {
+    /// `low` to `high`.
+    pub(super) const fn new(low: u64, high: u64) -> Self {
+        Self { low, high }
+    }
+}
+
+impl Resolver<'_> {
+    /// A real within its range.
+    pub(super) fn real(&self, field: &Field<f64>, default: f64, range: Range) -> Option<f64> {
+        let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
+        if range.holds(*value) {
+            return Some(*value);
+        }
+        self.out_of_range(value, &range, place)
+    }
+
+    /// A whole number within its range.
+    pub(super) fn whole(&self, field: &Field<u64>, default: u64, range: Whole) -> Option<u64> {
+        let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
+        if (range.low..=range.high).contains(value) {
+            return Some(*value);
+        }
+        let wanted = format_args!("a whole number from {} to {}", range.low, range.high);
+        self.out_of_range(value, &wanted, place)
+    }
+
+    /// A positive rational within its range, exactly as written.
+    pub(super) fn ratio(&self, field: &Field<String>, default: u64, range: Range) -> Option<Ratio> {
+        let Some((text, place)) = field.given() else {
+            let default = Ratio::new(default, 1).expect("defaults are positive");
+            return field.is_absent().then_some(default);
+        };
+        match text.parse::<Ratio>() {
+            Ok(ratio) if range.holds(ratio.to_f64()) => Some(ratio),
+            Ok(_) => self.out_of_range(text, &range, place),
+            Err(_) => {
+                let wanted = format_args!("{range}, such as 5, 1.1, 2.4e3 or 11/10, of at most 18 digits");
+                self.out_of_range(&quoted(text), &wanted, place)
+            }
+        }
+    }
+
+    fn out_of_range<T>(
+        &self,
+        found: &dyn fmt::Display,
+        wanted: &dyn fmt::Display,
+        place: Place,
+    ) -> Option<T> {
+        self.refuse(Problem::of_field(format!("is {found}, wanted {wanted}")).at(place))
+    }
+}

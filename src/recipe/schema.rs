@@ -1,0 +1,355 @@
+//! The recipe as it is written, version 1: every key, those of features to come included.
+//!
+//! Nothing here is checked beyond its kind; [`super::resolve`] knows what is required, the ranges and the defaults.
+//! [`Later`] marks a key whose feature is not built yet: it has its place, and is refused by name.
+
+use super::field::{Field, Later};
+use crate::check::Limits;
+use crate::sensor::voltmeter::Units;
+use serde::Deserialize;
+
+/// A number that must not pass through floating point, as written.
+pub(super) type Literal = String;
+
+/// The whole file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Recipe {
+    /// Always 1; required.
+    pub version: Field<u64>,
+    /// Scene id; required.
+    pub scene: Field<String>,
+    /// Seed of every stream; default 0.
+    pub seed: Field<u64>,
+    /// Where poses come from; required.
+    pub source: Field<Source>,
+    /// Where the Gaussians come from.
+    pub reconstruct: Field<Reconstruct>,
+    /// Default: the source's own camera.
+    pub camera: Field<Camera>,
+    /// At least one.
+    pub trajectories: Field<Vec<Field<Trajectory>>>,
+    /// Frames in time.
+    pub sampling: Field<Sampling>,
+    /// Rendering.
+    pub render: Field<Render>,
+    /// The one sensor; default: `voltmeter` with the preset `dvs346`.
+    pub sensor: Field<Sensor>,
+    /// Several sensors fed from one rendering, by name.
+    pub sensors: Field<Later>,
+    /// Default: events and sharp.
+    pub outputs: Field<Vec<Field<Output>>>,
+    /// Sharp frames.
+    pub sharp: Field<Sharp>,
+    /// Blurred frames: `frames`, `subframes`.
+    pub blur: Field<Later>,
+    /// Limits that differ from the defaults, and waivers.
+    pub checks: Field<Limits>,
+    /// The owner's part of the licence.
+    pub licence: Field<Licence>,
+    /// What a release holds beside its products: `include`.
+    pub release: Field<Later>,
+    /// What the tool cannot know, for catalogues: `scene_scale`.
+    pub attributes: Field<Later>,
+}
+
+/// Where poses come from.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Source {
+    Procedural(Procedural),
+    Colmap(Folder),
+    Nerfstudio(Folder),
+    Mvimgnet(Field<Later>),
+    Dl3dv(Field<Later>),
+    Model(Field<Later>),
+}
+
+/// The embedded scene.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Procedural {
+    /// Which; there is one.
+    pub kind: Field<Kind>,
+    pub gaussians: Field<u64>,
+    pub views: Field<u64>,
+    /// Degrees.
+    pub arc: Field<f64>,
+    pub seed: Field<u64>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Kind {
+    StillLife,
+}
+
+/// A captured dataset.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Folder {
+    /// Required.
+    pub path: Field<String>,
+    /// Which views are used, of how many.
+    pub views: Field<Later>,
+    /// What the dataset calls the scene.
+    pub upstream_id: Field<Later>,
+    /// Where it was downloaded.
+    pub upstream_url: Field<Later>,
+    /// When.
+    pub accessed: Field<Later>,
+    /// Whether its terms were accepted.
+    pub terms_accepted: Field<Later>,
+}
+
+/// Where the Gaussians come from.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Reconstruct {
+    Given(Given),
+    Builtin(Field<Later>),
+    Command(Field<Later>),
+}
+
+/// A scene file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Given {
+    /// Required.
+    pub path: Field<String>,
+    /// Whether it was trained on undistorted photos.
+    pub undistorted: Field<Later>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Camera {
+    /// Required.
+    pub width: Field<u64>,
+    /// Required.
+    pub height: Field<u64>,
+    pub fx: Field<f64>,
+    pub fy: Field<f64>,
+    pub cx: Field<f64>,
+    pub cy: Field<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Trajectory {
+    /// Required.
+    pub name: Field<String>,
+    pub refine: Field<Refine>,
+    /// Mini-trajectories: `groups`, `keyframes`, `frames`, `curve`.
+    pub novel: Field<Later>,
+    /// A circle about the scene.
+    pub orbit: Field<Later>,
+    /// Poses given by hand.
+    pub keyframes: Field<Later>,
+    pub speed: Field<Speed>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Refine {
+    pub window: Field<u64>,
+    pub factor: Field<Literal>,
+    pub frames: Field<u64>,
+    /// Seconds.
+    pub duration: Field<Literal>,
+    pub order: Field<Order>,
+    pub rotation: Field<Rotation>,
+    pub ends: Field<Ends>,
+    pub metric: Field<Metric>,
+    pub gaps: Field<Gaps>,
+    pub curve: Field<Curve>,
+    pub literal: Field<bool>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Order {
+    Name,
+    Nearest,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Rotation {
+    Mean,
+    SlerpMidpoint,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Ends {
+    Truncated,
+    Pinned,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Metric {
+    /// `scene`, `none`, or scene units.
+    pub scale: Field<String>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Gaps {
+    Bridge,
+    Refuse,
+}
+
+/// The curve through the poses. Of those to come, only `bezier` has a value: its `degree`.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Curve {
+    Cubic,
+    Cumulative,
+    SlerpLerp,
+    Bezier(Field<Later>),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Speed {
+    /// An expression in `t`.
+    Function(Field<String>),
+    /// `multipliers`, `blend`, `meaning`.
+    List(Field<Later>),
+    /// Median flow in px/s.
+    Flow(Field<Later>),
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Sampling {
+    pub rate: Field<Literal>,
+    pub between: Field<Between>,
+    /// RMS, in thresholds.
+    pub tolerance: Field<Later>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Between {
+    Linear,
+    Catmull,
+    Hermite,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Render {
+    pub rules: Field<Rules>,
+    pub antialiased: Field<Antialiased>,
+    pub background: Field<[Field<f64>; 3]>,
+    /// Order of the rules `soft`.
+    pub order: Field<Later>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Rules {
+    Official,
+    Exact,
+    Gsplat,
+    Soft,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(super) enum Antialiased {
+    #[serde(rename = "auto")]
+    Auto,
+    #[serde(rename = "true")]
+    On,
+    #[serde(rename = "false")]
+    Off,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Sensor {
+    Voltmeter(Voltmeter),
+    Esim(Field<Later>),
+    V2e(Field<Later>),
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Voltmeter {
+    /// A named set of `k`; default dvs346.
+    pub preset: Field<String>,
+    /// In place of a preset: k1 to k6, in `units`.
+    pub k: Field<[Field<f64>; 6]>,
+    pub units: Field<Units>,
+    pub threshold: Field<Threshold>,
+    pub law: Field<Law>,
+    pub gain: Field<Gain>,
+    pub initial: Field<Initial>,
+    pub max_events_per_pixel_frame: Field<u64>,
+    /// From colour to the luminance that the sensor sees: weights, decoding, exposure, range.
+    pub front_end: Field<Later>,
+    /// Pixels that fire by themselves.
+    pub hot_pixels: Field<Later>,
+    /// A label for each event: signal or noise.
+    pub labels: Field<Later>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Threshold {
+    pub on: Field<f64>,
+    pub off: Field<f64>,
+    /// Spread over the pixels.
+    pub spread: Field<Later>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Law {
+    Exact,
+    Official,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Gain {
+    Log,
+    Midpoint,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Initial {
+    Zero,
+    Stationary,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Output {
+    Events,
+    Sharp,
+    Blur,
+    Depth,
+    Flow,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Sharp {
+    pub every: Field<u64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Licence {
+    /// SPDX; required.
+    pub expression: Field<String>,
+    /// Required.
+    pub holder: Field<String>,
+    /// Why the owner may say so.
+    pub evidence: Field<Later>,
+}

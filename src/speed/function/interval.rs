@@ -1,0 +1,199 @@
+//! Interval arithmetic: bounds on a value from bounds on its operands, rounded outwards.
+//!
+//! Operations that IEEE 754 rounds correctly (`+ - * / sqrt`) are widened by one unit in the last place on either
+//! side; `libm`'s functions, whose error is under one unit, by four. Bounds therefore hold for the
+//! real value (of the expression in the doubles nearest its constants) and for the value that `f64` evaluation gives.
+
+use super::{Binary, Function};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// All values from `low` to `high`, both finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Interval {
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+/// Units in the last place that `libm`'s results are widened by.
+const LIBM_ULPS: u32 = 4;
+/// Arguments of sine, cosine and tangent beyond which an extremum cannot be placed to 1e-6.
+const LARGEST_ANGLE: f64 = 1e9;
+/// Margin around extrema, relative to 1 + the argument: covers the roundings of a multiple of pi.
+const ANGLE_MARGIN: f64 = 1e-14;
+
+impl Interval {
+    pub(super) fn point(value: f64) -> Self {
+        Self { low: value, high: value }
+    }
+
+    /// The hull of `values`, widened by `ulps` on either side; `None` where a bound is infinite or NaN.
+    fn hull(values: &[f64], ulps: u32) -> Option<Self> {
+        if !values.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let widened = Self {
+            low: (0..ulps).fold(low, |x, _| x.next_down()),
+            high: (0..ulps).fold(high, |x, _| x.next_up()),
+        };
+        (widened.low.is_finite() && widened.high.is_finite()).then_some(widened)
+    }
+
+    pub(super) fn negated(self) -> Self {
+        Self { low: -self.high, high: -self.low }
+    }
+
+    /// Bounds of `op`, `None` where the result need not be defined or has no finite bounds.
+    pub(super) fn binary(op: Binary, a: Self, b: Self) -> Option<Self> {
+        let corners =
+            |f: fn(f64, f64) -> f64| [f(a.low, b.low), f(a.low, b.high), f(a.high, b.low), f(a.high, b.high)];
+        match op {
+            Binary::Add => Self::hull(&[a.low + b.low, a.high + b.high], 1),
+            Binary::Subtract => Self::hull(&[a.low - b.high, a.high - b.low], 1),
+            Binary::Multiply => Self::hull(&corners(|x, y| x * y), 1),
+            Binary::Divide if b.low <= 0.0 && b.high >= 0.0 => None,
+            Binary::Divide => Self::hull(&corners(|x, y| x / y), 1),
+            // On a positive base the power is monotone in base and exponent, whichever way.
+            Binary::Power if a.low > 0.0 || (a.low >= 0.0 && b.low > 0.0) => {
+                Self::hull(&corners(libm::pow), LIBM_ULPS)
+            }
+            Binary::Power => None,
+            Binary::Min => Some(Self { low: a.low.min(b.low), high: a.high.min(b.high) }),
+            Binary::Max => Some(Self { low: a.low.max(b.low), high: a.high.max(b.high) }),
+        }
+    }
+
+    /// Bounds of the power with a constant whole exponent, whose base may have any sign.
+    pub(super) fn whole_power(self, exponent: f64) -> Option<Self> {
+        let ends = [libm::pow(self.low, exponent), libm::pow(self.high, exponent)];
+        let holds_zero = self.low <= 0.0 && self.high >= 0.0;
+        if holds_zero && exponent < 0.0 {
+            return None;
+        }
+        let even = exponent % 2.0 == 0.0;
+        match Self::hull(&ends, LIBM_ULPS)? {
+            hull if even && holds_zero && exponent > 0.0 => Some(Self { low: 0.0, ..hull }),
+            hull if even => Some(Self { low: hull.low.max(0.0), ..hull }),
+            hull => Some(hull),
+        }
+    }
+
+    /// Bounds of a function, `None` where it need not be defined or has no finite bounds.
+    pub(super) fn call(f: Function, a: Self) -> Option<Self> {
+        let ends = |f: fn(f64) -> f64, ulps| Self::hull(&[f(a.low), f(a.high)], ulps);
+        match f {
+            Function::Sin => a.wave(libm::sin, FRAC_PI_2),
+            Function::Cos => a.wave(libm::cos, 0.0),
+            Function::Tan if a.holds(FRAC_PI_2, PI) => None,
+            Function::Tan => ends(libm::tan, LIBM_ULPS),
+            Function::Exp => ends(libm::exp, LIBM_ULPS),
+            Function::Log if a.low <= 0.0 => None,
+            Function::Log => ends(libm::log, LIBM_ULPS),
+            Function::Sqrt if a.low < 0.0 => None,
+            Function::Sqrt => ends(f64::sqrt, 1).map(|r| Self { low: r.low.max(0.0), ..r }),
+            Function::Abs if a.low <= 0.0 && a.high >= 0.0 => {
+                Some(Self { low: 0.0, high: a.high.max(-a.low) })
+            }
+            Function::Abs => ends(f64::abs, 0),
+        }
+    }
+
+    /// Sine or cosine, whose maxima lie at `crest` plus whole turns.
+    fn wave(self, f: fn(f64) -> f64, crest: f64) -> Option<Self> {
+        let mut bounds = Self::hull(&[f(self.low), f(self.high)], LIBM_ULPS)?;
+        if self.holds(crest, TAU) {
+            bounds.high = 1.0;
+        }
+        if self.holds(crest + PI, TAU) {
+            bounds.low = -1.0;
+        }
+        Some(Self { low: bounds.low.max(-1.0), high: bounds.high.min(1.0) })
+    }
+
+    /// Whether `phase + k * period` may lie inside for some whole `k`.
+    fn holds(self, phase: f64, period: f64) -> bool {
+        let largest = self.low.abs().max(self.high.abs());
+        if largest > LARGEST_ANGLE {
+            return true;
+        }
+        let margin = ANGLE_MARGIN * (1.0 + largest);
+        let next = ((self.low - margin - phase) / period).ceil() * period + phase;
+        // One period earlier as well: the quotient may have rounded up past a whole number.
+        next <= self.high + margin || next - period >= self.low - margin
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FUNCTIONS: [Function; 7] = [
+        Function::Sin,
+        Function::Cos,
+        Function::Tan,
+        Function::Exp,
+        Function::Log,
+        Function::Sqrt,
+        Function::Abs,
+    ];
+    const BINARY: [Binary; 7] = [
+        Binary::Add,
+        Binary::Subtract,
+        Binary::Multiply,
+        Binary::Divide,
+        Binary::Power,
+        Binary::Min,
+        Binary::Max,
+    ];
+
+    fn interval() -> impl Strategy<Value = Interval> {
+        let scale = prop_oneof![Just(1e-9), Just(0.1), Just(1.0), Just(30.0), Just(1e5)];
+        (-1.0..1.0f64, 0.0..1.0f64, scale.clone(), scale)
+            .prop_map(|(low, width, a, b)| Interval { low: low * a, high: low * a + width * b })
+    }
+
+    /// Inside `bounds`, if there are any; without bounds nothing is claimed.
+    fn check(bounds: Option<Interval>, value: f64) -> Result<(), TestCaseError> {
+        if let Some(b) = bounds {
+            prop_assert!(b.low <= value && value <= b.high, "{value} outside {b:?}");
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn values_lie_within_their_bounds(a in interval(), b in interval(), x in 0.0..=1.0f64, y in 0.0..=1.0f64) {
+            let inside = |i: Interval, share: f64| (i.low + (i.high - i.low) * share).clamp(i.low, i.high);
+            let (p, q) = (inside(a, x), inside(b, y));
+            for f in FUNCTIONS {
+                check(Interval::call(f, a), f.value(p))?;
+            }
+            for op in BINARY {
+                check(Interval::binary(op, a, b), op.value(p, q))?;
+            }
+            for exponent in [-3.0, -2.0, 0.0, 1.0, 2.0, 3.0, 4.0] {
+                check(a.whole_power(exponent), libm::pow(p, exponent))?;
+            }
+        }
+    }
+
+    #[test]
+    fn waves_reach_their_extrema_inside_an_interval() {
+        let t = |f, low: f64, high: f64, want: [f64; 2]| {
+            let got = Interval::call(f, Interval { low, high }).unwrap();
+            assert!(
+                (got.low - want[0]).abs() < 1e-12 && (got.high - want[1]).abs() < 1e-12,
+                "{low} {high} {got:?}"
+            );
+        };
+        t(Function::Sin, 0.0, 1.0, [0.0, 1.0f64.sin()]);
+        t(Function::Sin, 1.0, 2.0, [1.0f64.sin(), 1.0]);
+        t(Function::Sin, -2.0, -1.0, [-1.0, (-1.0f64).sin()]);
+        t(Function::Sin, 7.0, 14.0, [-1.0, 1.0]);
+        t(Function::Cos, -1.0, 1.0, [1.0f64.cos(), 1.0]);
+        t(Function::Cos, 3.0, 4.0, [-1.0, 4.0f64.cos()]);
+        t(Function::Cos, 1.0, 2.0, [2.0f64.cos(), 1.0f64.cos()]);
+    }
+}

@@ -1,0 +1,210 @@
+//! From text to tree, by recursive descent.
+
+use super::{Binary, ExpressionError, Function, Node};
+
+/// Longest text, bytes.
+const LONGEST: usize = 1000;
+/// Deepest nesting of operators and parentheses: bounds the stack of the parser and of every walk over the tree.
+const DEEPEST: usize = 100;
+
+/// The tree of `text`.
+pub(super) fn parse(text: &str) -> Result<Node, ExpressionError> {
+    if text.len() > LONGEST {
+        return Err(ExpressionError::TooLong { bytes: text.len(), limit: LONGEST });
+    }
+    let mut parser = Parser { text, at: 0, depth: 0 };
+    let (node, _) = parser.sum()?;
+    match parser.peek() {
+        None => Ok(node),
+        Some(_) => Err(parser.unexpected("an operator or the end")),
+    }
+}
+
+/// A tree and its height.
+type Tall = (Node, usize);
+
+struct Parser<'a> {
+    text: &'a str,
+    at: usize,
+    depth: usize,
+}
+
+impl Parser<'_> {
+    /// The next character that is no space, and its place in `at`.
+    fn peek(&mut self) -> Option<char> {
+        let rest = &self.text[self.at..];
+        self.at += rest.len() - rest.trim_start().len();
+        self.text[self.at..].chars().next()
+    }
+
+    fn takes(&mut self, symbol: &str) -> bool {
+        let found = self.peek().is_some() && self.text[self.at..].starts_with(symbol);
+        self.at += if found { symbol.len() } else { 0 };
+        found
+    }
+
+    fn unexpected(&mut self, expected: &'static str) -> ExpressionError {
+        let found = self.peek().map_or_else(|| "the end".to_owned(), |c| format!("`{c}`"));
+        ExpressionError::Syntax { at: self.at, expected, found }
+    }
+
+    fn too_deep(&self) -> ExpressionError {
+        ExpressionError::TooDeep { at: self.at, limit: DEEPEST }
+    }
+
+    fn join(&self, op: Binary, a: Tall, b: Tall) -> Result<Tall, ExpressionError> {
+        let height = 1 + a.1.max(b.1);
+        if height > DEEPEST {
+            Err(self.too_deep())
+        } else {
+            Ok((Node::Binary(op, Box::new([a.0, b.0])), height))
+        }
+    }
+
+    fn sum(&mut self) -> Result<Tall, ExpressionError> {
+        let mut left = self.product()?;
+        loop {
+            let op = match self.peek() {
+                Some('+') => Binary::Add,
+                Some('-') => Binary::Subtract,
+                _ => return Ok(left),
+            };
+            self.at += 1;
+            let right = self.product()?;
+            left = self.join(op, left, right)?;
+        }
+    }
+
+    fn product(&mut self) -> Result<Tall, ExpressionError> {
+        let mut left = self.sign()?;
+        loop {
+            let op = match self.peek() {
+                Some('*') => Binary::Multiply,
+                Some('/') => Binary::Divide,
+                _ => return Ok(left),
+            };
+            self.at += 1;
+            let right = self.sign()?;
+            left = self.join(op, left, right)?;
+        }
+    }
+
+    /// Every way down to nested text leads through here, so that this is where depth is counted.
+    fn sign(&mut self) -> Result<Tall, ExpressionError> {
+        self.depth += 1;
+        if self.depth > DEEPEST {
+            return Err(self.too_deep());
+        }
+        let signed = if self.takes("-") {
+            let (node, height) = self.sign()?;
+            (Node::Negated(Box::new(node)), height + 1)
+        } else if self.takes("+") {
+            self.sign()?
+        } else {
+            self.power()?
+        };
+        self.depth -= 1;
+        Ok(signed)
+    }
+
+    fn power(&mut self) -> Result<Tall, ExpressionError> {
+        let base = self.atom()?;
+        if self.takes("**") || self.takes("^") {
+            let exponent = self.sign()?;
+            return self.join(Binary::Power, base, exponent);
+        }
+        Ok(base)
+    }
+
+    fn atom(&mut self) -> Result<Tall, ExpressionError> {
+        match self.peek() {
+            Some('(') => {
+                self.at += 1;
+                let inner = self.sum()?;
+                self.close("an operator or `)`")?;
+                Ok(inner)
+            }
+            Some(c) if c.is_ascii_digit() || c == '.' => Ok((Node::Number(self.number()?), 1)),
+            Some(c) if c.is_ascii_alphabetic() => self.named(),
+            _ => Err(self.unexpected("a number, t, pi, e, a function or `(`")),
+        }
+    }
+
+    fn close(&mut self, expected: &'static str) -> Result<(), ExpressionError> {
+        if self.takes(")") { Ok(()) } else { Err(self.unexpected(expected)) }
+    }
+
+    /// Digits, a point and digits, and an exponent where a digit follows the `e` (`2e` is 2 and the number e).
+    fn number(&mut self) -> Result<f64, ExpressionError> {
+        let rest = &self.text[self.at..];
+        let digits = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();
+        let whole = digits(rest);
+        let mut end = whole;
+        if rest[end..].starts_with('.') {
+            end += 1 + digits(&rest[end + 1..]);
+        }
+        if let Some(exponent) = rest[end..].strip_prefix(['e', 'E']) {
+            let sign = usize::from(exponent.starts_with(['+', '-']));
+            let power = digits(&exponent[sign..]);
+            end += if power > 0 { 1 + sign + power } else { 0 };
+        }
+        match rest[..end].parse::<f64>() {
+            Ok(value) if value.is_finite() => {
+                self.at += end;
+                Ok(value)
+            }
+            _ => Err(ExpressionError::Syntax {
+                at: self.at,
+                expected: "a decimal number below 1.8e308",
+                found: format!("`{}`", &rest[..end]),
+            }),
+        }
+    }
+
+    fn named(&mut self) -> Result<Tall, ExpressionError> {
+        let at = self.at;
+        let rest = &self.text[at..];
+        let name = &rest[..rest.bytes().take_while(|b| b.is_ascii_alphanumeric() || *b == b'_').count()];
+        self.at += name.len();
+        let function = match name {
+            "t" => return Ok((Node::T, 1)),
+            "pi" => return Ok((Node::Pi, 1)),
+            "e" => return Ok((Node::E, 1)),
+            "min" => return self.extreme(Binary::Min),
+            "max" => return self.extreme(Binary::Max),
+            "sin" => Function::Sin,
+            "cos" => Function::Cos,
+            "tan" => Function::Tan,
+            "exp" => Function::Exp,
+            "log" => Function::Log,
+            "sqrt" => Function::Sqrt,
+            "abs" => Function::Abs,
+            _ => return Err(ExpressionError::Name { at, name: name.to_owned() }),
+        };
+        self.open()?;
+        let (argument, height) = self.sum()?;
+        self.close("an operator or `)`")?;
+        Ok((Node::Call(function, Box::new(argument)), height + 1))
+    }
+
+    fn open(&mut self) -> Result<(), ExpressionError> {
+        if self.takes("(") { Ok(()) } else { Err(self.unexpected("`(`")) }
+    }
+
+    /// The arguments of `min` or `max`, two or more.
+    fn extreme(&mut self, op: Binary) -> Result<Tall, ExpressionError> {
+        self.open()?;
+        let mut left = self.sum()?;
+        if !self.takes(",") {
+            return Err(self.unexpected("an operator or `,`"));
+        }
+        loop {
+            let right = self.sum()?;
+            left = self.join(op, left, right)?;
+            if !self.takes(",") {
+                self.close("an operator, `,` or `)`")?;
+                return Ok(left);
+            }
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Positivity over [0, 1], proved: interval bounds on halves of halves of [0, 1], down to a width of 2^-16.
+//!
+//! A law that is sampled instead passes or fails by the number of poses. What cannot be proved is refused: a law that
+//! touches zero, or whose bounds are wider than it is (the same `t` in opposing places).
+
+use super::interval::Interval;
+use super::{Binary, ExpressionError, Node};
+
+/// Halvings of [0, 1], at most.
+const DEPTH: u32 = 16;
+/// Cells of the grid on which a counterexample is looked for, after the proof has failed.
+const GRID: u32 = 1024;
+
+/// Proves the value of `node` positive and finite for all t in [0, 1], leftmost trouble first.
+pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
+    let mut open = vec![(0.0, 1.0, 0)];
+    while let Some((from, to, depth)) = open.pop() {
+        let bounds = node.bounds(Interval { low: from, high: to });
+        if bounds.is_some_and(|b| b.low > 0.0) {
+            continue;
+        }
+        if depth == DEPTH || bounds.is_some_and(|b| b.high <= 0.0) {
+            return Err(explain(node, from, to, bounds));
+        }
+        // Bounds are dyadic, so that halving is exact.
+        let middle = f64::midpoint(from, to);
+        open.push((middle, to, depth + 1));
+        open.push((from, middle, depth + 1));
+    }
+    Ok(())
+}
+
+/// What is wrong around `[from, to]`, which could not be proved: a `t` where the law fails, there or anywhere on a
+/// grid, or the lack of one.
+fn explain(node: &Node, from: f64, to: f64, bounds: Option<Interval>) -> ExpressionError {
+    let here = [from, f64::midpoint(from, to), to].map(|t| (t, from, to));
+    let grid = (0..=GRID).map(|k| {
+        let cell = |k: u32| f64::from(k.min(GRID)) / f64::from(GRID);
+        (cell(k), cell(k.saturating_sub(1)), cell(k + 1))
+    });
+    for (t, from, to) in here.into_iter().chain(grid) {
+        let value = node.value(t);
+        if !value.is_finite() {
+            return ExpressionError::NotFinite { from, to, t };
+        }
+        if value <= 0.0 {
+            return ExpressionError::NotPositive { from, to, t, value };
+        }
+    }
+    let bounds = bounds.map_or_else(
+        || "it has no finite bounds there".to_owned(),
+        |b| format!("it lies between {:e} and {:e} there", b.low, b.high),
+    );
+    ExpressionError::Unproved { from, to, bounds }
+}
+
+impl Node {
+    /// Bounds of the value over all `t` in an interval.
+    fn bounds(&self, t: Interval) -> Option<Interval> {
+        match self {
+            Self::T => Some(t),
+            Self::Pi | Self::E | Self::Number(_) => Some(Interval::point(self.value(0.0))),
+            Self::Negated(a) => a.bounds(t).map(Interval::negated),
+            Self::Binary(Binary::Power, operands) => {
+                let base = operands[0].bounds(t)?;
+                match operands[1].whole_number() {
+                    Some(exponent) => base.whole_power(exponent),
+                    None => Interval::binary(Binary::Power, base, operands[1].bounds(t)?),
+                }
+            }
+            Self::Binary(op, operands) => {
+                Interval::binary(*op, operands[0].bounds(t)?, operands[1].bounds(t)?)
+            }
+            Self::Call(f, a) => Interval::call(*f, a.bounds(t)?),
+        }
+    }
+
+    /// The value of a literal whole number, signed or not.
+    fn whole_number(&self) -> Option<f64> {
+        match self {
+            Self::Number(value) => (value.fract() == 0.0 && *value < 1e15).then_some(*value),
+            Self::Negated(a) => a.whole_number().map(|v| -v),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Stage `capture`: reads a source and normalises it.
+
+use super::{Context, SourceFile, Stage, StageError};
+use crate::artifact::write_json;
+use crate::scene::procedural::{self, StillLife};
+use crate::source::{Capture, colmap, nerfstudio};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Parameters: which source. Paths stay out of the key, the content of the files goes in.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Capturing {
+    /// The capture of the embedded scene.
+    Procedural(StillLife),
+    /// A COLMAP model.
+    Colmap {
+        /// Its folder.
+        #[serde(skip)]
+        dir: PathBuf,
+    },
+    /// A nerfstudio `transforms.json`.
+    Nerfstudio {
+        /// The file, or its folder.
+        #[serde(skip)]
+        path: PathBuf,
+    },
+}
+
+impl Capturing {
+    /// The capture of an embedded scene, whatever the number of its Gaussians.
+    #[must_use]
+    pub fn procedural(still_life: &StillLife) -> Self {
+        Self::Procedural(StillLife { gaussians: StillLife::default().gaussians, ..still_life.clone() })
+    }
+}
+
+impl Stage for Capturing {
+    const NAME: &'static str = "capture";
+    const REVISION: u32 = 1;
+    type Inputs = ();
+    type Output = Capture;
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        let (root, listed) = match self {
+            Self::Procedural(_) => return Ok(Vec::new()),
+            Self::Colmap { dir } => (dir, colmap::files(dir)),
+            Self::Nerfstudio { path } => (path, nerfstudio::files(path)),
+        };
+        if !root.exists() {
+            return Err(StageError::Missing { path: root.clone() });
+        }
+        let listed = listed.map_err(StageError::work(&format!("read {}", root.display())))?;
+        Ok(listed.into_iter().map(|(name, path)| SourceFile { name, path }).collect())
+    }
+
+    fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
+        let (capture, warnings) = match self {
+            Self::Procedural(still_life) => (procedural::capture(still_life), Vec::new()),
+            Self::Colmap { dir } => {
+                colmap::read(dir).map_err(StageError::work(&format!("read {}", dir.display())))?
+            }
+            Self::Nerfstudio { path } => {
+                nerfstudio::read(path).map_err(StageError::work(&format!("read {}", path.display())))?
+            }
+        };
+        cx.warnings.extend(warnings.iter().map(ToString::to_string));
+        let out = cx.out.join("capture.json");
+        write_json(&out, &capture).map_err(StageError::io(&out))
+    }
+}

@@ -1,0 +1,143 @@
+//! Stage `events`: renders the luminance of every pose and shows it to the sensor.
+
+use super::{Context, Stage, StageError, Target};
+use crate::artifact::{EventStream, Motion, Simulation, write_json};
+use crate::camera::{Camera, CameraChoice};
+use crate::event::{Header, LawStamp, h5};
+use crate::frames::anchors::Anchors;
+use crate::frames::rendered::RenderedFrames;
+use crate::image::Size;
+use crate::render::cpu::{self, Cpu};
+use crate::render::flow::{self, Quantiles};
+use crate::render::{Channels, RenderChoice, RenderError, Rendered, Renderer, View};
+use crate::scene::Gaussians;
+use crate::seed::Seed;
+use crate::sensor::{Account, Sensor, SimulateError, simulate};
+use crate::source::Capture;
+use crate::trajectory::Trajectory;
+use serde::Serialize;
+use std::fs::File;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Parameters: camera, rendering, sensor, and the seed of its noise.
+#[derive(Debug, Serialize)]
+pub struct Simulating {
+    /// The camera, where it differs from the source's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraChoice>,
+    /// The rendering.
+    pub render: RenderChoice,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Seed of the sensor's stream.
+    pub seed: Seed,
+}
+
+/// Pairs of neighbouring poses at which the optical flow is measured.
+const FLOW_SAMPLES: usize = 9;
+
+impl Stage for Simulating {
+    const NAME: &'static str = "events";
+    const REVISION: u32 = 1;
+    type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
+    type Output = EventStream;
+
+    fn class(&self) -> Option<String> {
+        Some(cpu::FINGERPRINT.to_owned())
+    }
+
+    fn run(
+        &self,
+        (capture, gaussians, motion): (Capture, Gaussians, Motion),
+        cx: &mut Context<'_>,
+    ) -> Result<(), StageError> {
+        let camera = super::camera(self.camera, &capture, cx);
+        let style = self.render.resolve(gaussians.antialiased);
+        let gaussians = Arc::new(gaussians);
+        let new_renderer = || Cpu::new(gaussians.clone(), style).map_err(StageError::work("render"));
+        let trajectory = motion.trajectory;
+        let flow = measure_flow(&mut new_renderer()?, camera, &trajectory, cx)?;
+        let mut frames = RenderedFrames::new(Box::new(new_renderer()?), camera, trajectory.clone());
+        let (account, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
+        let simulation = Simulation {
+            camera,
+            gaussians: gaussians.len(),
+            sh_degree: gaussians.sh_degree,
+            screening: gaussians.screening,
+            antialiased: style.antialiased,
+            sensor: self.sensor.clone(),
+            seed: self.seed,
+            account,
+            work: frames.work(),
+            flow_px: flow,
+            brightness_stamps_us: anchors.stamps_us.clone(),
+        };
+        write(&cx.out.join("brightness.npy"), |file| anchors.write_images(file))?;
+        let out = cx.out.join("simulation.json");
+        write_json(&out, &simulation).map_err(StageError::io(&out))
+    }
+}
+
+impl Simulating {
+    /// Streams the frames through the sensor into `events.h5`.
+    fn simulate(
+        &self,
+        frames: &mut RenderedFrames,
+        stamps_us: &[i64],
+        size: Size,
+        cx: &Context<'_>,
+    ) -> Result<(Account, Anchors), StageError> {
+        let chosen = Anchors::choose(stamps_us);
+        let mut anchors = Anchors::empty();
+        let mut tap = |frame: &crate::frames::Frame| {
+            if chosen.contains(&frame.index) {
+                anchors.keep(frame, stamps_us[frame.index]);
+            }
+            if cx.go_on().is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let model = self.sensor.as_model();
+        let (c_on, c_off) = model.contrast();
+        let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
+        let header = Header { size, law };
+        let path = cx.out.join("events.h5");
+        let mut sink =
+            h5::Writer::create(&path, &header).map_err(StageError::work("write events.h5"))?;
+        let account = simulate(frames, model, self.seed, &mut sink, &mut tap);
+        let account = account.map_err(|e| match e {
+            SimulateError::Interrupted => StageError::Cancelled,
+            e => StageError::work("simulate events")(e),
+        })?;
+        let last = stamps_us.last().copied().unwrap_or(0);
+        sink.finish(last).map_err(StageError::work("write events.h5"))?;
+        Ok((account, anchors))
+    }
+}
+
+/// How far the picture moves between neighbouring poses, over a sample of the path.
+fn measure_flow(
+    renderer: &mut Cpu,
+    camera: Camera,
+    trajectory: &Trajectory,
+    cx: &Context<'_>,
+) -> Result<Option<Quantiles>, StageError> {
+    let poses = &trajectory.world_from_camera;
+    let want = Channels { depth: true, ..Channels::default() };
+    let mut moved = Vec::new();
+    for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
+        cx.go_on()?;
+        let [from, to] = [a, b].map(|j| View { camera, world_from_camera: poses[j] });
+        let mut rendered = Rendered::default();
+        renderer
+            .render(&from, want, &mut rendered)
+            .map_err(|e: RenderError| StageError::work("measure the optical flow")(e))?;
+        let depth = rendered.depth.expect("depth was asked for");
+        moved.extend(flow::displacement(&depth, &from, &to).into_pixels());
+    }
+    Ok(Quantiles::of(moved))
+}
+
+fn write(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), StageError> {
+    File::create(path).and_then(|mut file| fill(&mut file)).map_err(StageError::io(path))
+}

@@ -1,0 +1,67 @@
+//! Stage `reconstruct`: has the Gaussians, from a scene file or from the embedded scene.
+
+use super::{Context, SourceFile, Stage, StageError};
+use crate::scene::procedural::{self, StillLife};
+use crate::scene::ply::write_ply;
+use crate::scene::{self, Gaussians};
+use serde::Serialize;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Parameters: where the Gaussians come from.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reconstructing {
+    /// The embedded scene.
+    Procedural(StillLife),
+    /// A scene file, whose content enters the key by its digest.
+    Given {
+        /// Its form, where only the file's name tells it.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        form: Option<&'static str>,
+        /// The file.
+        #[serde(skip)]
+        file: PathBuf,
+    },
+}
+
+impl Reconstructing {
+    /// The Gaussians of an embedded scene, whatever its capture.
+    #[must_use]
+    pub fn procedural(still_life: &StillLife) -> Self {
+        let StillLife { gaussians, seed, .. } = *still_life;
+        Self::Procedural(StillLife { gaussians, seed, ..StillLife::default() })
+    }
+
+    /// A scene file. A `.splat` has no magic number, so its name is part of what it is.
+    #[must_use]
+    pub fn given(file: &Path) -> Self {
+        let is_splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
+        Self::Given { form: is_splat.then_some("splat"), file: file.to_owned() }
+    }
+}
+
+impl Stage for Reconstructing {
+    const NAME: &'static str = "reconstruct";
+    const REVISION: u32 = 1;
+    type Inputs = ();
+    type Output = Gaussians;
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        Ok(match self {
+            Self::Procedural(_) => Vec::new(),
+            Self::Given { file, .. } => vec![SourceFile { name: "scene".into(), path: file.clone() }],
+        })
+    }
+
+    fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
+        let gaussians = match self {
+            Self::Procedural(still_life) => procedural::gaussians(still_life),
+            Self::Given { file, .. } => {
+                scene::read(file).map_err(StageError::work(&format!("read {}", file.display())))?
+            }
+        };
+        let out = cx.out.join("scene.ply");
+        File::create(&out).and_then(|file| write_ply(&gaussians, file)).map_err(StageError::io(&out))
+    }
+}

@@ -1,0 +1,73 @@
+//! Stage `sharp`: the frames that a release shows, one PNG a pose.
+
+use super::{Context, Stage, StageError, Target};
+use crate::artifact::{Motion, Pictures, write_json};
+use crate::camera::CameraChoice;
+use crate::image::png;
+use crate::render::cpu::{self, Cpu};
+use crate::render::{Channels, RenderChoice, Rendered, Renderer, View, Work};
+use crate::scene::Gaussians;
+use crate::source::Capture;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::fs::File;
+use std::io::BufWriter;
+use std::sync::Arc;
+
+/// Parameters: camera, rendering, and every how many poses a frame is kept.
+#[derive(Debug, Serialize)]
+pub struct Photographing {
+    /// The camera, where it differs from the source's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraChoice>,
+    /// The rendering.
+    pub render: RenderChoice,
+    /// Every how many poses a frame is kept.
+    pub every: u32,
+}
+
+/// Frames that are rendered before any of them is encoded: the encoder works on one core a frame.
+const BATCH: usize = 8;
+
+impl Stage for Photographing {
+    const NAME: &'static str = "sharp";
+    const REVISION: u32 = 1;
+    type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
+    type Output = Pictures;
+
+    fn class(&self) -> Option<String> {
+        Some(cpu::FINGERPRINT.to_owned())
+    }
+
+    fn run(
+        &self,
+        (capture, gaussians, motion): (Capture, Gaussians, Motion),
+        cx: &mut Context<'_>,
+    ) -> Result<(), StageError> {
+        let camera = super::camera(self.camera, &capture, cx);
+        let style = self.render.resolve(gaussians.antialiased);
+        let mut renderer = Cpu::new(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
+        let poses = &motion.trajectory.world_from_camera;
+        let kept: Vec<usize> = (0..poses.len()).step_by(self.every as usize).collect();
+        let want = Channels { rgb: true, ..Channels::default() };
+        let mut work = Work::default();
+        for batch in kept.chunks(BATCH) {
+            let mut images = Vec::with_capacity(batch.len());
+            for &j in batch {
+                cx.go_on()?;
+                let view = View { camera, world_from_camera: poses[j] };
+                let mut rendered = Rendered::default();
+                work += renderer.render(&view, want, &mut rendered).map_err(StageError::work("render"))?;
+                images.push((j, rendered.rgb.expect("colour was asked for")));
+            }
+            images.par_iter().try_for_each(|(j, image)| {
+                let out = cx.out.join(format!("{j:06}.png"));
+                File::create(&out)
+                    .and_then(|file| png::write(&png::to_bytes(image), BufWriter::new(file)))
+                    .map_err(StageError::io(&out))
+            })?;
+        }
+        let out = cx.out.join("work.json");
+        write_json(&out, &work).map_err(StageError::io(&out))
+    }
+}

@@ -1,0 +1,493 @@
+//! What a step is, as a value: the one walk that both its key and its explanation come from.
+//!
+//! A stage's parameters implement [`serde::Serialize`]; [`describe`] turns them into a [`Value`]. The key hashes the
+//! value's encoding, `gs2e why` prints the value's lines, so an explanation cannot disagree with a key.
+//!
+//! The encoding is typed and length-prefixed: a tag byte, the payload's length as a little-endian `u64`, the
+//! payload. Fields of a record are sorted by name, so moving a struct's field changes no key; an absent `Option` is
+//! an absent field. Formats written by `Debug`, JSON or serde's derive order are never hashed.
+
+use super::Digest;
+use serde::ser::{self, Serialize};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// A described value.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// Truth value.
+    Bool(bool),
+    /// Signed integer.
+    Signed(i64),
+    /// Unsigned integer.
+    Unsigned(u64),
+    /// Real number; finite, never -0.
+    Real(f64),
+    /// Text.
+    Text(String),
+    /// Bytes.
+    Bytes(Vec<u8>),
+    /// Values in order.
+    List(Vec<Value>),
+    /// Named values.
+    Record(BTreeMap<String, Value>),
+    /// One choice among several, with its content.
+    Variant(String, Box<Value>),
+    /// Digest of an input.
+    Digest(Digest),
+}
+
+impl Value {
+    /// A record without fields.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self::Record(BTreeMap::new())
+    }
+
+    /// Appends the encoding.
+    pub fn encode(&self, out: &mut Vec<u8>) {
+        match self {
+            Self::Bool(v) => tagged(out, 1, &[u8::from(*v)]),
+            Self::Signed(v) => tagged(out, 2, &v.to_le_bytes()),
+            Self::Unsigned(v) => tagged(out, 3, &v.to_le_bytes()),
+            Self::Real(v) => tagged(out, 4, &v.to_bits().to_le_bytes()),
+            Self::Text(v) => tagged(out, 5, v.as_bytes()),
+            Self::Bytes(v) => tagged(out, 6, v),
+            Self::List(values) => nested(out, 7, |out| values.iter().for_each(|v| v.encode(out))),
+            Self::Record(fields) => nested(out, 8, |out| {
+                for (name, value) in fields {
+                    tagged(out, 5, name.as_bytes());
+                    value.encode(out);
+                }
+            }),
+            Self::Variant(name, value) => nested(out, 9, |out| {
+                tagged(out, 5, name.as_bytes());
+                value.encode(out);
+            }),
+            Self::Digest(v) => tagged(out, 10, v.as_bytes()),
+        }
+    }
+
+    /// The value as lines `path = text`, in the order of the encoding.
+    #[must_use]
+    pub fn lines(&self) -> Vec<Line> {
+        let mut lines = Vec::new();
+        self.walk("", &mut lines);
+        lines
+    }
+
+    fn walk(&self, path: &str, lines: &mut Vec<Line>) {
+        let below = |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
+        match self {
+            Self::List(values) if !values.is_empty() => {
+                for (i, value) in values.iter().enumerate() {
+                    value.walk(&below(&i.to_string()), lines);
+                }
+            }
+            Self::Record(fields) if !fields.is_empty() => {
+                for (name, value) in fields {
+                    value.walk(&below(name), lines);
+                }
+            }
+            Self::Variant(name, value) if **value != Self::empty() => value.walk(&below(name), lines),
+            leaf => lines.push(Line { path: path.to_owned(), text: leaf.to_string() }),
+        }
+    }
+}
+
+/// One line of an explanation.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Line {
+    /// Where in the description, parts joined by dots.
+    pub path: String,
+    /// The value there.
+    pub text: String,
+}
+
+/// A leaf as text; lists and records only where they are empty.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(v) => write!(f, "{v}"),
+            Self::Signed(v) => write!(f, "{v}"),
+            Self::Unsigned(v) => write!(f, "{v}"),
+            Self::Real(v) => write!(f, "{v:?}"),
+            Self::Text(v) => f.write_str(v),
+            Self::Bytes(v) => write!(f, "{} bytes {}", v.len(), Digest::of(v)),
+            Self::List(_) => f.write_str("[]"),
+            Self::Record(_) => f.write_str("{}"),
+            Self::Variant(name, _) => f.write_str(name),
+            Self::Digest(v) => write!(f, "{v}"),
+        }
+    }
+}
+
+fn tagged(out: &mut Vec<u8>, tag: u8, payload: &[u8]) {
+    out.push(tag);
+    out.extend_from_slice(&(payload.len() as u64).to_le_bytes());
+    out.extend_from_slice(payload);
+}
+
+fn nested(out: &mut Vec<u8>, tag: u8, fill: impl FnOnce(&mut Vec<u8>)) {
+    let mut payload = Vec::new();
+    fill(&mut payload);
+    tagged(out, tag, &payload);
+}
+
+/// Describes parameters.
+///
+/// # Panics
+/// On a NaN or infinite number, a map key that is no text, or `None` outside a record: stages hold valid values,
+/// so each of these is an error in a stage's definition.
+#[must_use]
+pub fn describe<T: Serialize + ?Sized>(parameters: &T) -> Value {
+    parameters
+        .serialize(Describer)
+        .expect("stage parameters hold finite numbers and named fields")
+        .expect("stage parameters are not an absent option")
+}
+
+/// Why a value cannot be described.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Undescribable(String);
+
+impl ser::Error for Undescribable {
+    fn custom<T: fmt::Display>(message: T) -> Self {
+        Self(message.to_string())
+    }
+}
+
+/// `None` is an absent field.
+type Described = Result<Option<Value>, Undescribable>;
+
+struct Describer;
+
+fn real(v: f64) -> Described {
+    if !v.is_finite() {
+        return Err(Undescribable(format!("{v} has no place in a key")));
+    }
+    // Adding +0 turns -0 into +0 and changes nothing else.
+    Ok(Some(Value::Real(v + 0.0)))
+}
+
+impl ser::Serializer for Describer {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    type SerializeSeq = Elements;
+    type SerializeTuple = Elements;
+    type SerializeTupleStruct = Elements;
+    type SerializeTupleVariant = Elements;
+    type SerializeMap = Fields;
+    type SerializeStruct = Fields;
+    type SerializeStructVariant = Fields;
+
+    fn serialize_bool(self, v: bool) -> Described {
+        Ok(Some(Value::Bool(v)))
+    }
+    fn serialize_i8(self, v: i8) -> Described {
+        self.serialize_i64(v.into())
+    }
+    fn serialize_i16(self, v: i16) -> Described {
+        self.serialize_i64(v.into())
+    }
+    fn serialize_i32(self, v: i32) -> Described {
+        self.serialize_i64(v.into())
+    }
+    fn serialize_i64(self, v: i64) -> Described {
+        Ok(Some(Value::Signed(v)))
+    }
+    fn serialize_u8(self, v: u8) -> Described {
+        self.serialize_u64(v.into())
+    }
+    fn serialize_u16(self, v: u16) -> Described {
+        self.serialize_u64(v.into())
+    }
+    fn serialize_u32(self, v: u32) -> Described {
+        self.serialize_u64(v.into())
+    }
+    fn serialize_u64(self, v: u64) -> Described {
+        Ok(Some(Value::Unsigned(v)))
+    }
+    fn serialize_f32(self, v: f32) -> Described {
+        real(v.into())
+    }
+    fn serialize_f64(self, v: f64) -> Described {
+        real(v)
+    }
+    fn serialize_char(self, v: char) -> Described {
+        Ok(Some(Value::Text(v.to_string())))
+    }
+    fn serialize_str(self, v: &str) -> Described {
+        Ok(Some(Value::Text(v.to_owned())))
+    }
+    fn serialize_bytes(self, v: &[u8]) -> Described {
+        Ok(Some(Value::Bytes(v.to_vec())))
+    }
+    fn serialize_none(self) -> Described {
+        Ok(None)
+    }
+    fn serialize_some<T: Serialize + ?Sized>(self, v: &T) -> Described {
+        v.serialize(self)
+    }
+    fn serialize_unit(self) -> Described {
+        Ok(Some(Value::empty()))
+    }
+    fn serialize_unit_struct(self, _: &'static str) -> Described {
+        self.serialize_unit()
+    }
+    fn serialize_unit_variant(self, _: &'static str, _: u32, variant: &'static str) -> Described {
+        Ok(Some(Value::Variant(variant.to_owned(), Box::new(Value::empty()))))
+    }
+    fn serialize_newtype_struct<T: Serialize + ?Sized>(self, _: &'static str, v: &T) -> Described {
+        v.serialize(self)
+    }
+    fn serialize_newtype_variant<T: Serialize + ?Sized>(
+        self,
+        _: &'static str,
+        _: u32,
+        variant: &'static str,
+        v: &T,
+    ) -> Described {
+        let content = v.serialize(self)?.unwrap_or_else(Value::empty);
+        Ok(Some(Value::Variant(variant.to_owned(), Box::new(content))))
+    }
+    fn serialize_seq(self, _: Option<usize>) -> Result<Elements, Undescribable> {
+        Ok(Elements { variant: None, values: Vec::new() })
+    }
+    fn serialize_tuple(self, _: usize) -> Result<Elements, Undescribable> {
+        self.serialize_seq(None)
+    }
+    fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<Elements, Undescribable> {
+        self.serialize_seq(None)
+    }
+    fn serialize_tuple_variant(
+        self,
+        _: &'static str,
+        _: u32,
+        variant: &'static str,
+        _: usize,
+    ) -> Result<Elements, Undescribable> {
+        Ok(Elements { variant: Some(variant), values: Vec::new() })
+    }
+    fn serialize_map(self, _: Option<usize>) -> Result<Fields, Undescribable> {
+        Ok(Fields { variant: None, fields: BTreeMap::new(), key: None })
+    }
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Fields, Undescribable> {
+        self.serialize_map(None)
+    }
+    fn serialize_struct_variant(
+        self,
+        _: &'static str,
+        _: u32,
+        variant: &'static str,
+        _: usize,
+    ) -> Result<Fields, Undescribable> {
+        Ok(Fields { variant: Some(variant), fields: BTreeMap::new(), key: None })
+    }
+}
+
+fn in_variant(variant: Option<&'static str>, content: Value) -> Value {
+    match variant {
+        Some(name) => Value::Variant(name.to_owned(), Box::new(content)),
+        None => content,
+    }
+}
+
+struct Elements {
+    variant: Option<&'static str>,
+    values: Vec<Value>,
+}
+
+impl Elements {
+    fn push<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+        let value = v.serialize(Describer)?;
+        self.values.push(value.ok_or_else(|| Undescribable("an absent value in a list".into()))?);
+        Ok(())
+    }
+
+    fn close(self) -> Value {
+        in_variant(self.variant, Value::List(self.values))
+    }
+}
+
+struct Fields {
+    variant: Option<&'static str>,
+    fields: BTreeMap<String, Value>,
+    key: Option<String>,
+}
+
+impl Fields {
+    fn put<T: Serialize + ?Sized>(&mut self, name: &str, v: &T) -> Result<(), Undescribable> {
+        if let Some(value) = v.serialize(Describer)? {
+            self.fields.insert(name.to_owned(), value);
+        }
+        Ok(())
+    }
+
+    fn close(self) -> Value {
+        in_variant(self.variant, Value::Record(self.fields))
+    }
+}
+
+impl ser::SerializeSeq for Elements {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    fn serialize_element<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+        self.push(v)
+    }
+    fn end(self) -> Described {
+        Ok(Some(self.close()))
+    }
+}
+
+impl ser::SerializeTuple for Elements {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    fn serialize_element<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+        self.push(v)
+    }
+    fn end(self) -> Described {
+        Ok(Some(self.close()))
+    }
+}
+
+impl ser::SerializeTupleStruct for Elements {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    fn serialize_field<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+        self.push(v)
+    }
+    fn end(self) -> Described {
+        Ok(Some(self.close()))
+    }
+}
+
+impl ser::SerializeTupleVariant for Elements {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    fn serialize_field<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+        self.push(v)
+    }
+    fn end(self) -> Described {
+        Ok(Some(self.close()))
+    }
+}
+
+impl ser::SerializeMap for Fields {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), Undescribable> {
+        match key.serialize(Describer)? {
+            Some(Value::Text(name)) => self.key = Some(name),
+            other => return Err(Undescribable(format!("a map key that is no text: {other:?}"))),
+        }
+        Ok(())
+    }
+    fn serialize_value<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+        let name = self.key.take().expect("serde calls serialize_key first");
+        self.put(&name, v)
+    }
+    fn end(self) -> Described {
+        Ok(Some(self.close()))
+    }
+}
+
+impl ser::SerializeStruct for Fields {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    fn serialize_field<T: Serialize + ?Sized>(
+        &mut self,
+        name: &'static str,
+        v: &T,
+    ) -> Result<(), Undescribable> {
+        self.put(name, v)
+    }
+    fn end(self) -> Described {
+        Ok(Some(self.close()))
+    }
+}
+
+impl ser::SerializeStructVariant for Fields {
+    type Ok = Option<Value>;
+    type Error = Undescribable;
+    fn serialize_field<T: Serialize + ?Sized>(
+        &mut self,
+        name: &'static str,
+        v: &T,
+    ) -> Result<(), Undescribable> {
+        self.put(name, v)
+    }
+    fn end(self) -> Described {
+        Ok(Some(self.close()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(serde::Serialize)]
+    struct Forward {
+        a: f64,
+        b: Option<u32>,
+        choice: Choice,
+    }
+
+    #[derive(serde::Serialize)]
+    struct Backward {
+        choice: Choice,
+        a: f64,
+    }
+
+    #[derive(serde::Serialize)]
+    #[serde(rename_all = "kebab-case")]
+    enum Choice {
+        Plain,
+        WithNumber(u8),
+    }
+
+    fn bytes(value: &Value) -> Vec<u8> {
+        let mut out = Vec::new();
+        value.encode(&mut out);
+        out
+    }
+
+    #[test]
+    fn neither_field_order_nor_absence_nor_negative_zero_shows() {
+        let forward = describe(&Forward { a: -0.0, b: None, choice: Choice::Plain });
+        let backward = describe(&Backward { choice: Choice::Plain, a: 0.0 });
+        assert_eq!(bytes(&forward), bytes(&backward));
+        assert_ne!(bytes(&forward), bytes(&describe(&Forward { a: 0.0, b: Some(0), choice: Choice::Plain })));
+    }
+
+    #[test]
+    fn the_encoding_is_what_the_module_says() {
+        let value = describe(&Backward { choice: Choice::WithNumber(7), a: 1.0 });
+        let mut want = Vec::new();
+        // record { a: 1.0, choice: with-number(7) } = (9+1 + 9+8) + (9+6 + 9 + (9+11) + (9+8)) bytes of payload
+        want.extend([8]);
+        want.extend((27u64 + 15 + 9 + 37).to_le_bytes());
+        want.extend([5, 1, 0, 0, 0, 0, 0, 0, 0, b'a', 4, 8, 0, 0, 0, 0, 0, 0, 0]);
+        want.extend(1f64.to_bits().to_le_bytes());
+        want.extend([5, 6, 0, 0, 0, 0, 0, 0, 0]);
+        want.extend(b"choice");
+        want.extend([9, 37, 0, 0, 0, 0, 0, 0, 0, 5, 11, 0, 0, 0, 0, 0, 0, 0]);
+        want.extend(b"with-number");
+        want.extend([3, 8, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(bytes(&value), want);
+    }
+
+    #[test]
+    fn lines_name_every_leaf() {
+        let lines = describe(&Forward { a: 0.25, b: Some(3), choice: Choice::WithNumber(7) }).lines();
+        let text: Vec<String> = lines.iter().map(|l| format!("{} = {}", l.path, l.text)).collect();
+        assert_eq!(text, ["a = 0.25", "b = 3", "choice.with-number = 7"]);
+    }
+
+    #[test]
+    #[should_panic(expected = "finite")]
+    fn nan_has_no_place_in_a_key() {
+        let _ = describe(&f64::NAN);
+    }
+}

@@ -1,0 +1,172 @@
+//! Records: which outputs a key made. One immutable JSON file a key, in `ac/`.
+
+use super::description::Line;
+use super::{Digest, Key, StoreError, disk};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// One output file of a step.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Output {
+    /// Its name within the step, `/`-separated.
+    pub name: String,
+    /// Digest of its bytes.
+    pub digest: Digest,
+    /// Its length in bytes.
+    pub size: u64,
+}
+
+/// The content digest of a step's outputs: of the sorted list of names, sizes and digests. This is what the keys
+/// of the steps behind it hold.
+#[must_use]
+pub fn content(outputs: &[Output]) -> Digest {
+    let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 output list v1");
+    for output in outputs {
+        hasher.update(&(output.name.len() as u64).to_le_bytes());
+        hasher.update(output.name.as_bytes());
+        hasher.update(&output.size.to_le_bytes());
+        hasher.update(output.digest.as_bytes());
+    }
+    Digest(*hasher.finalize().as_bytes())
+}
+
+/// What is kept beside a key's outputs, and never enters a key.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Version of the program.
+    pub tool: String,
+    /// Wall time of the step in seconds.
+    pub seconds: f64,
+    /// Threads it was given.
+    pub threads: usize,
+    /// What it warned of.
+    pub warnings: Vec<String>,
+}
+
+/// A record.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Format of this file.
+    pub format: u32,
+    /// The key.
+    pub key: Key,
+    /// Name of the stage.
+    pub stage: String,
+    /// The outputs, sorted by name.
+    pub outputs: Vec<Output>,
+    /// The description that the key is the hash of, as text.
+    pub description: Vec<Line>,
+    /// What it took.
+    pub provenance: Provenance,
+    /// BLAKE3 of this record's JSON with an empty seal.
+    seal: String,
+}
+
+const FORMAT: u32 = 1;
+
+impl Record {
+    /// A record without outputs yet.
+    #[must_use]
+    pub fn new(key: Key, stage: &str, description: Vec<Line>, provenance: Provenance) -> Self {
+        let seal = String::new();
+        Self {
+            format: FORMAT,
+            key,
+            stage: stage.to_owned(),
+            outputs: Vec::new(),
+            description,
+            provenance,
+            seal,
+        }
+    }
+
+    fn path(root: &Path, key: &Key) -> PathBuf {
+        let name = key.to_string();
+        root.join("ac").join(&name[..2]).join(format!("{name}.json"))
+    }
+
+    fn sealed(&self) -> String {
+        let open = Self { seal: String::new(), ..self.clone() };
+        Digest::of(&serde_json::to_vec(&open).expect("a record is plain data")).to_string()
+    }
+
+    pub(super) fn write(&mut self, root: &Path) -> Result<(), StoreError> {
+        self.seal = self.sealed();
+        let path = Self::path(root, &self.key);
+        if let Some(folder) = path.parent() {
+            disk::create_dir(folder)?;
+        }
+        let bytes = serde_json::to_vec(&self).expect("a record is plain data");
+        let temporary = root.join("tmp").join(format!("{}.{}.json", std::process::id(), self.key));
+        disk::write_atomically(&path, &temporary, &bytes)
+    }
+
+    /// The record of a key; `None` where there is none, or it is torn, altered or of another format: a miss.
+    pub(super) fn read(root: &Path, key: &Key) -> Result<Option<Self>, StoreError> {
+        let Some(bytes) = disk::read_optional(&Self::path(root, key))? else { return Ok(None) };
+        Ok(Self::parse(&bytes).filter(|record| record.key == *key))
+    }
+
+    fn parse(bytes: &[u8]) -> Option<Self> {
+        let record: Self = serde_json::from_slice(bytes).ok()?;
+        (record.format == FORMAT && record.seal == record.sealed()).then_some(record)
+    }
+
+    /// All sound records below `ac/`, and how many files there were no records.
+    pub(super) fn read_all(root: &Path) -> Result<(Vec<Self>, usize), StoreError> {
+        let folder = root.join("ac");
+        if !folder.is_dir() {
+            return Ok((Vec::new(), 0));
+        }
+        let (mut records, mut damaged) = (Vec::new(), 0);
+        for (_, path) in disk::files_below(&folder)? {
+            match disk::read_optional(&path)?.and_then(|bytes| Self::parse(&bytes)) {
+                Some(record) => records.push(record),
+                None => damaged += 1,
+            }
+        }
+        Ok((records, damaged))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Record {
+        let line = Line { path: "params.rate".into(), text: "2400/1".into() };
+        let provenance = Provenance { tool: "0".into(), seconds: 0.1, threads: 2, warnings: vec![] };
+        let mut record = Record::new(Key(Digest::of(b"key")), "trajectory", vec![line], provenance);
+        record.outputs.push(Output { name: "poses.txt".into(), digest: Digest::of(b"poses"), size: 5 });
+        record
+    }
+
+    #[test]
+    fn any_cut_or_flipped_record_is_a_miss() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut record = sample();
+        std::fs::create_dir(folder.path().join("tmp")).unwrap();
+        record.write(folder.path()).unwrap();
+        let read = || Record::read(folder.path(), &record.key).unwrap();
+        assert_eq!(read(), Some(record.clone()));
+        let path = Record::path(folder.path(), &record.key);
+        let whole = std::fs::read(&path).unwrap();
+        for n in 0..whole.len() {
+            std::fs::write(&path, &whole[..n]).unwrap();
+            assert_eq!(read(), None, "cut at {n}");
+            let mut flipped = whole.clone();
+            flipped[n] ^= 1 << (n % 8);
+            std::fs::write(&path, &flipped).unwrap();
+            // A flip may leave the meaning as it was (the case of a digit in an exponent, say), never change it.
+            assert!(read().is_none_or(|r| r == record), "flipped at {n}");
+        }
+    }
+
+    #[test]
+    fn content_depends_on_names_sizes_and_bytes() {
+        let a = sample().outputs;
+        let mut b = a.clone();
+        b[0].name = "pose.txt".into();
+        assert_ne!(content(&a), content(&b));
+    }
+}
