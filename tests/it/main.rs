@@ -2,9 +2,9 @@
 
 mod codecs;
 mod event_statistics;
+mod recipes;
 mod render_golden;
 mod store;
 mod support;
 mod tidy;
 mod trajectories;
-mod recipes;
