@@ -1,22 +1,39 @@
 //! Captured datasets: photos with solved poses, whatever their files look like.
+//!
+//! A reader gives a [`Capture`] in the program's own conventions and lists the files that it read, so that a change of
+//! any of them is noticed. It refuses what it cannot read rightly, with file, record and byte or line; what it can
+//! read but not vouch for becomes a [`Warning`].
+
+pub mod colmap;
+pub mod lens;
+pub mod natural;
+pub mod nerfstudio;
+mod photo;
 
 use crate::camera::Camera;
+use crate::image::Size;
 use crate::se3::Se3;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::path::{Path, PathBuf};
 
-/// What a source says: its views in capture order (natural order of the image file names).
-#[derive(Debug, Clone, PartialEq)]
+/// What a source says: its views in capture order (natural order of the image file names), at least one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Capture {
     /// The registered views.
     pub views: Vec<View>,
 }
 
 /// One photo and where it was taken.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct View {
     /// Image file name as the source gives it.
     pub name: String,
     /// Camera to world, OpenCV camera axes.
+    #[serde(with = "Pose")]
     pub world_from_camera: Se3,
     /// Pinhole part of the camera, in pixels of the photo.
     pub camera: Camera,
@@ -24,6 +41,14 @@ pub struct View {
     pub lens: Lens,
     /// SHA-256 of the photo's bytes (hexadecimal), where the photo is there.
     pub sha256: Option<String>,
+}
+
+/// A pose as files of the store hold it: quaternion x, y, z, w and the camera's centre.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Se3", deny_unknown_fields)]
+struct Pose {
+    rotation: DQuat,
+    translation: DVec3,
 }
 
 /// Lens distortion by COLMAP's model names and parameters; `Pinhole` has none.
@@ -56,4 +81,242 @@ pub enum Lens {
         /// Coefficients k1, k2, p1, p2, k3, k4, k5, k6.
         k: [f64; 8],
     },
+}
+
+impl Capture {
+    /// The camera of trajectories through this capture: the one that all views share, else the first view's, with a
+    /// warning where a size differs, or fx, fy, cx or cy by more than 1 px.
+    ///
+    /// # Panics
+    /// If there is no view; readers refuse such a source.
+    #[must_use]
+    pub fn camera(&self) -> (Camera, Option<Warning>) {
+        let first = self.views.first().expect("a capture has at least one view");
+        let apart = |v: &&View| differs(&first.camera, &v.camera);
+        let other = self.views.iter().find(apart).map(|other| Warning::CamerasDiffer {
+            taken: first.name.clone(),
+            other: other.name.clone(),
+            count: self.views.iter().filter(apart).count(),
+        });
+        (first.camera, other)
+    }
+}
+
+/// Whether trajectories through one camera misrepresent the other.
+fn differs(a: &Camera, b: &Camera) -> bool {
+    let pairs = [(a.fx, b.fx), (a.fy, b.fy), (a.cx, b.cx), (a.cy, b.cy)];
+    a.size != b.size || pairs.iter().any(|(a, b)| (a - b).abs() > 1.0)
+}
+
+/// Something about a source that its user should know, and that does not stop a build.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Warning {
+    /// Views have different cameras.
+    #[error(
+        "{count} views have another camera than `{taken}`, whose camera is taken; the first is `{other}`"
+    )]
+    CamerasDiffer {
+        /// The view whose camera is taken.
+        taken: String,
+        /// The first that differs.
+        other: String,
+        /// How many differ.
+        count: usize,
+    },
+    /// The binary and the text form of a model count differently.
+    #[error("{binary} holds {found} records, {text} {other}: the binary form is read")]
+    CountsDiffer {
+        /// Binary file.
+        binary: PathBuf,
+        /// Its records.
+        found: u64,
+        /// Text file.
+        text: PathBuf,
+        /// Its records.
+        other: u64,
+    },
+    /// A pose was no rotation to more than 1e-6.
+    #[error("the rotation of `{image}` is off by {deviation:.1e}; the nearest rotation is taken")]
+    Projected {
+        /// The view.
+        image: String,
+        /// How far off, see [`crate::se3::Screened`].
+        deviation: f64,
+    },
+    /// A photo has another size than its camera.
+    #[error("`{image}` is {photo}, its camera says {stated}: {action}")]
+    PhotoSize {
+        /// The view.
+        image: String,
+        /// Size of the photo.
+        photo: Size,
+        /// Size of its camera.
+        stated: Size,
+        /// What is done about it.
+        action: &'static str,
+    },
+}
+
+/// Why a source cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// The operating system refuses.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// There is no such source.
+    #[error("{}: {because}", dir.display())]
+    Absent {
+        /// Folder.
+        dir: PathBuf,
+        /// What was looked for.
+        because: String,
+    },
+    /// A file's content cannot be used.
+    #[error("{}: {place}: {because}", path.display())]
+    Content {
+        /// File.
+        path: PathBuf,
+        /// Where in the file.
+        place: Place,
+        /// What was found and what was wanted.
+        because: String,
+    },
+}
+
+/// A place in a file of a source.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Place {
+    /// In a binary file.
+    Byte {
+        /// Which record, in words.
+        record: String,
+        /// Offset from the file's start.
+        offset: usize,
+    },
+    /// In a text file, from 1.
+    Line(usize),
+    /// In a structured file.
+    Field(String),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte { record, offset } => write!(f, "{record} at byte {offset}"),
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Field(field) => write!(f, "`{field}`"),
+        }
+    }
+}
+
+impl SourceError {
+    fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+}
+
+/// A view on its way into a capture, with the place it came from.
+struct Found {
+    view: View,
+    place: Place,
+}
+
+/// The capture of these views: sorted by name, each name once, at least one.
+fn collect(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
+    found.sort_by(|a, b| natural::compare(&a.view.name, &b.view.name));
+    if let Some([first, second]) = found.array_windows().find(|[a, b]| a.view.name == b.view.name) {
+        let because = format!("the image name `{}` is already used by {}", second.view.name, first.place);
+        return Err(SourceError::Content { path: path.to_owned(), place: second.place.clone(), because });
+    }
+    if found.is_empty() {
+        return Err(SourceError::Absent { dir: path.to_owned(), because: "it holds no view".to_owned() });
+    }
+    Ok(Capture { views: found.into_iter().map(|f| f.view).collect() })
+}
+
+/// Largest side of a photo that is believed.
+const MOST_PIXELS_A_SIDE: f64 = 100_000.0;
+
+/// Holds a camera against what any camera is: sides from 1 to 100,000 pixels, focal lengths finite and positive, all
+/// else finite.
+fn screen_camera(camera: &Camera, lens: &Lens) -> Result<(), String> {
+    for side in [camera.size.width, camera.size.height] {
+        if !(1.0..=MOST_PIXELS_A_SIDE).contains(&f64::from(side)) {
+            return Err(format!(
+                "the image size is {}, wanted sides of 1 to {MOST_PIXELS_A_SIDE}",
+                camera.size
+            ));
+        }
+    }
+    for f in [camera.fx, camera.fy] {
+        if !(f.is_finite() && f > 0.0) {
+            return Err(format!("the focal length is {f}, wanted a positive number of pixels"));
+        }
+    }
+    let rest = [camera.cx, camera.cy].into_iter().chain(lens.coefficients());
+    match rest.into_iter().find(|v| !v.is_finite()) {
+        Some(bad) => Err(format!("a camera parameter is {bad}, wanted a finite number")),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(name: &str, fx: f64) -> View {
+        let size = Size { width: 640, height: 360 };
+        let camera = Camera { size, fx, fy: 500.0, cx: 320.0, cy: 180.0 };
+        let world_from_camera = Se3 {
+            rotation: DQuat::from_xyzw(0.1, -0.2, 0.3, 0.7).normalize(),
+            translation: DVec3::new(1.0 / 3.0, -2e-17, 7e9),
+        };
+        View {
+            name: name.to_owned(),
+            world_from_camera,
+            camera,
+            lens: Lens::OpenCv { k: [0.1; 4] },
+            sha256: None,
+        }
+    }
+
+    fn found(name: &str, line: usize) -> Found {
+        Found { view: view(name, 500.0), place: Place::Line(line) }
+    }
+
+    #[test]
+    fn views_are_in_natural_order_and_named_once() {
+        let names = |names: &[&str]| {
+            let found = names.iter().zip(1..).map(|(name, line)| found(name, line)).collect();
+            collect(Path::new("m"), found).map(|c| c.views.into_iter().map(|v| v.name).collect::<Vec<_>>())
+        };
+        assert_eq!(names(&["b 10.jpg", "b 9.jpg", "a/2.jpg"]).unwrap(), ["a/2.jpg", "b 9.jpg", "b 10.jpg"]);
+        let twice = names(&["x", "y", "x"]).unwrap_err().to_string();
+        assert_eq!(twice, "m: line 3: the image name `x` is already used by line 1");
+        assert_eq!(names(&[]).unwrap_err().to_string(), "m: it holds no view");
+    }
+
+    #[test]
+    fn the_shared_camera_is_taken_or_the_first_with_a_warning() {
+        let camera = |fx: &[f64]| Capture { views: fx.iter().map(|&fx| view("v", fx)).collect() }.camera();
+        assert_eq!(camera(&[500.0, 500.9, 499.1]).1, None);
+        let (taken, warning) = camera(&[500.0, 501.1, 480.0]);
+        assert_eq!(taken, view("", 500.0).camera);
+        let warning = warning.unwrap().to_string();
+        assert!(warning.starts_with("2 views have another camera"), "{warning}");
+    }
+
+    #[test]
+    fn a_stored_capture_is_read_back_to_the_bit() {
+        let capture =
+            Capture { views: vec![view("a b/1.jpg", 500.123_456_789_012_3), view("c", f64::MIN_POSITIVE)] };
+        let text = serde_json::to_string(&capture).unwrap();
+        assert_eq!(serde_json::from_str::<Capture>(&text).unwrap(), capture);
+        assert!(text.contains(r#""lens":{"OPENCV":{"k":[0.1,0.1,0.1,0.1]}}"#), "{text}");
+    }
 }

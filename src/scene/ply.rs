@@ -229,7 +229,7 @@ mod tests {
             assert_eq!(scene.opacity_logits, [-1.5, -0.5]);
             let first = [[0.25, 1.25, 2.25], [0.0, 3.0, 6.0], [1.0, 4.0, 7.0], [2.0, 5.0, 8.0]];
             assert_eq!((scene.sh_degree, scene.sh_of(0)), (1, &first[..]));
-            assert_eq!(scene.sh_of(1)[3], [102.0, 105.0, 108.0]);
+            assert_eq!(scene.sh_of(1)[3..], [[102.0, 105.0, 108.0]]);
             assert_eq!((scene.antialiased, scene.screening.read), (None, 2));
         }
     }
@@ -288,7 +288,7 @@ mod tests {
         let start = bytes.windows(4).position(|w| w == b"gs2e").unwrap();
         bytes[start..start + 4].copy_from_slice(b"none");
         let read = read_ply(&bytes).unwrap();
-        assert_eq!(read.rotations[1], [0.0; 4]);
+        assert_eq!(read.rotations[1..], [[0.0; 4]]);
         assert_eq!(read.screening, Screening { read: 2, non_finite: 0, zero_quaternions: 1 });
     }
 

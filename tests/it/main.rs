@@ -4,6 +4,7 @@ mod codecs;
 mod event_statistics;
 mod recipes;
 mod render_golden;
+mod sources;
 mod store;
 mod support;
 mod tidy;

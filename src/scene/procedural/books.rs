@@ -1,0 +1,150 @@
+//! A stack of books and, on top of it, an armillary sphere of brass.
+
+use super::draw::{clouds, mix, noise, step, stripes};
+use super::light::blend;
+use super::object::{Arrangement, Finish, Look, Part, at, ball, rgb, turn};
+use super::shape::Spot;
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+/// Middle of the stack's foot.
+const STACK: DVec3 = DVec3::new(1.32, 0.0, 0.42);
+
+pub(super) fn add(seed: u64, into: &mut Arrangement) {
+    let books = [
+        Book {
+            bottom: 0.0,
+            height: 0.15,
+            size: [0.56, 0.40],
+            turned: 0.045,
+            cover: 0x23_4a3c,
+            foil: 0xc9_a24a,
+        },
+        Book {
+            bottom: 0.15,
+            height: 0.11,
+            size: [0.50, 0.37],
+            turned: 0.085,
+            cover: 0x8a_2a22,
+            foil: 0xe0_d2a8,
+        },
+        Book {
+            bottom: 0.26,
+            height: 0.13,
+            size: [0.44, 0.33],
+            turned: 0.015,
+            cover: 0x28_3c6e,
+            foil: 0xd2_c8b4,
+        },
+    ];
+    for (k, book) in books.into_iter().enumerate() {
+        book.add(seed.wrapping_add(k as u64), into);
+    }
+    for (x, height, radius) in [(-0.28, 0.12, 0.26), (0.28, 0.12, 0.26), (-0.2, 0.25, 0.2), (0.2, 0.25, 0.2)]
+    {
+        into.shadow("books", STACK + at(x, height, 0.0), radius);
+    }
+    armillary(STACK + at(0.0, 0.39, 0.0), into);
+}
+
+/// A closed book that lies on its side, its spine towards the viewers.
+#[derive(Debug, Clone, Copy)]
+struct Book {
+    bottom: f64,
+    height: f64,
+    /// Half the length of the spine, half the width of the cover.
+    size: [f64; 2],
+    /// How far it is turned, in turns.
+    turned: f64,
+    cover: u32,
+    foil: u32,
+}
+
+impl Book {
+    /// The point `a` along the spine and `b` across the cover (both -1 to 1) at a share of the height.
+    fn point(self, a: f64, b: f64, height: f64) -> DVec3 {
+        let (sin, cos) = turn(self.turned);
+        let (x, z) = (a * self.size[0], b * self.size[1]);
+        STACK + at(cos * x - sin * z, self.bottom + height * self.height, sin * x + cos * z)
+    }
+
+    fn add(self, seed: u64, into: &mut Arrangement) {
+        let (cover, foil) = (rgb(self.cover), rgb(self.foil));
+        let leather = move |s: &Spot| cover * mix(0.75, 1.2, clouds(seed, 14.0 * s.u, 10.0 * s.v));
+        let top: Look = Box::new(move |s| {
+            let edge = (s.u - 0.5).abs().max((s.v - 0.5).abs());
+            let frame = step(0.40, 0.415, edge) * (1.0 - step(0.435, 0.45, edge));
+            Finish::glossy(blend(leather(s), foil, frame), 0.12)
+        });
+        let spine: Look = Box::new(move |s| {
+            let (blur, across) = (s.spacing[0] / 1.0, step(0.28, 0.34, s.v) * (1.0 - step(0.66, 0.72, s.v)));
+            let title = across * step(0.34, 0.36, s.u) * (1.0 - step(0.64, 0.66, s.u));
+            let letters = title * step(0.42, 0.5, noise(seed.wrapping_add(40), 60.0 * s.u, 2.0));
+            let bands = stripes(s.u - 0.08, 0.21, 0.018, blur);
+            Finish::glossy(blend(leather(s), foil, bands.max(letters)), 0.12)
+        });
+        let pages: fn() -> Look = || {
+            Box::new(|s| {
+                let leaves = noise(5, 4.0 * s.u, 40.0 * s.v);
+                let board = 1.0 - step(0.07, 0.10, s.v.min(1.0 - s.v));
+                Finish::matt(blend(rgb(0xdc_cfae) * mix(0.7, 1.0, leaves), rgb(0x3a_2c20), board))
+            })
+        };
+        let sides: [(super::shape::Sheet, Look); 5] = [
+            (Box::new(move |u, v| self.point(mix(-1.0, 1.0, u), mix(-1.0, 1.0, v), 1.0)), top),
+            (
+                Box::new(move |u, v| {
+                    self.point(mix(-1.0, 1.0, u), -1.0 - 0.06 * libm::sin(v * TAU / 2.0), v)
+                }),
+                spine,
+            ),
+            (Box::new(move |u, v| self.point(1.0, mix(-1.0, 1.0, u), v)), pages()),
+            (Box::new(move |u, v| self.point(-1.0, mix(1.0, -1.0, u), v)), pages()),
+            (Box::new(move |u, v| self.point(mix(1.0, -1.0, u), 1.0, v)), pages()),
+        ];
+        for (sheet, look) in sides {
+            into.parts.push(Part::sheet("books", sheet, look).detail(1.5));
+        }
+    }
+}
+
+/// Rings about a globe, on a turned stand.
+fn armillary(foot: DVec3, into: &mut Arrangement) {
+    let brass: fn() -> Look = || {
+        Box::new(|s| {
+            let marks = stripes(s.u, 1.0 / 48.0, 0.3 / 48.0, s.spacing[0] / 2.0);
+            Finish::glossy(blend(rgb(0xb0_8436), rgb(0x5a_3c14), 0.7 * marks), 0.4)
+        })
+    };
+    let middle = foot + at(0.0, 0.52, 0.0);
+    let rings =
+        [(0.0, 0.0, 0.34), (0.25, 0.02, 0.33), (0.065, 0.10, 0.31), (-0.11, 0.30, 0.29), (0.19, 0.62, 0.30)];
+    for (tilt, heading, radius) in rings {
+        let (a, b) = ring_plane(tilt, heading);
+        let ring = Box::new(move |t: f64| {
+            let (sin, cos) = turn(t);
+            middle + radius * (a * cos + b * sin)
+        });
+        into.parts.push(Part::strand("armillary", ring, 0.0125, brass()).detail(4.0));
+    }
+    let land = |s: &Spot| {
+        let shore = step(0.48, 0.54, clouds(31, 5.0 * s.u, 3.0 * s.v));
+        Finish::glossy(blend(rgb(0x2a_5a7e), rgb(0xb8_a468), shore), 0.4)
+    };
+    into.parts.push(Part::sheet("armillary", ball(middle, 0.10, |_, _| 1.0), Box::new(land)).detail(2.2));
+    let axis = Box::new(move |t: f64| middle + at(0.16, 0.36, 0.0) * mix(-1.0, 1.0, t));
+    into.parts.push(Part::strand("armillary", axis, 0.008, brass()).detail(5.0));
+    let stand = |v: f64| {
+        let knob = step(0.45, 0.55, v) * (1.0 - step(0.6, 0.7, v));
+        (0.14 * (1.0 - step(0.05, 0.25, v)) + 0.022 + 0.028 * knob, 0.18 * v)
+    };
+    let stand = super::object::revolved(foot, stand);
+    into.parts.push(Part::sheet("armillary", stand, brass()).detail(2.5));
+    into.shadow("armillary", middle, 0.1);
+}
+
+/// Two unit vectors that span a ring's plane: level, then tilted and turned about the vertical (in turns).
+fn ring_plane(tilt: f64, heading: f64) -> (DVec3, DVec3) {
+    let ((st, ct), (sh, ch)) = (turn(tilt), turn(heading));
+    (at(ch, 0.0, sh), at(-sh * ct, st, ch * ct))
+}

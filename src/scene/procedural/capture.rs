@@ -1,0 +1,74 @@
+//! The capture of the still life: photos from an arc, by hand.
+
+use super::StillLife;
+use super::draw::Draws;
+use super::object::{at, turn};
+use crate::camera::Camera;
+use crate::image::Size;
+use crate::se3::Se3;
+use crate::source::{Capture, Lens, View};
+use glam::{DMat3, DQuat, DVec3};
+
+/// The photos' size and focal length, px: a horizontal field of view of 52.2 degrees.
+const SIZE: Size = Size { width: 640, height: 360 };
+const FOCAL: f64 = 653.0;
+/// What the photographer looks at, and from how far and high up.
+const TARGET: DVec3 = DVec3::new(0.12, -0.52, 0.12);
+const DISTANCE: f64 = 4.25;
+const RISE: f64 = 15.5 / 360.0;
+/// Standard deviations of the hand: place in units, direction in turns.
+const SHAKE: f64 = 0.005;
+const TREMBLE: f64 = 0.05 / 360.0;
+
+/// Streams of the draws for the arc and for the hand.
+const STREAM: u64 = 2 << 32;
+
+pub(super) fn capture(life: &StillLife) -> Capture {
+    let mut draws = Draws::new(life.seed, STREAM);
+    let turns = unevenly(life.views, life.arc / 360.0, &mut draws);
+    let digits = life.views.to_string().len().max(3);
+    let views = turns.into_iter().enumerate().map(|(k, turns)| View {
+        name: format!("{:0digits$}.jpg", k + 1),
+        world_from_camera: pose(turns, &mut draws),
+        camera: Camera {
+            size: SIZE,
+            fx: FOCAL,
+            fy: FOCAL,
+            cx: f64::from(SIZE.width) / 2.0,
+            cy: f64::from(SIZE.height) / 2.0,
+        },
+        lens: Lens::Pinhole,
+        sha256: None,
+    });
+    Capture { views: views.collect() }
+}
+
+/// `count` angles from `-arc / 2` to `arc / 2`, in turns, with steps that differ by up to a factor of two.
+fn unevenly(count: u32, arc: f64, draws: &mut Draws) -> Vec<f64> {
+    let mut sums = vec![0.0];
+    for k in 1..count {
+        sums.push(sums[k as usize - 1] + draws.uniform(0.67, 1.33));
+    }
+    let total = sums[sums.len() - 1];
+    sums.into_iter().map(|s| arc * (s / total - 0.5)).collect()
+}
+
+/// The camera at this angle about the target: it rises and falls a little on its way, and trembles.
+fn pose(turns: f64, draws: &mut Draws) -> Se3 {
+    let (sin, cos) = turn(turns);
+    let (up, out) = turn(RISE + 0.004 * turn(4.0 * turns).0);
+    let shake = |draws: &mut Draws| DVec3::new(draws.bell(SHAKE), draws.bell(SHAKE), draws.bell(SHAKE));
+    let centre = TARGET + DISTANCE * at(out * sin, up, -out * cos) + shake(draws);
+    let aim = TARGET + shake(draws);
+    let forward = (aim - centre).normalize();
+    let right = DVec3::Y.cross(forward).normalize();
+    let steady = DMat3::from_cols(right, forward.cross(right), forward);
+    let rotation = DQuat::from_mat3(&steady) * roll(draws.bell(TREMBLE));
+    Se3 { rotation: rotation.normalize(), translation: centre }
+}
+
+/// A turn about the optical axis.
+fn roll(turns: f64) -> DQuat {
+    let (sin, cos) = turn(turns / 2.0);
+    DQuat::from_xyzw(0.0, 0.0, sin, cos)
+}

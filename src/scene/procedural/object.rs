@@ -1,0 +1,132 @@
+//! What the still life's objects are made of.
+
+use super::light::Occluder;
+use super::shape::{Path, Shape, Sheet, Spot};
+use glam::DVec3;
+use std::fmt;
+
+/// How a surfel looks before light falls on it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Finish {
+    /// Share of red, green and blue light that is thrown back, linear.
+    pub(super) albedo: DVec3,
+    /// Height of the reflected lamp's lobe on the display scale.
+    pub(super) gloss: f64,
+    /// Opacity in the middle of the surfel.
+    pub(super) opacity: f64,
+}
+
+impl Finish {
+    /// A matt, solid surface.
+    pub(super) fn matt(albedo: DVec3) -> Self {
+        Self { albedo, gloss: 0.0, opacity: 0.985 }
+    }
+
+    /// A glossy, solid surface.
+    pub(super) fn glossy(albedo: DVec3, gloss: f64) -> Self {
+        Self { gloss, ..Self::matt(albedo) }
+    }
+}
+
+/// The look of a part at each of its spots.
+pub(super) type Look = Box<dyn Fn(&Spot) -> Finish>;
+
+/// One surface, strand or cloud of an object.
+pub(super) struct Part {
+    pub(super) object: &'static str,
+    pub(super) shape: Shape,
+    pub(super) look: Look,
+    /// Surfels for its area, relative to the other parts.
+    pub(super) detail: f64,
+    /// Whether its back is seen, too; it is then lit as the side towards the viewers.
+    pub(super) thin: bool,
+}
+
+impl fmt::Debug for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?} of {}", self.shape, self.object)
+    }
+}
+
+impl Part {
+    pub(super) fn sheet(object: &'static str, sheet: Sheet, look: Look) -> Self {
+        Self { object, shape: Shape::Sheet(sheet), look, detail: 1.0, thin: false }
+    }
+
+    pub(super) fn strand(object: &'static str, path: Path, radius: f64, look: Look) -> Self {
+        Self { object, shape: Shape::Strand(path, Box::new(move |_| radius)), look, detail: 1.0, thin: false }
+    }
+
+    pub(super) fn detail(self, detail: f64) -> Self {
+        Self { detail, ..self }
+    }
+
+    pub(super) fn thin(self) -> Self {
+        Self { thin: true, ..self }
+    }
+}
+
+/// The parts that are on the table, and what throws their shadows.
+#[derive(Debug, Default)]
+pub(super) struct Arrangement {
+    pub(super) parts: Vec<Part>,
+    pub(super) occluders: Vec<Occluder>,
+}
+
+impl Arrangement {
+    pub(super) fn shadow(&mut self, object: &'static str, centre: DVec3, radius: f64) {
+        self.occluders.push(Occluder { object, centre, radius });
+    }
+}
+
+/// The point `x` to the right, `height` above the table and `z` behind its middle. World axes are x right, y down,
+/// z forward.
+pub(super) fn at(x: f64, height: f64, z: f64) -> DVec3 {
+    DVec3::new(x, -height, z)
+}
+
+/// Linear light of the display colour `0xRRGGBB`.
+pub(super) fn rgb(hex: u32) -> DVec3 {
+    let [_, r, g, b] = hex.to_be_bytes();
+    DVec3::from_array([r, g, b].map(|byte| {
+        let v = f64::from(byte) / 255.0;
+        if v <= 0.040_45 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }
+    }))
+}
+
+/// Sine and cosine of `turns` full turns.
+pub(super) fn turn(turns: f64) -> (f64, f64) {
+    let angle = turns * std::f64::consts::TAU;
+    (libm::sin(angle), libm::cos(angle))
+}
+
+/// The surface of revolution about the vertical through `foot` of a profile: radius and height at `v` of 0 to 1.
+pub(super) fn revolved(foot: DVec3, profile: impl Fn(f64) -> (f64, f64) + 'static) -> Sheet {
+    Box::new(move |u, v| {
+        let (sin, cos) = turn(u);
+        let (radius, height) = profile(v);
+        foot + at(radius * cos, height, radius * sin)
+    })
+}
+
+/// A ball whose radius is multiplied by `swell(u, v)`; `v` runs from the bottom to the top.
+pub(super) fn ball(centre: DVec3, radius: f64, swell: impl Fn(f64, f64) -> f64 + 'static) -> Sheet {
+    Box::new(move |u, v| {
+        let (sin, cos) = turn(u);
+        let (up, out) = turn((v - 0.5) / 2.0);
+        centre + radius * swell(u, v) * at(out * cos, up, out * sin)
+    })
+}
+
+/// A smooth curve through points that are equally far apart in the parameter (Catmull-Rom).
+pub(super) fn through(points: Vec<DVec3>) -> Path {
+    Box::new(move |t| {
+        let last = points.len() - 1;
+        let x = t.clamp(0.0, 1.0) * last as f64;
+        let k = (x.floor() as usize).min(last - 1);
+        let s = x - k as f64;
+        let p = |i: usize| points[i.min(last)];
+        let (a, b, c, d) = (points[k.saturating_sub(1)], p(k), p(k + 1), p(k + 2));
+        b + 0.5 * s * ((c - a) + s * ((2.0 * a - 5.0 * b + 4.0 * c - d) + s * (3.0 * (b - c) + d - a)))
+    })
+}

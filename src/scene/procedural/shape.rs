@@ -1,0 +1,230 @@
+//! Surfaces and strands, and the surfels that cover them: flattened Gaussians whose size follows their number.
+
+use super::draw::Draws;
+use glam::{DMat3, DQuat, DVec3};
+use std::fmt;
+
+/// A map from the unit square onto a surface; `u` across `v` points outwards.
+pub(super) type Sheet = Box<dyn Fn(f64, f64) -> DVec3>;
+/// A map from the unit interval onto a curve.
+pub(super) type Path = Box<dyn Fn(f64) -> DVec3>;
+
+/// What a part of an object looks like.
+pub(super) enum Shape {
+    /// A surface.
+    Sheet(Sheet),
+    /// A thin tube along a curve, of this radius at each parameter.
+    Strand(Path, Box<dyn Fn(f64) -> f64>),
+    /// Blobs in the air: centres and radii come from the draws.
+    Blobs { low: DVec3, high: DVec3, share: f64 },
+}
+
+impl fmt::Debug for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sheet(_) => "Sheet",
+            Self::Strand(..) => "Strand",
+            Self::Blobs { .. } => "Blobs",
+        })
+    }
+}
+
+/// Where a surfel lies.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spot {
+    pub(super) u: f64,
+    pub(super) v: f64,
+    pub(super) position: DVec3,
+    /// Unit normal, outwards; towards the viewers for a strand.
+    pub(super) normal: DVec3,
+    /// Distance to the next surfel along `u` and along `v`.
+    pub(super) spacing: [f64; 2],
+    /// Standard deviations along the axes of `rotation`.
+    pub(super) deviations: DVec3,
+    pub(super) rotation: DQuat,
+}
+
+/// Standard deviation of a surfel over the distance to the next: neighbours overlap at 0.7 of their height.
+const OVERLAP: f64 = 0.62;
+/// How far surfels are moved from the middle of their cells, in cells.
+const UNREST: f64 = 0.18;
+/// Rows and columns at which areas and lengths are measured.
+const MEASURED: u32 = 48;
+
+impl Shape {
+    /// Area of the surface, or what a strand shows of itself.
+    pub(super) fn area(&self) -> f64 {
+        match self {
+            Self::Sheet(sheet) => Rows::measure(sheet).area(),
+            Self::Strand(path, radius) => lengths(|t| path(t)).iter().sum::<f64>() * 2.0 * radius(0.5),
+            Self::Blobs { share, .. } => *share,
+        }
+    }
+
+    /// Exactly `count` spots.
+    pub(super) fn spots(&self, count: usize, draws: &mut Draws, mut found: impl FnMut(&Spot)) {
+        match self {
+            Self::Sheet(sheet) => cover(sheet, count, draws, &mut found),
+            Self::Strand(path, radius) => follow(path, radius, count, &mut found),
+            Self::Blobs { low, high, .. } => {
+                for _ in 0..count {
+                    found(&blob(*low, *high, draws));
+                }
+            }
+        }
+    }
+}
+
+/// Lengths of the pieces of a curve between equidistant parameters.
+fn lengths(curve: impl Fn(f64) -> DVec3) -> Vec<f64> {
+    let at = |k: u32| curve(f64::from(k) / f64::from(MEASURED));
+    (0..MEASURED).map(|k| at(k).distance(at(k + 1))).collect()
+}
+
+/// A surface's measure: at `MEASURED` values of `v`, the length of the line of constant `v` and the height of the
+/// strip about it.
+struct Rows {
+    widths: Vec<f64>,
+    heights: Vec<f64>,
+}
+
+impl Rows {
+    fn measure(sheet: &Sheet) -> Self {
+        let middle = |k: u32| (f64::from(k) + 0.5) / f64::from(MEASURED);
+        let widths = (0..MEASURED).map(|k| lengths(|u| sheet(u, middle(k))).iter().sum()).collect();
+        let columns: Vec<Vec<f64>> =
+            (0..8).map(|c| lengths(|v| sheet((f64::from(c) + 0.5) / 8.0, v))).collect();
+        let heights =
+            (0..MEASURED as usize).map(|k| columns.iter().map(|c| c[k]).sum::<f64>() / 8.0).collect();
+        Self { widths, heights }
+    }
+
+    fn area(&self) -> f64 {
+        self.widths.iter().zip(&self.heights).map(|(w, h)| w * h).sum()
+    }
+
+    /// The parameter at which the share `share` of the total height lies below.
+    fn v_at(&self, share: f64) -> f64 {
+        let mut left = share * self.heights.iter().sum::<f64>();
+        for (k, &h) in self.heights.iter().enumerate() {
+            if left <= h {
+                return (k as f64 + if h > 0.0 { left / h } else { 0.0 }) / f64::from(MEASURED);
+            }
+            left -= h;
+        }
+        1.0
+    }
+
+    fn width_at(&self, v: f64) -> f64 {
+        let x = (v * f64::from(MEASURED) - 0.5).clamp(0.0, f64::from(MEASURED - 1));
+        let k = (x.floor() as usize).min(self.widths.len() - 2);
+        self.widths[k] + (self.widths[k + 1] - self.widths[k]) * (x - k as f64)
+    }
+}
+
+/// Covers a surface by rows of surfels, as many in each row as its length asks for.
+fn cover(sheet: &Sheet, count: usize, draws: &mut Draws, found: &mut impl FnMut(&Spot)) {
+    let rows = Rows::measure(sheet);
+    let spacing = (rows.area() / count.max(1) as f64).sqrt();
+    let height: f64 = rows.heights.iter().sum();
+    let row_count = ((height / spacing).round() as usize).clamp(1, count.max(1));
+    let edge = |r: f64| rows.v_at(r / row_count as f64);
+    let widths: Vec<f64> = (0..row_count).map(|r| rows.width_at(edge(r as f64 + 0.5))).collect();
+    for (r, in_row) in shares(count, &widths).into_iter().enumerate() {
+        let phase = draws.uniform(0.0, 1.0);
+        let r = r as f64;
+        let cell = [1.0 / in_row.max(1) as f64, edge(r + 1.0) - edge(r)];
+        for i in 0..in_row {
+            let along = (i as f64 + phase + draws.uniform(-UNREST, UNREST)) / in_row as f64;
+            let v = edge(r + 0.5 + draws.uniform(-UNREST, UNREST));
+            found(&surfel(sheet, along - along.floor(), v, cell));
+        }
+    }
+}
+
+/// `count` split by weights: exact in sum, each within one of its share.
+pub(super) fn shares(count: usize, weights: &[f64]) -> Vec<usize> {
+    let total: f64 = weights.iter().sum();
+    let mut so_far = 0.0;
+    let mut given = 0;
+    weights
+        .iter()
+        .map(|w| {
+            so_far += w;
+            let upto = if total > 0.0 { (count as f64 * (so_far / total)).round() as usize } else { 0 };
+            let share = upto.min(count) - given;
+            given += share;
+            share
+        })
+        .collect()
+}
+
+/// The surfel at `(u, v)` of a cell of this size in the unit square.
+fn surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
+    let d = 1e-4;
+    let along = |du: f64, dv: f64| {
+        let (a, b) = ((u - du).max(0.0), (u + du).min(1.0));
+        let (c, e) = ((v - dv).max(0.0), (v + dv).min(1.0));
+        (sheet(b, e) - sheet(a, c)) / ((b - a) + (e - c))
+    };
+    let (du, dv) = (along(d, 0.0), along(0.0, d));
+    let spacing = [du.length() * cell[0], dv.length() * cell[1]];
+    let normal = du.cross(dv).normalize_or(DVec3::NEG_Y);
+    let tangent = (du - normal * normal.dot(du)).normalize_or(normal.any_orthonormal_vector());
+    let thickness = 0.06 * (spacing[0] + spacing[1]);
+    let [a, b] = spacing.map(|s| OVERLAP * s);
+    Spot {
+        u,
+        v,
+        position: sheet(u, v),
+        normal,
+        spacing,
+        deviations: DVec3::new(a, b, thickness),
+        rotation: frame(tangent, normal),
+    }
+}
+
+/// The rotation that takes x to `tangent` and z to `normal`.
+fn frame(tangent: DVec3, normal: DVec3) -> DQuat {
+    DQuat::from_mat3(&DMat3::from_cols(tangent, normal.cross(tangent), normal))
+}
+
+/// Long Gaussians along a curve. Their normals lean towards the lamp's side and the viewers.
+fn follow(path: &Path, radius: &dyn Fn(f64) -> f64, count: usize, found: &mut impl FnMut(&Spot)) {
+    let total: f64 = lengths(|t| path(t)).iter().sum();
+    let spacing = total / count.max(1) as f64;
+    for i in 0..count {
+        let t = (i as f64 + 0.5) / count as f64;
+        let ahead = path((t + 1e-4).min(1.0)) - path((t - 1e-4).max(0.0));
+        let tangent = ahead.normalize_or(DVec3::X);
+        let outwards = DVec3::new(-0.3, -0.6, -0.75);
+        let normal = (outwards - tangent * tangent.dot(outwards)).normalize_or(DVec3::NEG_Z);
+        let thick = 0.6 * radius(t);
+        found(&Spot {
+            u: t,
+            v: 0.5,
+            position: path(t),
+            normal,
+            spacing: [spacing, 2.0 * radius(t)],
+            deviations: DVec3::new((OVERLAP * spacing).max(0.2 * thick), thick, thick),
+            rotation: frame(tangent, normal),
+        });
+    }
+}
+
+/// A round blob somewhere in a box.
+fn blob(low: DVec3, high: DVec3, draws: &mut Draws) -> Spot {
+    let position = DVec3::from_array([0, 1, 2].map(|k| draws.uniform(low[k], high[k])));
+    let radius = draws.uniform(0.02, 0.07);
+    let stretch = draws.uniform(0.6, 1.6);
+    let normal = DVec3::new(draws.bell(1.0), draws.bell(1.0), draws.bell(1.0)).normalize_or(DVec3::Z);
+    Spot {
+        u: draws.uniform(0.0, 1.0),
+        v: draws.uniform(0.0, 1.0),
+        position,
+        normal,
+        spacing: [radius; 2],
+        deviations: DVec3::new(radius * stretch, radius, radius / stretch),
+        rotation: frame(normal.any_orthonormal_vector(), normal),
+    }
+}

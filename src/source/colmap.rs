@@ -1,0 +1,279 @@
+//! COLMAP models (GitHub colmap/colmap, `doc/format.rst`): `cameras`, `images` and `points3D`, as `.bin` or `.txt`.
+//!
+//! Poses are stored as world to camera with quaternion w first; pixels have their centres at half-integers, as here.
+//! Where both forms are there, the binary one is read.
+
+mod binary;
+mod lenses;
+mod text;
+
+use super::photo::{self, Photo};
+use super::{Capture, Found, Place, SourceError, View, Warning, collect};
+use crate::camera::Camera;
+use crate::se3::{self, Se3};
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use walkdir::WalkDir;
+
+/// A camera of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelCamera {
+    /// Pinhole part.
+    pub camera: Camera,
+    /// The rest.
+    pub lens: super::Lens,
+}
+
+/// A registered image of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// Its name, which may hold folders.
+    pub name: String,
+    /// Which camera it was taken with.
+    pub camera_id: u32,
+    /// Its rotation, unit quaternion, world to camera, and how far the stored one was from it.
+    pub rotation: se3::Screened,
+    /// Its translation, world to camera.
+    pub translation: DVec3,
+    /// Its key points.
+    pub observations: Vec<Observation>,
+    /// Where the file says all this.
+    pub place: Place,
+}
+
+/// A key point of an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation {
+    /// Its place, px.
+    pub xy: [f64; 2],
+    /// The point that it shows, if one was triangulated.
+    pub point: Option<u64>,
+}
+
+/// A triangulated point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Its place in the world.
+    pub xyz: DVec3,
+    /// Mean distance of its projections from its key points, px, as COLMAP says.
+    pub error: f64,
+}
+
+/// The two forms that models have on disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Binary,
+    Text,
+}
+
+impl Form {
+    fn file(self, dir: &Path, stem: &str) -> PathBuf {
+        dir.join(stem).with_extension(match self {
+            Self::Binary => "bin",
+            Self::Text => "txt",
+        })
+    }
+
+    fn is_in(self, dir: &Path) -> bool {
+        ["cameras", "images"].iter().all(|stem| self.file(dir, stem).is_file())
+    }
+}
+
+/// A model's folder, found and not yet read.
+#[derive(Debug, Clone)]
+pub struct Model {
+    dir: PathBuf,
+    form: Form,
+}
+
+impl Model {
+    /// Finds the model in `dir`: there, in `sparse/0` or `sparse` below it, or in the one `sparse/0` up to three
+    /// folders further down.
+    ///
+    /// # Errors
+    /// When there is none, or, further down, more than one.
+    pub fn find(dir: &Path) -> Result<Self, SourceError> {
+        std::fs::read_dir(dir).map_err(SourceError::io(dir))?;
+        let near = [dir.to_owned(), dir.join("sparse/0"), dir.join("sparse")];
+        if let Some(model) = near.into_iter().find_map(Self::at) {
+            return Ok(model);
+        }
+        let below = WalkDir::new(dir).min_depth(1).max_depth(3).sort_by_file_name();
+        let folders = below.into_iter().filter_map(Result::ok).filter(|entry| entry.file_type().is_dir());
+        let mut models = folders.filter_map(|entry| Self::at(entry.path().join("sparse/0")));
+        let absent = |because| SourceError::Absent { dir: dir.to_owned(), because };
+        match (models.next(), models.next()) {
+            (Some(model), None) => Ok(model),
+            (Some(a), Some(b)) => {
+                let (a, b) = (a.dir.display(), b.dir.display());
+                Err(absent(format!("two COLMAP models were found, {a} and {b}: name one of them")))
+            }
+            (None, _) => Err(absent(
+                "no COLMAP model was found: wanted cameras and images, .bin or .txt, here, in sparse/0, or in one \
+                 sparse/0 up to three folders down"
+                    .to_owned(),
+            )),
+        }
+    }
+
+    fn at(dir: PathBuf) -> Option<Self> {
+        let form = [Form::Binary, Form::Text].into_iter().find(|form| form.is_in(&dir))?;
+        Some(Self { dir, form })
+    }
+
+    fn file(&self, stem: &str) -> PathBuf {
+        self.form.file(&self.dir, stem)
+    }
+
+    /// Reads the cameras by their id.
+    ///
+    /// # Errors
+    /// When the file is damaged, or a camera's model is not supported.
+    pub fn cameras(&self) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
+        match self.form {
+            Form::Binary => binary::cameras(&self.file("cameras")),
+            Form::Text => text::cameras(&self.file("cameras")),
+        }
+    }
+
+    /// Reads the registered images in the order of the file.
+    ///
+    /// # Errors
+    /// When the file is damaged, or a pose is none.
+    pub fn images(&self) -> Result<Vec<Image>, SourceError> {
+        match self.form {
+            Form::Binary => binary::images(&self.file("images")),
+            Form::Text => text::images(&self.file("images")),
+        }
+    }
+
+    /// Reads the points by their id.
+    ///
+    /// # Errors
+    /// When the file is absent or damaged.
+    pub fn points(&self) -> Result<BTreeMap<u64, Point>, SourceError> {
+        match self.form {
+            Form::Binary => binary::points(&self.file("points3D")),
+            Form::Text => text::points(&self.file("points3D")),
+        }
+    }
+
+    /// The folder that photo names count from: `images` beside the model, or beside the `sparse` that holds it, or one
+    /// folder further up, as DL3DV has it.
+    fn photos(&self) -> Option<PathBuf> {
+        let mut base = self.dir.as_path();
+        for is_shell in [is_number as fn(&str) -> bool, |name| name == "sparse"] {
+            if let Some(parent) =
+                base.parent().filter(|_| base.file_name().and_then(|n| n.to_str()).is_some_and(is_shell))
+            {
+                base = parent;
+            }
+        }
+        let bases = [Some(base), base.parent()];
+        bases.into_iter().flatten().map(|b| b.join("images")).find(|images| images.is_dir())
+    }
+
+    /// Counts that differ between the two forms, where both are there.
+    fn disagreements(&self) -> Result<Vec<Warning>, SourceError> {
+        let mut warnings = Vec::new();
+        for (stem, lines_a_record) in [("cameras", 1), ("images", 2), ("points3D", 1)] {
+            let (binary, text) = (Form::Binary.file(&self.dir, stem), Form::Text.file(&self.dir, stem));
+            if binary.is_file() && text.is_file() {
+                let (found, other) = (binary::count(&binary)?, text::count(&text, lines_a_record)?);
+                if found != other {
+                    warnings.push(Warning::CountsDiffer { binary, found, text, other });
+                }
+            }
+        }
+        Ok(warnings)
+    }
+}
+
+fn is_number(name: &str) -> bool {
+    !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit())
+}
+
+/// Reads the model found in `dir` as a capture.
+///
+/// # Errors
+/// When no model, or more than one, is found, a file is damaged, a camera's model is not supported, or two images have
+/// one name.
+pub fn read(dir: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let model = Model::find(dir)?;
+    let mut warnings = model.disagreements()?;
+    let (cameras, images) = (model.cameras()?, model.images()?);
+    let folder = model.photos();
+    let photos: Vec<Option<Photo>> = images
+        .par_iter()
+        .map(|image| {
+            folder.as_deref().and_then(|f| photo::find(f, &image.name)).map(|p| photo::read(&p)).transpose()
+        })
+        .collect::<Result<_, _>>()?;
+    let path = model.file("images");
+    let mut found = Vec::with_capacity(images.len());
+    for (image, photo) in images.into_iter().zip(photos) {
+        let Some(taken) = cameras.get(&image.camera_id) else {
+            let because =
+                format!("`{}` was taken with camera {}, which is not there", image.name, image.camera_id);
+            return Err(SourceError::Content { path, place: image.place, because });
+        };
+        warnings.extend(told(&image, taken, photo.as_ref()));
+        let view = view(&image, taken, photo);
+        found.push(Found { view, place: image.place });
+    }
+    Ok((collect(&path, found)?, warnings))
+}
+
+fn told(image: &Image, taken: &ModelCamera, photo: Option<&Photo>) -> Vec<Warning> {
+    let name = || image.name.clone();
+    let size = photo.and_then(|p| p.size).filter(|&size| size != taken.camera.size);
+    let size = size.map(|photo| Warning::PhotoSize {
+        image: name(),
+        photo,
+        stated: taken.camera.size,
+        action: "the camera is taken as the model states it",
+    });
+    let turned = image.rotation;
+    let turned = turned.projected.then(|| Warning::Projected { image: name(), deviation: turned.deviation });
+    size.into_iter().chain(turned).collect()
+}
+
+fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
+    let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
+    View {
+        name: image.name.clone(),
+        world_from_camera: camera_from_world.inverse(),
+        camera: taken.camera,
+        lens: taken.lens.clone(),
+        sha256: photo.map(|p| p.sha256),
+    }
+}
+
+/// The files that [`read`] reads, each with its name within the source: those of the model's form, and the photos that
+/// are there.
+///
+/// # Errors
+/// As [`read`], where it needs the model to know the photos' names.
+pub fn files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let model = Model::find(dir)?;
+    let stems = ["cameras", "images", "points3D"].map(|stem| model.file(stem));
+    let named = |path: PathBuf| (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), path);
+    let mut files: Vec<(String, PathBuf)> = stems.into_iter().filter(|p| p.is_file()).map(named).collect();
+    if let Some(folder) = model.photos() {
+        let names = model.images()?.into_iter().map(|image| image.name);
+        files.extend(names.filter_map(|name| Some((format!("images/{name}"), photo::find(&folder, &name)?))));
+    }
+    Ok(files)
+}
+
+/// The pose of an image from the seven numbers that COLMAP stores.
+fn pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::Screened, DVec3), String> {
+    let translation = DVec3::new(tx, ty, tz);
+    if !translation.is_finite() {
+        return Err(format!("the translation is {translation}, wanted finite numbers"));
+    }
+    let rotation = se3::rotation_from_quaternion(DQuat::from_xyzw(x, y, z, w)).map_err(|e| e.to_string())?;
+    Ok((rotation, translation))
+}

@@ -1,0 +1,207 @@
+//! The binary form, little endian. Every count is held against the bytes that are left before anything is allocated.
+
+use super::lenses::CameraModel;
+use super::{Image, ModelCamera, Observation, Point, pose};
+use crate::image::Size;
+use crate::source::{Place, SourceError};
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Bytes of the shortest camera: id, model, size and three parameters.
+const CAMERA_BYTES: usize = 4 + 4 + 16 + 24;
+/// Bytes of the shortest image: id, pose, camera, a name's end and a count.
+const IMAGE_BYTES: usize = 4 + 56 + 4 + 1 + 8;
+/// Bytes of an observation.
+const OBSERVATION_BYTES: usize = 24;
+/// Bytes of the shortest point: id, place, colour, error and a count.
+const POINT_BYTES: usize = 8 + 24 + 3 + 8 + 8;
+/// Bytes of an element of a track.
+const TRACK_BYTES: usize = 8;
+
+pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
+    let data = load(path)?;
+    let mut bytes = Bytes::new(path, &data);
+    let mut cameras = BTreeMap::new();
+    bytes.records("camera", CAMERA_BYTES, |bytes| {
+        let start = bytes.at;
+        let (id, camera) = camera(bytes)?;
+        match cameras.insert(id, camera) {
+            None => Ok(()),
+            Some(_) => Err(bytes.fault(start, format!("camera {id} was already listed"))),
+        }
+    })?;
+    Ok(cameras)
+}
+
+fn camera(bytes: &mut Bytes<'_>) -> Result<(u32, ModelCamera), SourceError> {
+    let start = bytes.at;
+    let id = bytes.u32()?;
+    let model = CameraModel::numbered(bytes.u32()?.cast_signed()).map_err(|e| bytes.fault(start, e))?;
+    let (width, height) = (bytes.u64()?, bytes.u64()?);
+    let parameters = (0..model.parameters).map(|_| bytes.f64()).collect::<Result<Vec<f64>, _>>()?;
+    let size = Size { width: clamped(width), height: clamped(height) };
+    let camera = model.camera(size, &parameters).map_err(|e| bytes.fault(start, e))?;
+    Ok((id, camera))
+}
+
+/// As u32; what does not fit is far outside the sizes that are believed, and stays so.
+fn clamped(side: u64) -> u32 {
+    u32::try_from(side).unwrap_or(u32::MAX)
+}
+
+pub(super) fn images(path: &Path) -> Result<Vec<Image>, SourceError> {
+    let data = load(path)?;
+    let mut bytes = Bytes::new(path, &data);
+    let mut images = Vec::new();
+    bytes.records("image", IMAGE_BYTES, |bytes| {
+        images.push(image(bytes)?);
+        Ok(())
+    })?;
+    Ok(images)
+}
+
+fn image(bytes: &mut Bytes<'_>) -> Result<Image, SourceError> {
+    let start = bytes.at;
+    let place = bytes.place(start);
+    bytes.u32()?;
+    let mut numbers = [0.0; 7];
+    for number in &mut numbers {
+        *number = bytes.f64()?;
+    }
+    let camera_id = bytes.u32()?;
+    let name = bytes.name()?;
+    let (rotation, translation) = pose(numbers).map_err(|e| bytes.fault(start, format!("`{name}`: {e}")))?;
+    let count = bytes.count(OBSERVATION_BYTES)?;
+    let observations = (0..count).map(|_| observation(bytes)).collect::<Result<_, _>>()?;
+    Ok(Image { name, camera_id, rotation, translation, observations, place })
+}
+
+fn observation(bytes: &mut Bytes<'_>) -> Result<Observation, SourceError> {
+    let xy = [bytes.f64()?, bytes.f64()?];
+    let point = Some(bytes.u64()?).filter(|&id| id != u64::MAX);
+    Ok(Observation { xy, point })
+}
+
+pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
+    let data = load(path)?;
+    let mut bytes = Bytes::new(path, &data);
+    let mut points = BTreeMap::new();
+    bytes.records("point", POINT_BYTES, |bytes| {
+        let id = bytes.u64()?;
+        let xyz = DVec3::new(bytes.f64()?, bytes.f64()?, bytes.f64()?);
+        bytes.take(3)?;
+        let error = bytes.f64()?;
+        let track = bytes.count(TRACK_BYTES)?;
+        bytes.take(track * TRACK_BYTES)?;
+        points.insert(id, Point { xyz, error });
+        Ok(())
+    })?;
+    Ok(points)
+}
+
+/// How many records a file says it has.
+pub(super) fn count(path: &Path) -> Result<u64, SourceError> {
+    let mut head = Vec::new();
+    let file = File::open(path).map_err(SourceError::io(path))?;
+    file.take(8).read_to_end(&mut head).map_err(SourceError::io(path))?;
+    Bytes::new(path, &head).u64()
+}
+
+fn load(path: &Path) -> Result<Vec<u8>, SourceError> {
+    std::fs::read(path).map_err(SourceError::io(path))
+}
+
+/// A file's bytes and how far they are read.
+struct Bytes<'a> {
+    path: &'a Path,
+    data: &'a [u8],
+    at: usize,
+    record: String,
+}
+
+impl<'a> Bytes<'a> {
+    fn new(path: &'a Path, data: &'a [u8]) -> Self {
+        Self { path, data, at: 0, record: "the head".to_owned() }
+    }
+
+    /// Reads the count at the head and so many records, which must be all there is.
+    fn records(
+        &mut self,
+        name: &str,
+        least_bytes: usize,
+        mut read: impl FnMut(&mut Self) -> Result<(), SourceError>,
+    ) -> Result<(), SourceError> {
+        let count = self.count(least_bytes)?;
+        for number in 1..=count {
+            self.record = format!("{name} {number} of {count}");
+            read(self)?;
+        }
+        match self.data.len() - self.at {
+            0 => Ok(()),
+            more => Err(self.fault(self.at, format!("{more} bytes follow the last {name}"))),
+        }
+    }
+
+    fn place(&self, offset: usize) -> Place {
+        Place::Byte { record: self.record.clone(), offset }
+    }
+
+    fn fault(&self, offset: usize, because: String) -> SourceError {
+        SourceError::Content { path: self.path.to_owned(), place: self.place(offset), because }
+    }
+
+    fn take(&mut self, len: usize) -> Result<&'a [u8], SourceError> {
+        let left = self.data.len() - self.at;
+        if len > left {
+            return Err(self.fault(self.at, format!("the file ends: {left} bytes left, wanted {len}")));
+        }
+        let taken = &self.data[self.at..self.at + len];
+        self.at += len;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], SourceError> {
+        let mut array = [0; N];
+        array.copy_from_slice(self.take(N)?);
+        Ok(array)
+    }
+
+    fn u32(&mut self) -> Result<u32, SourceError> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Result<u64, SourceError> {
+        self.array().map(u64::from_le_bytes)
+    }
+
+    fn f64(&mut self) -> Result<f64, SourceError> {
+        self.array().map(f64::from_le_bytes)
+    }
+
+    /// A count of things of at least so many bytes each.
+    fn count(&mut self, least_bytes: usize) -> Result<usize, SourceError> {
+        let start = self.at;
+        let count = self.u64()?;
+        let room = (self.data.len() - self.at) / least_bytes;
+        usize::try_from(count).ok().filter(|&count| count <= room).ok_or_else(|| {
+            self.fault(start, format!("a count of {count}, but the rest of the file has room for {room}"))
+        })
+    }
+
+    /// A name up to its NUL.
+    fn name(&mut self) -> Result<String, SourceError> {
+        let start = self.at;
+        let Some(len) = self.data[start..].iter().position(|&b| b == 0) else {
+            return Err(self.fault(start, "the file ends within a name".to_owned()));
+        };
+        let name = self.take(len + 1)?;
+        match std::str::from_utf8(&name[..len]) {
+            Ok("") => Err(self.fault(start, "an image without a name".to_owned())),
+            Ok(name) => Ok(name.to_owned()),
+            Err(e) => Err(self.fault(start, format!("a name that is not UTF-8: {e}"))),
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! COLMAP's camera models (`src/colmap/sensor/models.h`).
+
+use super::ModelCamera;
+use crate::camera::Camera;
+use crate::image::Size;
+use crate::source::{Lens, screen_camera};
+
+/// A camera model by COLMAP's number and name.
+pub(super) struct CameraModel {
+    id: i32,
+    pub(super) name: &'static str,
+    /// Number of parameters.
+    pub(super) parameters: usize,
+}
+
+const fn model(id: i32, name: &'static str, parameters: usize) -> CameraModel {
+    CameraModel { id, name, parameters }
+}
+
+const MODELS: [CameraModel; 11] = [
+    model(0, "SIMPLE_PINHOLE", 3),
+    model(1, "PINHOLE", 4),
+    model(2, "SIMPLE_RADIAL", 4),
+    model(3, "RADIAL", 5),
+    model(4, "OPENCV", 8),
+    model(5, "OPENCV_FISHEYE", 8),
+    model(6, "FULL_OPENCV", 12),
+    model(7, "FOV", 5),
+    model(8, "SIMPLE_RADIAL_FISHEYE", 4),
+    model(9, "RADIAL_FISHEYE", 5),
+    model(10, "THIN_PRISM_FISHEYE", 12),
+];
+
+const HINT: &str =
+    "undistort the photos with `colmap image_undistorter`, which writes a PINHOLE model, and use that";
+
+impl CameraModel {
+    /// The model that binary files number so.
+    pub(super) fn numbered(id: i32) -> Result<&'static Self, String> {
+        let known = MODELS.iter().find(|m| m.id == id);
+        known.ok_or_else(|| format!("camera model {id} is unknown, wanted 0 to 10; {HINT}"))
+    }
+
+    /// The model that text files name so.
+    pub(super) fn named(name: &str) -> Result<&'static Self, String> {
+        let known = MODELS.iter().find(|m| m.name == name);
+        known.ok_or_else(|| format!("camera model {name} is unknown; {HINT}"))
+    }
+
+    /// The camera with these parameters, as many as the model has.
+    pub(super) fn camera(&self, size: Size, parameters: &[f64]) -> Result<ModelCamera, String> {
+        let ([fx, fy, cx, cy], lens) = match (self.name, parameters) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], Lens::Pinhole),
+            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], Lens::Pinhole),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f, cx, cy], Lens::SimpleRadial { k1 }),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], Lens::Radial { k1, k2 }),
+            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
+                ([fx, fy, cx, cy], Lens::OpenCv { k: [k1, k2, p1, p2] })
+            }
+            ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+                ([fx, fy, cx, cy], Lens::FullOpenCv { k: [k1, k2, p1, p2, k3, k4, k5, k6] })
+            }
+            _ => return Err(format!("camera model {} is not supported; {HINT}", self.name)),
+        };
+        let camera = Camera { size, fx, fy, cx, cy };
+        screen_camera(&camera, &lens)?;
+        Ok(ModelCamera { camera, lens })
+    }
+}

@@ -1,0 +1,220 @@
+//! nerfstudio's `transforms.json` (docs.nerf.studio, "Data conventions"; also instant-ngp's and Blender's form).
+//!
+//! Poses are camera to world in OpenGL camera axes. Intrinsics stand at the top or in each frame, which wins; Blender's
+//! form has `camera_angle_x` alone. Pixel centres lie at half-integers as here, unless the file has `pixel_center: 0`.
+//! `applied_transform` is part of the poses already; the world is the file's.
+
+mod node;
+
+use super::photo::{self, Photo};
+use super::{Capture, Found, Lens, Place, SourceError, View, Warning, collect, screen_camera};
+use crate::camera::Camera;
+use crate::image::Size;
+use crate::se3::{self, Se3};
+use glam::{DMat3, DVec3};
+use node::Node;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Aspect ratios of photo and stated size may differ by this part.
+const MOST_ASPECT_ERROR: f64 = 0.005;
+
+/// The file itself, given it or its folder.
+fn locate(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join("transforms.json") } else { path.to_owned() }
+}
+
+fn load(file: &Path) -> Result<serde_json::Value, SourceError> {
+    let text = std::fs::read_to_string(file).map_err(SourceError::io(file))?;
+    serde_json::from_str(&text).map_err(|e| SourceError::Content {
+        path: file.to_owned(),
+        place: Place::Line(e.line()),
+        because: e.to_string(),
+    })
+}
+
+/// Reads a `transforms.json`, or the one in a folder, as a capture.
+///
+/// # Errors
+/// When it is no such file, a value is missing or wrong, a pose is none, the camera model is not supported, or a photo
+/// has another shape than the file says.
+pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let file = locate(path);
+    let document = load(&file)?;
+    let top = Node::top(&file, &document);
+    let frames = top.list("frames")?;
+    let read: Vec<(Found, Vec<Warning>)> =
+        frames.par_iter().map(|frame| read_frame(&top, frame)).collect::<Result<_, _>>()?;
+    let (found, warnings): (Vec<Found>, Vec<Vec<Warning>>) = read.into_iter().unzip();
+    Ok((collect(&file, found)?, warnings.concat()))
+}
+
+/// The files that [`read`] reads, each with its name within the source: the file, and the photos that are there.
+///
+/// # Errors
+/// As [`read`], where it needs the frames to know the photos' names.
+pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let file = locate(path);
+    let document = load(&file)?;
+    let mut files = vec![("transforms.json".to_owned(), file.clone())];
+    for frame in Node::top(&file, &document).list("frames")? {
+        let name = frame.text("file_path")?;
+        files.extend(find_photo(&file, name).map(|path| (name.to_owned(), path)));
+    }
+    Ok(files)
+}
+
+/// The photo that `file_path` means; Blender's form leaves out the extension.
+fn find_photo(file: &Path, name: &str) -> Option<PathBuf> {
+    let folder = file.parent()?;
+    photo::find(folder, name).or_else(|| photo::find(folder, &format!("{name}.png")))
+}
+
+fn read_frame(top: &Node<'_>, frame: &Node<'_>) -> Result<(Found, Vec<Warning>), SourceError> {
+    let name = frame.text("file_path")?.to_owned();
+    let photo = find_photo(top.path(), &name).map(|path| photo::read(&path)).transpose()?;
+    let size = photo.as_ref().and_then(|p: &Photo| p.size);
+    let own = Own { frame, top };
+    let stated = own.camera(size)?;
+    let lens = own.lens()?;
+    let camera = fitted(frame, &stated, size)?;
+    screen_camera(&camera, &lens).map_err(|e| frame.fault(e))?;
+    let (world_from_camera, projected) = pose(&frame.get("transform_matrix")?)?;
+    let rescaled = size.filter(|&photo| photo != stated.size).map(|photo| Warning::PhotoSize {
+        image: name.clone(),
+        photo,
+        stated: stated.size,
+        action: "the camera is scaled to the photo",
+    });
+    let projected = projected.map(|deviation| Warning::Projected { image: name.clone(), deviation });
+    let sha256 = photo.map(|p| p.sha256);
+    let view = View { name, world_from_camera, camera, lens, sha256 };
+    Ok((Found { view, place: frame.place() }, rescaled.into_iter().chain(projected).collect()))
+}
+
+/// The camera scaled to the photo it is said to have taken: `w` and `h` may be those of the full-size photo.
+fn fitted(frame: &Node<'_>, stated: &Camera, photo: Option<Size>) -> Result<Camera, SourceError> {
+    let Some(photo) = photo.filter(|&photo| photo != stated.size) else {
+        return Ok(*stated);
+    };
+    let kx = f64::from(photo.width) / f64::from(stated.size.width);
+    let ky = f64::from(photo.height) / f64::from(stated.size.height);
+    if (kx / ky - 1.0).abs() > MOST_ASPECT_ERROR {
+        let because = format!(
+            "the photo is {photo}, the camera says {}: their shapes differ by more than 0.5 %",
+            stated.size
+        );
+        return Err(frame.fault(because));
+    }
+    Ok(Camera { size: photo, fx: stated.fx * kx, fy: stated.fy * ky, cx: stated.cx * kx, cy: stated.cy * ky })
+}
+
+/// A frame's own values, and the file's for those that it has not.
+struct Own<'a> {
+    frame: &'a Node<'a>,
+    top: &'a Node<'a>,
+}
+
+impl Own<'_> {
+    fn find(&self, key: &str) -> Option<Node<'_>> {
+        self.frame.find(key).or_else(|| self.top.find(key))
+    }
+
+    fn number(&self, key: &str) -> Result<Option<f64>, SourceError> {
+        self.find(key).map(|node| node.number()).transpose()
+    }
+
+    /// The camera as the file states it; its size is the photo's where the file has none.
+    fn camera(&self, photo: Option<Size>) -> Result<Camera, SourceError> {
+        let size = match (self.side("w")?, self.side("h")?, photo) {
+            (Some(width), Some(height), _) => Size { width, height },
+            (None, None, Some(photo)) => photo,
+            _ => {
+                return Err(self
+                    .top
+                    .missing("w` and `h", "the image size, as there is no photo to take it from"));
+            }
+        };
+        let centre = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
+        let ([fx, fy], [cx, cy]) = match (self.number("fl_x")?, self.number("camera_angle_x")?) {
+            (Some(fx), _) => ([fx, self.wanted("fl_y")?], [self.wanted("cx")?, self.wanted("cy")?]),
+            (None, Some(angle)) => {
+                let f = centre[0] / libm::tan(angle / 2.0);
+                let c = |key, middle| Ok::<f64, SourceError>(self.number(key)?.unwrap_or(middle));
+                ([f, f], [c("cx", centre[0])?, c("cy", centre[1])?])
+            }
+            (None, None) => {
+                return Err(self.top.missing("fl_x", "a focal length in pixels, or `camera_angle_x`"));
+            }
+        };
+        let shift = self.pixel_shift()?;
+        Ok(Camera { size, fx, fy, cx: cx + shift, cy: cy + shift })
+    }
+
+    fn wanted(&self, key: &str) -> Result<f64, SourceError> {
+        self.number(key)?.ok_or_else(|| self.top.missing(key, "it, as `fl_x` is there"))
+    }
+
+    /// A side of the image: some writers have floats.
+    fn side(&self, key: &str) -> Result<Option<u32>, SourceError> {
+        let Some(node) = self.find(key) else { return Ok(None) };
+        let side = node.number()?;
+        let whole = (1.0..=f64::from(u32::MAX)).contains(&side) && side.fract() == 0.0;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
+        if whole {
+            Ok(Some(side as u32))
+        } else {
+            Err(node.fault(format!("{side}, wanted a whole number of pixels")))
+        }
+    }
+
+    /// What is added to a principal point to count from pixel corners.
+    fn pixel_shift(&self) -> Result<f64, SourceError> {
+        let Some(node) = self.find("pixel_center") else { return Ok(0.0) };
+        let centre = node.number()?;
+        match centre {
+            0.0 => Ok(0.5),
+            0.5 => Ok(0.0),
+            _ => Err(node.fault(format!("{centre}, wanted 0 or 0.5"))),
+        }
+    }
+
+    fn lens(&self) -> Result<Lens, SourceError> {
+        if let Some(node) = self.find("camera_model") {
+            let model = node.string()?;
+            if !["OPENCV", "PINHOLE"].contains(&model) {
+                return Err(node.fault(format!("the camera model `{model}`, wanted OPENCV or PINHOLE")));
+            }
+        }
+        let [k1, k2, k3, k4] = ["k1", "k2", "k3", "k4"].map(|key| self.number(key));
+        let [p1, p2] = ["p1", "p2"].map(|key| self.number(key));
+        let or_zero = |v: Result<Option<f64>, SourceError>| v.map(Option::unwrap_or_default);
+        let [k1, k2, k3, k4, p1, p2] =
+            [or_zero(k1)?, or_zero(k2)?, or_zero(k3)?, or_zero(k4)?, or_zero(p1)?, or_zero(p2)?];
+        if k4 != 0.0 {
+            return Err(self
+                .top
+                .field_fault("k4", format!("{k4}, wanted 0: its models have no eighth-order term")));
+        }
+        Ok(match [k1, k2, p1, p2, k3] {
+            [0.0, 0.0, 0.0, 0.0, 0.0] => Lens::Pinhole,
+            [_, _, _, _, 0.0] => Lens::OpenCv { k: [k1, k2, p1, p2] },
+            _ => Lens::FullOpenCv { k: [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0] },
+        })
+    }
+}
+
+/// The pose of a matrix, and its deviation from a rotation where that must be told.
+fn pose(node: &Node<'_>) -> Result<(Se3, Option<f64>), SourceError> {
+    let m = node.matrix()?;
+    if m[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, wanted)| (found - wanted).abs() > 1e-9) {
+        return Err(node.fault(format!("its last row is {:?}, wanted 0, 0, 0, 1", m[3])));
+    }
+    let column = |j: usize| DVec3::new(m[0][j], m[1][j], m[2][j]);
+    // Turning the camera's axes multiplies from the right: columns of y and z change their signs.
+    let axes = se3::OPENCV_FROM_OPENGL;
+    let rotation = DMat3::from_cols(column(0) * axes.x, column(1) * axes.y, column(2) * axes.z);
+    let screened = se3::rotation_from_matrix(&rotation).map_err(|e| node.fault(e.to_string()))?;
+    let pose = Se3 { rotation: screened.rotation, translation: column(3) };
+    Ok((pose, screened.projected.then_some(screened.deviation)))
+}
