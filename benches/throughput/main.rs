@@ -33,8 +33,7 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     println!("{} runs each after one to warm up, {threads} threads", options.runs);
-    println!("{}", measure::HEAD);
-    timings.iter().flat_map(measure::Timing::rows).for_each(|row| println!("{row}"));
+    timings.iter().for_each(|timing| println!("{}", timing.lines()));
     ExitCode::SUCCESS
 }
 

@@ -10,13 +10,26 @@ pub(crate) struct Amount {
     pub(crate) unit: &'static str,
 }
 
+/// One run: how long it took and what it did.
+pub(crate) struct Run {
+    seconds: f64,
+    amounts: Vec<Amount>,
+}
+
+/// Times `work`; what a closure does before calling this is not timed.
+pub(crate) fn timed(work: impl FnOnce() -> Vec<Amount>) -> Run {
+    let start = Instant::now();
+    let amounts = std::hint::black_box(work());
+    Run { seconds: start.elapsed().as_secs_f64(), amounts }
+}
+
 /// Something that is timed.
 pub(crate) struct Workload {
     pub(crate) part: &'static str,
     /// What exactly is done, sizes included.
     pub(crate) what: String,
-    /// Does it once. Deterministic: every run returns the same amounts.
-    pub(crate) run: Box<dyn FnMut() -> Vec<Amount>>,
+    /// Does it once. Deterministic: every run does the same amounts.
+    pub(crate) run: Box<dyn FnMut() -> Run>,
 }
 
 /// The times of one workload.
@@ -30,23 +43,21 @@ pub(crate) struct Timing {
 
 /// Runs each workload once to warm up, then `runs` times. Rounds are interleaved (A B C, A B C, …), so that a machine
 /// that is busy for a while slows every workload and not one of them.
-pub(crate) fn measure(mut workloads: Vec<Workload>, runs: usize) -> Vec<Timing> {
-    let first = |work: &mut Workload| Timing {
-        part: work.part,
-        what: work.what.clone(),
-        amounts: (work.run)(),
-        seconds: Vec::with_capacity(runs),
+pub(crate) fn measure(workloads: Vec<Workload>, runs: usize) -> Vec<Timing> {
+    let warm = |mut work: Workload| {
+        let amounts = (work.run)().amounts;
+        let timing = Timing { part: work.part, what: work.what.clone(), amounts, seconds: Vec::new() };
+        (work, timing)
     };
-    let mut timings: Vec<Timing> = workloads.iter_mut().map(first).collect();
+    let mut all: Vec<(Workload, Timing)> = workloads.into_iter().map(warm).collect();
     for _ in 0..runs {
-        for (work, timing) in workloads.iter_mut().zip(&mut timings) {
-            let start = Instant::now();
-            std::hint::black_box((work.run)());
-            timing.seconds.push(start.elapsed().as_secs_f64());
-        }
+        all.iter_mut().for_each(|(work, timing)| timing.seconds.push((work.run)().seconds));
     }
-    timings.iter_mut().for_each(|timing| timing.seconds.sort_by(f64::total_cmp));
-    timings
+    let sorted = |(_, mut timing): (Workload, Timing)| {
+        timing.seconds.sort_by(f64::total_cmp);
+        timing
+    };
+    all.into_iter().map(sorted).collect()
 }
 
 impl Timing {
@@ -59,27 +70,24 @@ impl Timing {
         self.seconds[0]
     }
 
-    /// One line a unit: the rate at the median and at the fastest run.
-    pub(crate) fn rows(&self) -> Vec<String> {
-        let row = |amount: &Amount| {
-            let [median, best] = [self.median(), self.min()].map(|seconds| amount.count / seconds);
-            format!(
-                "{:<11} {:>9} {:>9}  {:<17} {:>8.2} {:>8.2}  {}",
-                self.part,
-                significant(median),
-                significant(best),
-                format!("{}/s", amount.unit),
-                1e3 * self.median(),
-                1e3 * self.min(),
-                self.what
-            )
+    /// For people: what was done, then the rates at the median and at the fastest run.
+    pub(crate) fn lines(&self) -> String {
+        let rates = |seconds: f64| {
+            let rate =
+                |a: &Amount| format!("{:>8} {:<15}", significant(a.count / seconds), format!("{}/s", a.unit));
+            let rates: Vec<String> = self.amounts.iter().map(rate).collect();
+            format!("{:>9} ms {}", significant(1e3 * seconds), rates.join("").trim_end())
         };
-        self.amounts.iter().map(row).collect()
+        let (head, [median, best]) = (self.part, [self.median(), self.min()].map(rates));
+        format!("{head}: {}\n  median {median}\n  best   {best}", self.what)
     }
 
     /// The same for programs.
     pub(crate) fn json(&self) -> Value {
-        let rate = |a: &Amount| json!({ "unit": format!("{}/s", a.unit), "median": a.count / self.median(), "best": a.count / self.min() });
+        let rate = |a: &Amount| {
+            let [median, best] = [self.median(), self.min()].map(|seconds| a.count / seconds);
+            json!({ "unit": format!("{}/s", a.unit), "median": median, "best": best })
+        };
         json!({
             "part": self.part,
             "workload": self.what,
@@ -89,10 +97,7 @@ impl Timing {
     }
 }
 
-/// Head of the table that [`Timing::rows`] makes.
-pub(crate) const HEAD: &str = "part           median      best  rate              ms med.  ms min.  workload";
-
-/// Three significant digits: `0.0123`, `1.23`, `12.3`, `123`, `1234`.
+/// Three significant digits and never an exponent: `0.0123`, `1.23`, `12.3`, `123`, `1234`.
 fn significant(x: f64) -> String {
     let decimals = match x.abs() {
         a if a >= 100.0 => 0,

@@ -2,10 +2,10 @@
 
 mod codecs;
 mod event_statistics;
+mod recipes;
 mod render_golden;
+mod sources;
 mod store;
 mod support;
 mod tidy;
 mod trajectories;
-mod recipes;
-mod sources;

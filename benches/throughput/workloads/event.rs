@@ -1,0 +1,61 @@
+//! Writing event files, into the system's temporary folder.
+
+use super::amount;
+use crate::measure::{Workload, timed};
+use gs2e::event::{Event, EventSink as _, Header, Polarity, h5, npz};
+use gs2e::image::Size;
+use gs2e::units::Timestamp;
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: Size = Size { width: 640, height: 480 };
+const EVENTS: u32 = 1_000_000;
+
+type Write = fn(&Path, &[Event]);
+
+pub(super) fn workloads() -> Vec<Workload> {
+    let events: Arc<[Event]> = stream().into();
+    let formats: [(&str, Write); 2] = [("events.h5, gzip 4 + shuffle", write_h5), ("events.npz", write_npz)];
+    formats.map(|(name, write)| workload(name, write, &events)).into()
+}
+
+fn workload(name: &str, write: Write, events: &Arc<[Event]>) -> Workload {
+    let events = Arc::clone(events);
+    let what = format!("write {name}: {EVENTS} events of {SIZE} over one second");
+    let run = move || {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        timed(|| {
+            write(&folder.path().join("events"), &events);
+            vec![amount(events.len(), "Mevent")]
+        })
+    };
+    Workload { part: "event", what, run: Box::new(run) }
+}
+
+fn write_h5(path: &Path, events: &[Event]) {
+    let mut writer = h5::Writer::create(path, &Header { size: SIZE, law: None }).expect("it can be created");
+    events.chunks(1 << 16).for_each(|chunk| writer.append(chunk).expect("it can be written"));
+    writer.finish(1_000_000).expect("it can be written");
+}
+
+fn write_npz(path: &Path, events: &[Event]) {
+    let mut writer = npz::Writer::create(path, SIZE).expect("it can be created");
+    events.chunks(1 << 16).for_each(|chunk| writer.append(chunk).expect("it can be written"));
+    writer.finish().expect("it can be written");
+}
+
+/// Events at times and places without pattern (a multiplicative hash), one a microsecond, so all of them sorted:
+/// nothing that a compressor could take advantage of but the times.
+fn stream() -> Vec<Event> {
+    let event = |i: u32| {
+        let hash = i.wrapping_mul(2_654_435_769) >> 8;
+        let (x, y) = (hash % SIZE.width, hash / SIZE.width % SIZE.height);
+        Event {
+            t: Timestamp::from_micros(i64::from(i)),
+            x: u16::try_from(x).expect("a column"),
+            y: u16::try_from(y).expect("a row"),
+            polarity: if hash & 1 == 0 { Polarity::Off } else { Polarity::On },
+        }
+    };
+    (0..EVENTS).map(event).collect()
+}

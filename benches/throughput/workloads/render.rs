@@ -1,0 +1,57 @@
+//! Rendering one view, all passes: activation is done once, before.
+
+use super::{amount, shared};
+use crate::measure::{Workload, timed};
+use glam::{DMat3, DQuat, DVec3};
+use gs2e::camera::Camera;
+use gs2e::image::Size;
+use gs2e::render::cpu::Cpu;
+use gs2e::render::{Channels, Rendered, Renderer as _, Rules, Style, View};
+use gs2e::scene::{self, Gaussians};
+use gs2e::se3::Se3;
+use std::sync::Arc;
+
+const STYLE: Style = Style { rules: Rules::Official, antialiased: false, background: [0.0; 3] };
+
+pub(super) fn workloads() -> Vec<Workload> {
+    let Some(path) = shared("playbot.spz") else { return Vec::new() };
+    let playbot = Arc::new(scene::read(&path).expect("the scene is sound"));
+    // The scene's up is -y, its centre (0, -0.5, 0), its radius about 1.
+    let view = |width, height| {
+        look_at(DVec3::new(1.5, -1.1, 2.0), DVec3::new(0.0, -0.5, 0.0), Size { width, height })
+    };
+    let luminance = Channels { luminance: true, ..Channels::default() };
+    let rgb = Channels { rgb: true, ..Channels::default() };
+    vec![
+        workload("playbot.spz luminance", &playbot, view(1280, 720), luminance),
+        workload("playbot.spz rgb", &playbot, view(1280, 720), rgb),
+        workload("playbot.spz luminance", &playbot, view(640, 360), luminance),
+    ]
+}
+
+fn workload(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> Workload {
+    let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
+    let mut out = Rendered::default();
+    let work = renderer.render(&view, want, &mut out).expect("the view can be rendered");
+    let (gaussians, size) = (scene.len(), view.camera.size);
+    let each = work.blended as f64 / size.pixels() as f64;
+    let what = format!("{name}, {gaussians} Gaussians, {size}, rules official, {each:.1} blended a pixel");
+    let run = move || {
+        timed(|| {
+            renderer.render(&view, want, &mut out).expect("it was rendered before");
+            vec![amount(gaussians, "MGaussian"), amount(size.pixels(), "Mpixel"), amount(1, "frame")]
+        })
+    };
+    Workload { part: "render", what, run: Box::new(run) }
+}
+
+/// A camera with a horizontal field of view of 60 degrees, its image's down along world y.
+fn look_at(centre: DVec3, target: DVec3, size: Size) -> View {
+    let forward = (target - centre).normalize();
+    let right = DVec3::Y.cross(forward).normalize();
+    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward));
+    let (width, height) = (f64::from(size.width), f64::from(size.height));
+    let focal = width / (2.0 * libm::tan(30f64.to_radians()));
+    let camera = Camera { size, fx: focal, fy: focal, cx: width / 2.0, cy: height / 2.0 };
+    View { camera, world_from_camera: Se3 { rotation, translation: centre } }
+}

@@ -1,0 +1,92 @@
+//! Simulating one block of frames in memory; the events are counted and dropped.
+
+use super::amount;
+use crate::measure::{Workload, timed};
+use gs2e::event::{Event, EventSink};
+use gs2e::frames::Frame;
+use gs2e::image::{Image, Size};
+use gs2e::seed::Seed;
+use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::{Model as _, Pixels};
+use gs2e::units::{Hertz, Timestamp};
+use std::sync::Arc;
+
+const SIZE: Size = Size { width: 640, height: 480 };
+const FRAMES: u16 = 50;
+
+/// Events a pixel and second that the brightness alone asks for, and the amplitude of ln(L + k2) that makes them.
+const RATES: [f64; 3] = [0.3, 10.0, 1000.0];
+const AMPLITUDE: f64 = 0.8;
+
+pub(super) fn workloads() -> Vec<Workload> {
+    let noisy = Voltmeter::new(Preset::Dvs346.k());
+    let mut quiet = noisy.clone();
+    quiet.k[2..].fill(0.0);
+    let mut all = Vec::new();
+    for rate in RATES {
+        let frames: Arc<[Frame]> = frames(rate, &noisy).into();
+        all.push(workload("with noise", &noisy, rate, &frames));
+        all.push(workload("without noise", &quiet, rate, &frames));
+    }
+    all
+}
+
+fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>) -> Workload {
+    let (model, frames) = (model.clone(), Arc::clone(frames));
+    let steps = frames.len() - 2;
+    let seconds = frames[1 + steps].t.seconds() - frames[1].t.seconds();
+    let what = format!(
+        "voltmeter dvs346 {name}, {SIZE}, {steps} steps at 2400/s, {seconds:.3} s, {rate} ev/px/s asked"
+    );
+    let run = move || {
+        let mut pixels = model.start(SIZE, [0, 0], Seed(1));
+        let mut settled = Counted(0);
+        advance(&mut *pixels, &frames[..2], &mut settled);
+        timed(|| {
+            let mut events = Counted(0);
+            advance(&mut *pixels, &frames[2..], &mut events);
+            vec![amount(steps * SIZE.pixels(), "Mpixel-frame"), amount(events.0, "Mevent")]
+        })
+    };
+    Workload { part: "sensor", what, run: Box::new(run) }
+}
+
+fn advance(pixels: &mut dyn Pixels, frames: &[Frame], sink: &mut Counted) {
+    frames.iter().for_each(|frame| pixels.advance(frame, sink).expect("the rate is far below the cap"));
+}
+
+/// Counts events and drops them.
+struct Counted(usize);
+
+impl EventSink for Counted {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        self.0 += events.len();
+        Ok(())
+    }
+}
+
+/// Frames in which ln(L + k2) of every pixel is a triangle wave about ln(80 + k2), each pixel at a phase of its own. The
+/// first frame lies below by a share of one event that differs between pixels, so that from the second one on they fire
+/// at times of their own from the start, and not together after 1 / rate.
+#[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
+fn frames(rate: f64, model: &Voltmeter) -> Vec<Frame> {
+    let [k1, k2, ..] = model.k;
+    // A triangle wave travels four amplitudes a period; an event takes a threshold of 1 of k1 ln(L + k2).
+    let period = 4.0 * AMPLITUDE * k1 / rate;
+    let hertz = Hertz("2400".parse().expect("it is a ratio"));
+    let centre = libm::log(80.0 + k2);
+    // Multiples of two irrational numbers spread over [0, 1) evenly, and not together.
+    let spread = |pixel: usize, irrational: f64| (pixel as f64 * irrational).fract();
+    let frame = |index: u16| {
+        let t = Timestamp::from_micros(hertz.stamp_us(u64::from(index)));
+        let level = |pixel: usize| {
+            let phase = (spread(pixel, std::f64::consts::SQRT_2) + t.seconds() / period).fract();
+            let wave = AMPLITUDE * (4.0 * (phase - 0.5).abs() - 1.0);
+            let below = if index == 0 { (2.0 * spread(pixel, std::f64::consts::E) - 1.0) / k1 } else { 0.0 };
+            (libm::exp(centre + wave - below) - k2) as f32
+        };
+        let luminance = Image::from_vec(SIZE, (0..SIZE.pixels()).map(level).collect());
+        Frame { index: usize::from(index), t, luminance }
+    };
+    (0..FRAMES).map(frame).collect()
+}
