@@ -112,7 +112,8 @@ impl Artifact for Gaussians {
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         let path = files.path("scene.ply")?;
-        crate::scene::read(path).map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })
+        crate::scene::read(path)
+            .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })
     }
 }
 

@@ -6,11 +6,11 @@ use super::progress::Progress;
 use super::{Common, Targets, on_interrupt};
 use crate::plan::Plan;
 use crate::plan::assess::assess;
-use crate::run::{self, Options, Summary};
-use crate::store::{Access, Store};
 use crate::recipe::{self, Recipe};
+use crate::run::{self, Options, Summary};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
+use crate::store::{Access, Store};
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -50,11 +50,14 @@ fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
     let screening = recipe.sensor.screen(recipe.rate);
     let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
     let [on, off] = screening.contrast;
-    console.say(&format!("sensor of {scene}: one event is a step of ln(L + k2) by {on:.4} up, {off:.4} down"));
+    console
+        .say(&format!("sensor of {scene}: one event is a step of ln(L + k2) by {on:.4} up, {off:.4} down"));
     for n in screening.noise {
         let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
         let Noise { grey, leak_hz, total_hz, .. } = n;
-        console.say(&format!("  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"));
+        console.say(&format!(
+            "  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"
+        ));
     }
     for warning in &screening.warnings {
         console.say(&format!("warning: {scene}: {warning}"));

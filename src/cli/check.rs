@@ -35,9 +35,8 @@ impl Check {
         let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
         let findings = built_findings(&plan, &store, &self.scenes)?;
         show(&findings, console);
-        let missed = |finding: &Finding| {
-            finding.verdict == Verdict::NotRun && self.require.contains(&finding.check)
-        };
+        let missed =
+            |finding: &Finding| finding.verdict == Verdict::NotRun && self.require.contains(&finding.check);
         let absent = self.require.iter().filter(|name| findings.iter().all(|f| f.check != **name)).count();
         let failed = findings.iter().filter(|f| f.verdict == Verdict::Fail || missed(f)).count() + absent;
         Ok(if failed == 0 { Exit::Done } else { Exit::Fault })
@@ -59,7 +58,8 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
             return Err(Problem::failed("not-built", message).help("gs2e build"));
         };
         let verdicts = Verdicts::open(&Files::of(outputs, store));
-        findings.extend(verdicts.map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?.findings);
+        findings
+            .extend(verdicts.map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?.findings);
     }
     Ok(findings)
 }

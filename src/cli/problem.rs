@@ -111,9 +111,13 @@ impl From<StoreError> for Problem {
             StoreError::Newer { .. } => {
                 Self::usage("store-newer", message).help("use a newer gs2e, or another --store")
             }
-            StoreError::Locked { .. } => Self::failed("locked", message).help("leave out --no-wait to wait for it"),
+            StoreError::Locked { .. } => {
+                Self::failed("locked", message).help("leave out --no-wait to wait for it")
+            }
             StoreError::Nondeterministic { .. } => Self::failed("nondeterministic", message),
-            StoreError::Io { .. } | StoreError::State { .. } => Self::failed("store", format!("failed {message}")),
+            StoreError::Io { .. } | StoreError::State { .. } => {
+                Self::failed("store", format!("failed {message}"))
+            }
         }
     }
 }

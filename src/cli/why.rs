@@ -43,14 +43,16 @@ fn choose<'p>(plan: &'p Plan, name: &'p str) -> Result<impl Fn(&PlannedStep) -> 
         Some(rest) => rest.strip_prefix('/'),
         None => None,
     };
-    let matches = plan.scenes().iter().enumerate().filter_map(|(i, r)| Some((r.scene.len(), i, rest_of(&r.scene)?)));
+    let matches =
+        plan.scenes().iter().enumerate().filter_map(|(i, r)| Some((r.scene.len(), i, rest_of(&r.scene)?)));
     let Some((_, scene, step)) = matches.max_by_key(|(length, ..)| *length) else {
         let known: Vec<&str> = plan.scenes().iter().take(5).map(|r| r.scene.as_str()).collect();
         let message = format!("no scene `{name}` among {} recipes", plan.scenes().len());
         return Err(Problem::usage("no-scene", message).help(&format!("scenes here: {}", known.join(", "))));
     };
     let chosen = move |planned: &PlannedStep| {
-        let below = planned.name.strip_prefix(step).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
+        let below =
+            planned.name.strip_prefix(step).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
         planned.scene == scene && (step.is_empty() || below)
     };
     if !plan.steps().iter().any(&chosen) {

@@ -102,8 +102,7 @@ impl Simulating {
         let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
         let header = Header { size, law };
         let path = cx.out.join("events.h5");
-        let mut sink =
-            h5::Writer::create(&path, &header).map_err(StageError::work("write events.h5"))?;
+        let mut sink = h5::Writer::create(&path, &header).map_err(StageError::work("write events.h5"))?;
         let account = simulate(frames, model, self.seed, &mut sink, &mut tap);
         let account = account.map_err(|e| match e {
             SimulateError::Interrupted => StageError::Cancelled,

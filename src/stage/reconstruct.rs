@@ -1,8 +1,8 @@
 //! Stage `reconstruct`: has the Gaussians, from a scene file or from the embedded scene.
 
 use super::{Context, SourceFile, Stage, StageError};
-use crate::scene::procedural::{self, StillLife};
 use crate::scene::ply::write_ply;
+use crate::scene::procedural::{self, StillLife};
 use crate::scene::{self, Gaussians};
 use serde::Serialize;
 use std::fs::File;
