@@ -21,7 +21,7 @@ const FLOOR: f64 = 1e-14;
 /// Halvings of a first panel, at most.
 const DEPTH: u32 = 30;
 /// Residual of the inverse, in shares of the whole length.
-const INVERTED: f64 = 1e-13;
+const INVERTED: f64 = 1e-15;
 /// Newton steps and bisections, at most: bisection alone exhausts a double.
 const ROUNDS: u32 = 60;
 
