@@ -84,13 +84,13 @@ pub enum TrajectoryError {
         /// Its range.
         wanted: &'static str,
     },
-    /// The path's length overflows.
-    #[error("the path is {length:e} long in units of {scale:e}: that is no length")]
-    Length {
-        /// What the steps add up to.
+    /// The path's length overflows, or holds steps that are nothing against it.
+    #[error("no curve holds steps of {smallest:e} on a path of length {length:e}")]
+    Uneven {
+        /// Smallest step, in the metric.
+        smallest: f64,
+        /// Length of the path, in the metric.
         length: f64,
-        /// The scale distance.
-        scale: f64,
     },
     /// A gap in the capture that was not to be bridged.
     #[error(

@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 
 /// Neighbours closer than this share of the median step are one knot: equal knots make the fit singular.
 const COINCIDE: f64 = 1e-6;
+/// A few tens of roundings: what the means of a window leave between equal poses.
+const ROUNDING: f64 = 1e-14;
 /// Neighbours further apart than this many median steps have a gap between them: frames that did not register.
 pub const GAP: f64 = 8.0;
 
@@ -60,7 +62,8 @@ impl<'a> Knots<'a> {
     /// Where the rotations of a long run of coinciding views have no mean.
     pub(super) fn new(views: &[NamedPose<'a>], metric: Metric) -> Result<Self, TrajectoryError> {
         let apart = distances(views, metric);
-        let limit = COINCIDE * median(apart.iter().copied().filter(|d| *d > 0.0).collect());
+        let still = rounding(views, metric);
+        let limit = still.max(COINCIDE * median(apart.iter().copied().filter(|d| *d > still).collect()));
         let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new(), gaps: Vec::new() };
         let mut start = 0;
         for end in 1..=views.len() {
@@ -114,6 +117,13 @@ impl<'a> Knots<'a> {
 
 fn distances(poses: &[NamedPose<'_>], metric: Metric) -> Vec<f64> {
     poses.windows(2).map(|w| metric.distance(&w[0].world_from_camera, &w[1].world_from_camera)).collect()
+}
+
+/// Distances that rounding alone makes between equal poses, after smoothing: 1e-14 rad, and as much of the largest
+/// centre.
+fn rounding(poses: &[NamedPose<'_>], metric: Metric) -> f64 {
+    let farthest = poses.iter().map(|p| p.world_from_camera.translation.length()).fold(0.0, f64::max);
+    metric.mix(ROUNDING, ROUNDING * farthest)
 }
 
 fn gaps(poses: &[NamedPose<'_>], steps: &[f64]) -> Vec<Gap> {

@@ -21,6 +21,10 @@ const FARTHEST: f64 = 1e100;
 /// Frame rates, Hz: stamps of a microsecond must differ, and those of the longest path fit 64 bits.
 const SLOWEST: f64 = 1e-3;
 const FASTEST: f64 = 1e6;
+/// Shortest step between knots, in mean steps: its inverse square, which the splines hold, must stay finite.
+const LEAST_STEP: f64 = 1e-100;
+/// Longest mean step in the metric: what the curve makes of it between the knots must stay finite.
+const LONGEST: f64 = 1e150;
 /// Speeds that differ by more than this factor are worth a warning.
 const MILD_RANGE: f64 = 100.0;
 
@@ -190,16 +194,15 @@ fn screen<'a>(
     for view in &mut views {
         let name = view.name.to_owned();
         let centre = view.world_from_camera.translation - origin;
-        if centre.abs().max_element() <= FARTHEST {
-            let screened = rotation_from_quaternion(view.world_from_camera.rotation);
-            let Screened { rotation, projected, deviation } =
-                screened.map_err(|source| TrajectoryError::Rotation { name: name.clone(), source })?;
-            before = aligned(rotation, before);
-            view.world_from_camera = Se3 { rotation: before, translation: centre };
-            warnings.extend(projected.then_some(Warning::Projected { name, deviation }));
-        } else {
+        if !centre.abs().cmple(DVec3::splat(FARTHEST)).all() {
             return Err(TrajectoryError::Centre { name });
         }
+        let screened = rotation_from_quaternion(view.world_from_camera.rotation);
+        let Screened { rotation, projected, deviation } =
+            screened.map_err(|source| TrajectoryError::Rotation { name: name.clone(), source })?;
+        before = aligned(rotation, before);
+        view.world_from_camera = Se3 { rotation: before, translation: centre };
+        warnings.extend(projected.then_some(Warning::Projected { name, deviation }));
     }
     Ok((origin, views))
 }
@@ -263,8 +266,9 @@ impl Path {
             return Ok(Self::Still(Se3 { rotation: canonical(rotation), translation: origin + translation }));
         }
         let unit = knots.length() / knots.steps.len() as f64;
-        if !unit.is_normal() {
-            return Err(TrajectoryError::Length { length: knots.length(), scale: metric.scale });
+        let smallest = knots.steps.iter().copied().fold(f64::INFINITY, f64::min);
+        if !(unit < LONGEST && smallest > unit * LEAST_STEP) {
+            return Err(TrajectoryError::Uneven { smallest, length: knots.length() });
         }
         let steps = knots.steps.iter().map(|step| step / unit).collect();
         let curve = PoseCurve::cubic(steps, &poses, origin).map_err(|source| TrajectoryError::Curve {

@@ -35,8 +35,8 @@ impl Schedule {
         let relative: Vec<f64> = speeds.iter().map(|v| v / largest).collect();
         let total = Sum::of(relative.iter().copied());
         let mut shares = running_sums(&relative);
-        shares.iter_mut().for_each(|s| *s = (*s / total).min(1.0));
         if steps > 0 {
+            shares.iter_mut().for_each(|s| *s = (*s / total).min(1.0));
             shares[steps] = 1.0;
         }
         Ok(Self { speeds, shares })

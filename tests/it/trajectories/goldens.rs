@@ -1,0 +1,175 @@
+//! SciPy's splines, quadrature and a whole refinement by another program: `tests/golden/trajectory`.
+
+use super::{LAW, named, refined};
+use glam::{DQuat, DVec3};
+use gs2e::se3::Se3;
+use gs2e::se3::arc_length::ArcLength;
+use gs2e::se3::rotation::angle;
+use gs2e::se3::rotation_spline::RotationSpline;
+use gs2e::se3::spline::{Cubic, CubicSpline, Place};
+use gs2e::trajectory::refine::Refine;
+use serde::Deserialize;
+use std::path::Path;
+
+fn golden<T: for<'a> Deserialize<'a>>(name: &str) -> T {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/trajectory").join(name);
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+#[derive(Deserialize)]
+struct Splines {
+    cases: Vec<SplineCase>,
+}
+
+#[derive(Deserialize)]
+struct SplineCase {
+    steps: Vec<f64>,
+    points: Vec<[f64; 3]>,
+    quaternions_xyzw: Vec<[f64; 4]>,
+    segments: Vec<usize>,
+    x: Vec<f64>,
+    value: Vec<[f64; 3]>,
+    slope: Vec<[f64; 3]>,
+    rotation_xyzw: Vec<[f64; 4]>,
+    rate: Vec<[f64; 3]>,
+    acceleration: Vec<[f64; 3]>,
+}
+
+/// Relative to 1 where the wanted value is smaller: values here are of order 1 to 100.
+fn close(got: DVec3, want: [f64; 3], tolerance: f64, what: &str) {
+    let want = DVec3::from_array(want);
+    let error = (got - want).length() / want.length().max(1.0);
+    assert!(error <= tolerance, "{what}: {error:e}");
+}
+
+#[test]
+fn both_splines_are_those_of_scipy() {
+    for (k, case) in golden::<Splines>("splines.json").cases.iter().enumerate() {
+        let points: Vec<DVec3> = case.points.iter().map(|p| DVec3::from_array(*p)).collect();
+        let quaternions: Vec<DQuat> = case.quaternions_xyzw.iter().map(|q| DQuat::from_array(*q)).collect();
+        let centres = CubicSpline::not_a_knot(&case.steps, &points);
+        let rotations = RotationSpline::new(&case.steps, &quaternions).unwrap();
+        for i in 0..case.x.len() {
+            let at = Place { segment: case.segments[i], x: case.x[i] };
+            let what = |name: &str| format!("case {k}, {at:?}, {name}");
+            let cubic = centres.segment(at.segment);
+            close(cubic.value(at.x), case.value[i], 1e-9, &what("value"));
+            close(cubic.slope(at.x), case.slope[i], 1e-9, &what("slope"));
+            let off = angle(rotations.rotation(at), DQuat::from_array(case.rotation_xyzw[i]));
+            assert!(off <= 1e-9, "{}: {off:e}", what("rotation"));
+            close(rotations.rate(at), case.rate[i], 1e-9, &what("rate"));
+            // SciPy's closed forms cancel below 0.1 rad: README.md of the goldens.
+            close(rotations.acceleration(at), case.acceleration[i], 1e-7, &what("acceleration"));
+        }
+    }
+}
+
+#[test]
+fn curves_are_twice_differentiable_at_their_knots() {
+    for (k, case) in golden::<Splines>("splines.json").cases.iter().enumerate() {
+        let quaternions: Vec<DQuat> = case.quaternions_xyzw.iter().map(|q| DQuat::from_array(*q)).collect();
+        let spline = RotationSpline::new(&case.steps, &quaternions).unwrap();
+        for (i, h) in case.steps[..case.steps.len() - 1].iter().enumerate() {
+            let (left, right) = (Place { segment: i, x: *h }, Place { segment: i + 1, x: 0.0 });
+            assert!(angle(spline.rotation(left), spline.rotation(right)) < 1e-14);
+            let jump = |a: DVec3, b: DVec3| (a - b).length() / a.length().max(1.0);
+            let rate = jump(spline.rate(left), spline.rate(right));
+            let acceleration = jump(spline.acceleration(left), spline.acceleration(right));
+            // The rates solve the joint conditions to 1e-12; accelerations divide by steps of 0.3 and more.
+            assert!(rate < 1e-12 && acceleration < 1e-9, "case {k}, knot {i}: {rate:e}, {acceleration:e}");
+        }
+    }
+}
+
+#[test]
+fn body_rates_are_differences_of_rotations() {
+    let case = &golden::<Splines>("splines.json").cases[4];
+    let quaternions: Vec<DQuat> = case.quaternions_xyzw.iter().map(|q| DQuat::from_array(*q)).collect();
+    let spline = RotationSpline::new(&case.steps, &quaternions).unwrap();
+    let step = 1e-5;
+    for (segment, h) in case.steps.iter().enumerate() {
+        let at = |x: f64| Place { segment, x };
+        let x = 0.37 * h;
+        let turn = spline.rotation(at(x - step)).conjugate() * spline.rotation(at(x + step));
+        let rate = gs2e::se3::rotation::log(turn) / (2.0 * step);
+        // The central difference is off by a sixth of the squared step times a third derivative of order 100, and by
+        // roundings of 1e-16 over the step.
+        assert!((rate - spline.rate(at(x))).length() < 1e-8 * rate.length().max(1.0), "{segment}");
+    }
+}
+
+#[derive(Deserialize)]
+struct Lengths {
+    segments: Vec<Segment>,
+}
+
+#[derive(Deserialize)]
+struct Segment {
+    kind: String,
+    ends: [[f64; 3]; 2],
+    slopes: [[f64; 3]; 2],
+    length: f64,
+}
+
+#[test]
+fn lengths_are_those_of_quadrature_and_of_closed_forms() {
+    let mut errors: Vec<(f64, String)> = Vec::new();
+    for segment in golden::<Lengths>("lengths.json").segments {
+        let cubic =
+            Cubic::hermite(1.0, segment.ends.map(DVec3::from_array), segment.slopes.map(DVec3::from_array));
+        let arc = ArcLength::measure(&[1.0], |at: Place| cubic.slope(at.x).length());
+        let error = (arc.total() - segment.length).abs() / segment.length;
+        errors.push((error, segment.kind.clone()));
+        for k in 0..=100 {
+            let share = f64::from(k) / 100.0;
+            let reached = arc.between(Place { segment: 0, x: 0.0 }, arc.invert(share * arc.total()));
+            let residual = (reached - share * arc.total()).abs() / arc.total();
+            // The inverse's 1e-13 and the errors of two quadratures, which near a cusp are up to 1e-12 a panel.
+            let limit = if segment.kind == "cusp" { 1e-11 } else { 1e-12 };
+            assert!(residual < limit, "{} {share}: {residual:e}", segment.kind);
+        }
+    }
+    errors.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let quantile = errors[errors.len() * 95 / 100].0;
+    let worst = &errors[errors.len() - 1];
+    eprintln!("arc length: relative error {quantile:e} at 95 %, {:e} at worst ({})", worst.0, worst.1);
+    assert!(quantile <= 1e-10 && worst.0 <= 1e-7);
+}
+
+#[derive(Deserialize)]
+struct Orbit {
+    views: Vec<[f64; 7]>,
+    scale_distance: f64,
+    #[serde(rename = "S")]
+    length: f64,
+    length_ratio: f64,
+    poses: Vec<[f64; 7]>,
+    literal_poses: Vec<[f64; 7]>,
+}
+
+fn pose([x, y, z, qx, qy, qz, qw]: [f64; 7]) -> Se3 {
+    Se3 { rotation: DQuat::from_xyzw(qx, qy, qz, qw), translation: DVec3::new(x, y, z) }
+}
+
+#[test]
+fn a_refined_orbit_is_that_of_another_program() {
+    let want: Orbit = golden("refined.json");
+    let views = named(want.views.iter().copied().map(pose));
+    for (literal, poses) in [(false, &want.poses), (true, &want.literal_poses)] {
+        let got = refined(&views, &Refine { literal, ..Refine::default() }, LAW);
+        let relative = |a: f64, b: f64| (a - b).abs() / b;
+        assert!(relative(got.report.scale_distance, want.scale_distance) < 1e-12);
+        assert!(relative(got.report.length, want.length) < 1e-12);
+        assert!(relative(got.report.length_ratio.unwrap(), want.length_ratio) < 1e-10);
+        assert_eq!(got.trajectory.world_from_camera.len(), poses.len());
+        for (j, (a, b)) in
+            got.trajectory.world_from_camera.iter().zip(poses.iter().copied().map(pose)).enumerate()
+        {
+            let (centre, turn) = ((a.translation - b.translation).length(), angle(a.rotation, b.rotation));
+            assert!(
+                centre < 1e-9 * want.length && turn < 1e-9,
+                "literal {literal}, {j}: {centre:e}, {turn:e}"
+            );
+        }
+    }
+}
