@@ -143,6 +143,15 @@ mod tests {
         assert_eq!(names, ["IHDR", "IDAT", "IEND"]);
     }
 
+    /// What is on disk is frozen: a change raises the revision of the stages that write pictures.
+    #[test]
+    fn the_bytes_are_frozen() {
+        let rgb = Image::from_vec(SIZE, noise(SIZE.pixels() * 3).as_chunks().0.to_vec());
+        let flat = Image::filled(Size { width: 640, height: 360 }, [1u8, 2, 3]);
+        let digest = |image: &Image<[u8; 3]>| blake3::hash(&encoded(image)).to_hex()[..16].to_owned();
+        assert_eq!([digest(&rgb), digest(&flat)], ["0ec6bbd29f47390c", "f45669a197581962"]);
+    }
+
     #[test]
     fn floats_become_bytes_by_the_one_rule() {
         let image =

@@ -132,7 +132,7 @@ impl Own<'_> {
             _ => {
                 return Err(self
                     .top
-                    .missing("w` and `h", "the image size, as there is no photo to take it from"));
+                    .missing("w", "the image size in `w` and `h`, as there is no photo to take it from"));
             }
         };
         let centre = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
@@ -152,7 +152,7 @@ impl Own<'_> {
     }
 
     fn wanted(&self, key: &str) -> Result<f64, SourceError> {
-        self.number(key)?.ok_or_else(|| self.top.missing(key, "it, as `fl_x` is there"))
+        self.number(key)?.ok_or_else(|| self.top.missing(key, "a number, as `fl_x` is there"))
     }
 
     /// A side of the image: some writers have floats.

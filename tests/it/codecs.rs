@@ -120,6 +120,62 @@ fn equal_streams_are_equal_bytes_however_they_are_appended_and_by_however_many_t
     });
 }
 
+/// What is on disk is frozen. A change here, be it of a codec, a compressor or rust-hdf5, raises the revision of the
+/// stages that write such files, and then these digests (BLAKE3, the first 64 bits) are taken anew.
+#[test]
+fn formats_on_disk_are_frozen() {
+    let frozen =
+        [("h5", ["faba7e6213b62028", "7ceeb40c4c96ff92"]), ("npz", ["f397206d0f3bd2a9", "444c86d57aaf5912"])];
+    each_codec(|codec, path| {
+        let digests = [0, 70_000].map(|count| {
+            (codec.write)(path, &stream(count), 10_000);
+            blake3::hash(&std::fs::read(path).unwrap()).to_hex()[..16].to_owned()
+        });
+        let (_, wanted) = frozen.iter().find(|(name, _)| *name == codec.name).unwrap();
+        assert_eq!(digests, *wanted, "{}", codec.name);
+    });
+}
+
+/// Other people's readers: h5py and NumPy against the stream itself, as text.
+const FOREIGN_READER: &str = r"
+import sys, h5py, numpy as np
+h5, npz, truth, end_us = sys.argv[1], sys.argv[2], np.loadtxt(sys.argv[3], dtype=np.int64, ndmin=2), int(sys.argv[4])
+file, archive = h5py.File(h5), np.load(npz)
+kinds = dict(t=(np.uint32, np.int64), x=(np.uint16,) * 2, y=(np.uint16,) * 2, p=(np.uint8,) * 2)
+for column, name in enumerate('txyp'):
+    dataset, array = file['events'][name], archive[name]
+    assert (dataset.dtype, array.dtype) == kinds[name], name
+    assert (dataset.compression, dataset.compression_opts, dataset.shuffle) == ('gzip', 4, True), name
+    assert dataset.chunks == (65536,), name
+    assert np.array_equal(dataset[:], truth[:, column]) and np.array_equal(array, truth[:, column]), name
+index = file['ms_to_idx'][:]
+assert index.dtype == np.uint64 and file['t_offset'].dtype == np.int64 and file['t_offset'][()] == 0
+assert len(index) == max(end_us, truth[-1, 0]) // 1000 + 2
+assert np.array_equal(index, np.searchsorted(truth[:, 0], np.arange(len(index)) * 1000, 'left'))
+head = {name: file.attrs[name] for name in file.attrs}
+assert head == dict(width=640, height=360, law_version=3, c_on=0.19, c_off=0.21), head
+";
+
+#[test]
+fn foreign_readers_read_the_same() {
+    let python = |args: &[&str]| std::process::Command::new("python3").args(args).output();
+    if !python(&["-c", "import h5py, numpy"]).is_ok_and(|tried| tried.status.success()) {
+        eprintln!("not run: python3 with h5py and numpy is absent");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let events = stream(70_000);
+    write_h5(&path("e.h5"), &events, 70_000);
+    write_npz(&path("e.npz"), &events, 70_000);
+    let line = |(t, y, x, p): (i64, u16, u16, Polarity)| format!("{t} {x} {y} {}\n", p as u8);
+    std::fs::write(path("truth.txt"), kept(&events).into_iter().map(line).collect::<String>()).unwrap();
+    let files = ["e.h5", "e.npz", "truth.txt"].map(|name| path(name).to_str().unwrap().to_owned());
+    let said =
+        python(&["-c", FOREIGN_READER, &files[0], &files[1], &files[2], &LAST_STAMP_US.to_string()]).unwrap();
+    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+}
+
 #[test]
 fn a_file_cut_short_is_refused() {
     let events = stream(3_000);

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Level of zlib.
 const LEVEL: u32 = 4;
 
-/// Chunks that are filtered together: enough to occupy the cores, few enough to be small in memory (26 MB).
+/// Chunks that are filtered together: enough to occupy the cores, few enough to be small in memory (17 MB of events).
 const BATCH: usize = 16;
 
 /// Writes one stream, in memory that does not grow with it (but for the index of chunks, some 40 bytes for each
@@ -64,7 +64,8 @@ impl Writer {
         })
     }
 
-    /// Completes the file of a stream whose last frame has this stamp, and returns the number of events.
+    /// Completes the file of a stream whose last frame has this stamp, and returns the number of events. The bytes are
+    /// handed to the operating system; to make them durable is for whoever publishes the file.
     ///
     /// # Errors
     /// When the stamp is outside `0..2^32`, or the rest cannot be written.
