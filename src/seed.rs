@@ -1,5 +1,7 @@
 //! Randomness as a pure function of what is drawn for: no generator in the program has a hidden position.
 
+#[cfg(test)]
+pub(crate) mod ks;
 pub mod normal;
 pub mod philox;
 
@@ -139,4 +141,161 @@ impl Draws {
     pub fn normal(&mut self) -> f64 {
         normal::quantile(self.uniform())
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CELL: Cell = Cell { x: 3, y: 5, level: 2, index: 7 };
+
+    #[test]
+    fn purposes_and_names_lead_to_different_streams() {
+        let seeds = [
+            Seed::derive(1, "a", "b", Purpose::Sensor),
+            Seed::derive(2, "a", "b", Purpose::Sensor),
+            Seed::derive(1, "ab", "", Purpose::Sensor),
+            Seed::derive(1, "a", "b", Purpose::Curve),
+        ];
+        for (i, a) in seeds.iter().enumerate() {
+            assert!(seeds[..i].iter().all(|b| a != b));
+        }
+    }
+
+    #[test]
+    fn draws_by_number_are_draws_in_order() {
+        for space in [Space::Tree, Space::Leaf] {
+            let mut draws = Seed(9).draws(CELL, space);
+            for number in 0..9 {
+                let in_order = draws.normal();
+                assert_eq!(in_order.to_bits(), Seed(9).normal(CELL, space, number).to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn every_field_of_a_cell_moves_the_counter() {
+        let cells = [
+            CELL,
+            Cell { x: 4, ..CELL },
+            Cell { y: 4, ..CELL },
+            Cell { level: 3, ..CELL },
+            Cell { index: 8, ..CELL },
+            Cell { index: 7 + (1 << 32), ..CELL },
+        ];
+        let counters: Vec<_> =
+            cells.iter().flat_map(|&cell| [counter(cell, Space::Tree), counter(cell, Space::Leaf)]).collect();
+        for (i, a) in counters.iter().enumerate() {
+            assert!(counters[..i].iter().all(|b| a != b), "{i}");
+        }
+    }
+
+    /// Draw 0 of neighbouring pixels, of neighbouring cells, and the draws of one cell.
+    fn sequences() -> [Vec<f64>; 3] {
+        let seed = Seed(20_250_521);
+        let first = |cell| seed.draws(cell, Space::Tree).uniform();
+        let mut leaf = seed.draws(CELL, Space::Leaf);
+        [
+            (0..250).flat_map(|y| (0..200).map(move |x| first(Cell { x, y, ..CELL }))).collect(),
+            (0..50_000).map(|index| first(Cell { index, ..CELL })).collect(),
+            (0..50_000).map(|_| leaf.uniform()).collect(),
+        ]
+    }
+
+    #[test]
+    fn draws_are_uniform_and_independent_of_their_neighbours() {
+        for (i, sequence) in sequences().into_iter().enumerate() {
+            let n = sequence.len() as f64;
+            let product: f64 = sequence.windows(2).map(|w| (w[0] - 0.5) * (w[1] - 0.5)).sum();
+            // Each product has mean 0 and variance 1/144.
+            let z = 12.0 * product / n.sqrt();
+            let ks = ks::scaled_distance(sequence, |u| u);
+            println!("sequence {i}: KS {ks:.3} (alpha 1e-6: 2.69), serial z {z:.3}");
+            assert!(ks < 2.69 && z.abs() < 5.0);
+        }
+    }
+
+    #[test]
+    fn normal_draws_have_the_normal_distribution() {
+        for (i, sequence) in sequences().into_iter().enumerate() {
+            let sample: Vec<f64> = sequence.into_iter().map(normal::quantile).collect();
+            let n = sample.len() as f64;
+            let moment = |k| sample.iter().map(|z| z.powi(k)).sum::<f64>() / n;
+            // Variances of z, z^2, z^3, z^4: 1, 2, 15, 96.
+            let scores = [(1, 0.0, 1.0), (2, 1.0, 2.0), (3, 0.0, 15.0), (4, 3.0, 96.0)]
+                .map(|(k, mean, variance): (i32, f64, f64)| (moment(k) - mean) / (variance / n).sqrt());
+            let ks = ks::scaled_distance(sample.clone(), |z| 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2));
+            println!("sequence {i}: KS {ks:.3} (alpha 1e-6: 2.69), moments' z {scores:.2?}");
+            assert!(ks < 2.69 && scores.iter().all(|z| z.abs() < 5.0));
+        }
+    }
+
+    /// The first draws are part of the law: whoever changes them changes every stream ever released.
+    #[test]
+    fn first_draws_are_frozen() {
+        let first = |mut draw: Box<dyn FnMut() -> f64>| std::array::from_fn::<f64, 16, _>(|_| draw());
+        let draws = |space| Seed(1).draws(CELL, space);
+        let (mut tree, mut leaf, mut normal) = (draws(Space::Tree), draws(Space::Leaf), draws(Space::Tree));
+        let t = |found: [f64; 16], frozen: [f64; 16]| {
+            assert!(found.iter().zip(frozen).all(|(a, b)| a.to_bits() == b.to_bits()), "{found:?}");
+        };
+        t(first(Box::new(move || tree.uniform())), TREE);
+        t(first(Box::new(move || leaf.uniform())), LEAF);
+        t(first(Box::new(move || normal.normal())), NORMAL);
+    }
+
+    const TREE: [f64; 16] = [
+        0.8233909402643173,
+        0.2775608847685481,
+        0.17766775104962196,
+        0.6066204010085753,
+        0.12328413177224273,
+        0.347867924798397,
+        0.20172928938055013,
+        0.46790940550956994,
+        0.9765074226336871,
+        0.04640306274072359,
+        0.2563770295860509,
+        0.7169348468995941,
+        0.8056975057228976,
+        0.6778007276732708,
+        0.29085423877525163,
+        0.26299190123224403,
+    ];
+    const LEAF: [f64; 16] = [
+        0.6141100531790257,
+        0.4854734810480247,
+        0.6839546758272993,
+        0.2931709029185289,
+        0.4711979649332515,
+        0.8837835054011735,
+        0.257500259872368,
+        0.016658370587956495,
+        0.8080334436387783,
+        0.20188920163550417,
+        0.08292952535315268,
+        0.6726649763407312,
+        0.3040809499888325,
+        0.8922337133721535,
+        0.6339970411311219,
+        0.2027105738385645,
+    ];
+    const NORMAL: [f64; 16] = [
+        0.9283652853320665,
+        -0.5901027436535767,
+        -0.924289703648967,
+        0.27052134494347757,
+        -1.1587250822242259,
+        -0.3910830492779878,
+        -0.8354603211832559,
+        -0.08052613497751289,
+        1.9864339979014314,
+        -1.6807775776407339,
+        -0.6545553816205596,
+        0.5737598728040255,
+        0.862149984374271,
+        0.46155768601478736,
+        -0.5508908831219026,
+        -0.6341486701369182,
+    ];
 }

@@ -84,3 +84,48 @@ fn pairs(sorted: &[Packed]) -> u64 {
     let same = |a: &Packed, b: &Packed| a.0 >> 11 == b.0 >> 11;
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(ns: i64, x: u16, y: u16, polarity: Polarity) -> Event {
+        Event { t: Timestamp(ns), x, y, polarity }
+    }
+
+    /// Closes windows that end at those times, each with its events, and returns what came out at once.
+    fn run(windows: &[(i64, &[Event])], end_us: i64) -> (Vec<Vec<Event>>, u64) {
+        let mut state = Windows::default();
+        let mut outputs = Vec::new();
+        for &(end, events) in windows {
+            let base = state.first_us * 1000;
+            let pack = |e: &Event| Packed::new((e.t.0 - base).cast_unsigned(), [e.x, e.y], e.polarity);
+            state.add(&mut events.iter().map(pack).collect());
+            let mut sink = Vec::new();
+            state.close(end.div_euclid(1000), &mut sink).unwrap();
+            outputs.push(sink);
+        }
+        let mut rest = Vec::new();
+        state.close(end_us, &mut rest).unwrap();
+        outputs.push(rest);
+        (outputs, state.same_us_same_pixel)
+    }
+
+    #[test]
+    fn a_window_keeps_its_unfinished_microsecond() {
+        use Polarity::{Off, On};
+        let [a, b, c] = [event(1_047_999, 0, 0, On), event(1_048_001, 9, 1, Off), event(1_048_570, 3, 1, On)];
+        let [d, e] = [event(1_048_577, 5, 0, Off), event(2_000_000, 65_535, 65_535, On)];
+        let (outputs, same) = run(&[(1 << 20, &[c, a, b]), (2 << 20, &[e, d])], 2098);
+        assert_eq!(outputs, [vec![a], vec![d, c, b, e], vec![]]);
+        assert_eq!(same, 0);
+    }
+
+    #[test]
+    fn pairs_in_a_microsecond_are_counted() {
+        let at = |ns, x| event(ns, x, 0, Polarity::On);
+        let (outputs, same) = run(&[(1 << 20, &[at(7900, 1), at(7100, 1), at(7500, 2), at(7200, 1)])], 1049);
+        assert_eq!(outputs[0], [at(7100, 1), at(7200, 1), at(7900, 1), at(7500, 2)]);
+        assert_eq!(same, 3);
+    }
+}

@@ -98,3 +98,94 @@ pub(super) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
     let ratio = if u * (q + phi) <= q { shape / q } else { a / g * (q / phi) };
     if ratio.is_finite() { ratio / (1.0 + ratio) } else { 1.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::ks;
+    use crate::seed::{Cell, Draws, Seed, Space};
+    use std::f64::consts::{PI, SQRT_2};
+
+    fn draws(index: u64) -> Draws {
+        Seed(7).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
+    }
+
+    /// Distribution function of the inverse Gaussian of mean `mean` (infinite: the Lévy law) and shape `shape`. With
+    /// `w = sqrt(shape/t)(t/mean + 1)` its second term is `exp(-e) Phi(-w) exp(w^2/2)`, which does not overflow.
+    fn inverse_gaussian(t: f64, mean: f64, shape: f64) -> f64 {
+        let root = (shape / t).sqrt();
+        let (below, above) = (root * (t / mean - 1.0), root * (t / mean + 1.0));
+        let tail = if above < 20.0 {
+            0.5 * libm::erfc(above / SQRT_2) * (0.5 * above * above).exp()
+        } else {
+            // Asymptotic; the next term is 15/w^6 = 2e-7 of it.
+            (1.0 - 1.0 / above.powi(2) + 3.0 / above.powi(4)) / (above * (2.0 * PI).sqrt())
+        };
+        0.5 * libm::erfc(-below / SQRT_2) + (-0.5 * below * below).exp() * tail
+    }
+
+    /// KS distance of touch times from their law for ends at distances 1 and `g`, variance 1, the times distorted by
+    /// `defect`.
+    fn touch_time_distance(g: f64, defect: fn(f64) -> f64) -> f64 {
+        let mut draws = draws(0);
+        let times = (0..20_000).map(|_| {
+            let share = touch_time(1.0, g, 1.0, draws.normal(), draws.uniform());
+            assert!(share > 0.0 && share <= 1.0, "g = {g:e}: {share:e}");
+            defect(share / (1.0 - share))
+        });
+        ks::scaled_distance(
+            times.collect(),
+            |t| if t < 1e300 { inverse_gaussian(t, 1.0 / g, 1.0) } else { 1.0 },
+        )
+    }
+
+    #[test]
+    fn touch_times_have_the_law_of_the_bridge() {
+        // Mean over shape from 1e-9 to 1e18, and the Lévy law.
+        for g in [1e9, 1e6, 1e3, 10.0, 1.0, 0.1, 1e-3, 1e-6, 1e-12, 1e-18, 0.0] {
+            let distance = touch_time_distance(g, |t| t);
+            println!("phi = {g:e}: KS {distance:.3} (alpha 1e-6: 2.69)");
+            assert!(distance < 2.69);
+        }
+    }
+
+    #[test]
+    fn times_twice_too_long_are_noticed() {
+        // The defect of the published program where the drift is 0.
+        let distance = touch_time_distance(0.0, |t| 2.0 * t);
+        println!("KS {distance:.3} (alpha 1e-6: 2.69)");
+        assert!(distance > 2.69);
+    }
+
+    #[test]
+    fn no_magnitude_makes_a_time_outside_the_span() {
+        let magnitudes = [1e-300, 1e-150, 1e-12, 1.0, 1e12, 1e150, 1e300];
+        let mut draws = draws(1);
+        for a in magnitudes {
+            for g in magnitudes.into_iter().chain([0.0]) {
+                for v in magnitudes.into_iter().chain([0.0]) {
+                    let share = touch_time(a, g, v, draws.normal(), draws.uniform());
+                    assert!((0.0..=1.0).contains(&share), "{a:e} {g:e} {v:e}: {share}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_noise_the_path_is_straight() {
+        assert!((touch_time(0.25, 0.75, 0.0, 1.3, 0.2) - 0.25).abs() < 1e-16);
+    }
+
+    #[test]
+    fn barriers_within_reach() {
+        let unit = Barriers { up: 1.0, down: 1.0 };
+        let t = |x, y, v, live| assert_eq!(unit.live(x, y, v), live, "{x} {y} {v}");
+        t(0.0, 0.0, 0.0, Live::Neither);
+        t(0.0, 1.0, 0.0, Live::Up);
+        t(0.0, -1.5, 0.0, Live::Down);
+        t(0.0, 0.0, 0.049, Live::Neither);
+        t(0.0, 0.0, 0.051, Live::Both);
+        t(0.9, 0.9, 0.001, Live::Up);
+        assert_eq!(unit.shrunk(0.2).live(0.85, 0.0, 0.0), Live::Up);
+    }
+}

@@ -71,8 +71,8 @@ impl Pending {
 struct Span {
     /// Voltage at its end, had no event happened.
     end: f64,
-    /// ns.
-    length: f64,
+    /// Its end, ns since the window's start.
+    until: f64,
 }
 
 impl Walk<'_> {
@@ -98,7 +98,7 @@ impl Walk<'_> {
                         draws: self.seed.draws(self.cell(cell.level, cell.start), Space::Leaf),
                         time: from,
                     };
-                    *x = leaf.cross(*x, Span { end: y, length }, &mut scratch.spans, emit)?;
+                    *x = leaf.cross(*x, Span { end: y, until: from + length }, &mut scratch.spans, emit)?;
                 }
                 _ => {
                     scratch.splits += 1;
@@ -156,30 +156,28 @@ impl Leaf {
     ) -> ControlFlow<(), f64> {
         spans.clear();
         spans.push(whole);
-        while let Some(mut span) = spans.pop() {
-            let v = self.variance * span.length;
+        while let Some(span) = spans.pop() {
+            let length = span.until - self.time;
+            let v = self.variance * length;
             let side = match self.barriers.live(x, span.end, v) {
+                Live::Neither => None,
                 Live::Up => Some(Side::Up),
                 Live::Down => Some(Side::Down),
-                Live::Both if span.length > 1.0 => {
-                    let middle = 0.5 * (x + span.end) + 0.5 * v.sqrt() * self.draws.normal();
-                    let length = 0.5 * span.length;
-                    spans.extend([Span { length, ..span }, Span { end: middle, length }]);
+                Live::Both if length > 1.0 => {
+                    let end = 0.5 * (x + span.end) + 0.5 * v.sqrt() * self.draws.normal();
+                    spans.extend([span, Span { end, until: self.time + 0.5 * length }]);
                     continue;
                 }
                 Live::Both => Some(self.barriers.likelier(x, span.end)),
-                Live::Neither => None,
             };
-            let touch = side.and_then(|side| Some((side, self.touch(side, x, span, v)?)));
-            let Some((side, after)) = touch else {
-                x = span.end;
-                self.time += span.length;
+            let touched = side.and_then(|side| Some((side, self.touch(side, [x, span.end], v)?)));
+            let Some((side, share)) = touched else {
+                (x, self.time) = (span.end, span.until);
                 continue;
             };
-            self.time += after;
+            self.time = (self.time + share * length).min(span.until);
             emit.event(self.time, polarity(side))?;
             x = 0.0;
-            span.length -= after;
             spans.push(span);
             let step = side.step(self.barriers);
             spans.iter_mut().for_each(|span| span.end -= step);
@@ -187,14 +185,14 @@ impl Leaf {
         ControlFlow::Continue(x)
     }
 
-    /// The time until the path first touches that barrier, if it does within the span.
-    fn touch(&mut self, side: Side, x: f64, span: Span, v: f64) -> Option<f64> {
-        let (a, g) = (side.distance(self.barriers, x), side.distance(self.barriers, span.end));
+    /// When the path between those voltages first touches that barrier, as a share of its length, if it does.
+    fn touch(&mut self, side: Side, [x, y]: [f64; 2], v: f64) -> Option<f64> {
+        let (a, g) = (side.distance(self.barriers, x), side.distance(self.barriers, y));
         if g > 0.0 && self.draws.uniform() >= touch_probability(a, g, v) {
             return None;
         }
         let (z, u) = (self.draws.normal(), self.draws.uniform());
-        Some(span.length * touch_time(a, g.abs(), v, z, u))
+        Some(touch_time(a, g.abs(), v, z, u))
     }
 }
 
@@ -202,5 +200,115 @@ fn polarity(side: Side) -> Polarity {
     match side {
         Side::Up => Polarity::On,
         Side::Down => Polarity::Off,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::statistics::Renewal;
+
+    const UNIT: Barriers = Barriers { up: 1.0, down: 1.0 };
+
+    impl Emit for Vec<(f64, Polarity)> {
+        fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()> {
+            self.push((t, polarity));
+            ControlFlow::Continue(())
+        }
+    }
+
+    fn draws(index: u64) -> Draws {
+        Seed(11).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
+    }
+
+    /// Events of a leaf of 1024 ns from `x` to `y` with variance `v` in all, and the voltage at its end.
+    fn leaf(x: f64, y: f64, v: f64, draws: Draws) -> (Vec<(f64, Polarity)>, f64) {
+        let length = 1024.0;
+        let mut leaf = Leaf { barriers: UNIT, variance: v / length, draws, time: 0.0 };
+        let mut events = Vec::new();
+        match leaf.cross(x, Span { end: y, until: length }, &mut Vec::new(), &mut events) {
+            ControlFlow::Continue(end) => (events, end),
+            ControlFlow::Break(()) => unreachable!("the sink never breaks"),
+        }
+    }
+
+    /// Share of `n` leaves whose first event is of that polarity. `end` draws each leaf's far end.
+    fn first(n: u64, polarity: Polarity, x: f64, v: f64, end: impl Fn(&mut Draws) -> f64) -> f64 {
+        let count = (0..n).filter(|&i| {
+            let mut draws = draws(i);
+            let y = end(&mut draws);
+            leaf(x, y, v, draws).0.first().is_some_and(|event| event.1 == polarity)
+        });
+        count.count() as f64 / n as f64
+    }
+
+    /// What `first` would be if only the barrier nearer to the start were looked at: a planted defect.
+    fn first_off_of_nearer_barrier(n: u64, x: f64, v: f64, end: impl Fn(&mut Draws) -> f64) -> f64 {
+        let count = (0..n).filter(|&i| {
+            let mut draws = draws(i);
+            let y = end(&mut draws);
+            // Beyond the far barrier the defect takes that one for sure, without a look at the near one.
+            let side = if y >= UNIT.up { Side::Up } else { Side::Down };
+            let g = side.distance(UNIT, y);
+            side == Side::Down && draws.uniform() < touch_probability(side.distance(UNIT, x), g, v)
+        });
+        count.count() as f64 / n as f64
+    }
+
+    fn standard_errors(found: f64, wanted: f64, n: u64) -> f64 {
+        (found - wanted) / (wanted * (1.0 - wanted) / n as f64).sqrt()
+    }
+
+    #[test]
+    fn bridges_between_both_barriers() {
+        // First down, by the two-image sum of numerics.md 2.1, evaluated there (O11).
+        for (x, y, v, wanted) in
+            [(0.99, -0.99, 0.1, 0.2223), (0.95, -0.95, 0.3, 0.2584), (0.99, -0.999, 0.02, 0.7087)]
+        {
+            let n = 100_000;
+            let found = first(n, Polarity::Off, x, v, |_| y);
+            let z = standard_errors(found, wanted, n);
+            println!("({x}, {y}, {v}): {found:.4}, wanted {wanted}, z {z:.2} (limit 4.5)");
+            assert!(z.abs() < 4.5);
+        }
+    }
+
+    #[test]
+    fn the_nearer_barrier_counts_where_the_end_is_beyond_the_other() {
+        // From -0.99 with drift 3 and variance 0.05: the exit problem from 0 between barriers at 1.99 and -0.01.
+        let exit = Renewal { drift: 3.0, variance: 0.05, up: 1.99, down: 0.01 };
+        let wanted = 1.0 - exit.on_share();
+        let end = |draws: &mut Draws| -0.99 + 3.0 + 0.05f64.sqrt() * draws.normal();
+        let n = 100_000;
+        let z = standard_errors(first(n, Polarity::Off, -0.99, 0.05, end), wanted, n);
+        let defect = standard_errors(first_off_of_nearer_barrier(n, -0.99, 0.05, end), wanted, n);
+        println!("P(first OFF) {wanted:.4}: z {z:.2}, of the planted defect {defect:.0} (limit 4.5)");
+        assert!(z.abs() < 4.5 && defect.abs() > 4.5);
+    }
+
+    #[test]
+    fn bursts_are_a_loop() {
+        let (events, end) = leaf(0.0, 5000.5, 0.0, draws(0));
+        assert_eq!(events.len(), 5000);
+        for (i, &(t, polarity)) in events.iter().enumerate() {
+            let wanted = 1024.0 * (i + 1) as f64 / 5000.5;
+            assert!((t - wanted).abs() < 1e-9 && polarity == Polarity::On, "{i}: {t}, wanted {wanted}");
+        }
+        // 5000 subtractions of 1 from a number below 2^13: each rounds by at most 2^-41.
+        assert!((end - 0.5).abs() < 5000.0 * 2f64.powi(-41));
+    }
+
+    #[test]
+    fn extremes_neither_hang_nor_leave_the_barriers() {
+        for v in [1e-300, 1e-12, 1.0, 1e4] {
+            for y in [-300.0, -1.0, 0.0, 0.999, 1.0, 300.0] {
+                let (events, end) = leaf(0.9, y, v, draws(3));
+                assert!(end.abs() < 1.0, "{v:e} {y}: {end}");
+                assert!(
+                    events.is_sorted_by(|a, b| a.0 <= b.0)
+                        && events.iter().all(|e| (0.0..=1024.0).contains(&e.0))
+                );
+            }
+        }
     }
 }

@@ -233,3 +233,121 @@ impl Path {
         knots + curves
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Preset;
+    use super::*;
+
+    fn process(change: impl Fn(&mut Voltmeter)) -> Process {
+        let mut sensor = Voltmeter::new(Preset::Dvs240.k());
+        change(&mut sensor);
+        Process::new(&sensor)
+    }
+
+    fn sample(process: &Process, luminance: f32) -> Sample {
+        Sample { luminance, log: process.log_brightness(luminance) }
+    }
+
+    /// `D` over `[0, t]` of a piece by Simpson's rule on the drift's definition.
+    fn by_quadrature(k: [f64; 6], [l0, l1]: [f64; 2], [length, t]: [f64; 2]) -> f64 {
+        let [k1, k2, _, k4, k5, _] = k;
+        let luminance = |t: f64| (l0 + k2) * ((l1 + k2) / (l0 + k2)).powf(t / length) - k2;
+        let n = 2000;
+        let h = t / f64::from(n);
+        let leak: f64 = (0..=n)
+            .map(|i| {
+                let weight = if i == 0 || i == n { 1.0 } else { 2.0 + 2.0 * f64::from(i % 2) };
+                weight * (k4 + k5 * luminance(f64::from(i) * h))
+            })
+            .sum();
+        k1 * ((luminance(t) + k2) / (l0 + k2)).ln() + leak * h / 3.0 * 1e-3
+    }
+
+    #[test]
+    fn drift_is_the_integral_of_its_definition() {
+        let k = Preset::Dvs240.k();
+        let process = process(|_| {});
+        for [l0, l1] in [[0.0, 255.0], [255.0, 0.0], [100.0, 101.0], [64.0, 64.0], [0.0, 0.0]] {
+            let length = 1e9;
+            let piece = process.between(sample(&process, l0 as f32), sample(&process, l1 as f32), length);
+            for t in [1.0, 1e3, 0.3 * length, length] {
+                let wanted = by_quadrature(k, [l0, l1], [length, t]);
+                // Simpson on 2000 panels of a smooth function of log range 2.5 is good to 1e-13 of the leak, 13.
+                assert!((piece.rise(t) - wanted).abs() < 2e-12, "{l0} {l1} {t}: {} {wanted}", piece.rise(t));
+                let later = piece.from(0.5 * t);
+                let halves = piece.rise(0.5 * t) + later.rise(0.5 * t);
+                assert!((halves - piece.rise(t)).abs() < 1e-13 * piece.rise(t).abs().max(1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_step_in_thresholds() {
+        // numerics.md 10: grey 0 to 255, signal alone.
+        for (preset, wanted) in [(Preset::Dvs346, 13.799_77), (Preset::Gs2eSi, 3.454_38)] {
+            let [k1, k2, ..] = preset.k();
+            for gain in [Gain::Log] {
+                let process = process(|sensor| {
+                    sensor.k = [k1, k2, 0.0, 0.0, 0.0, 0.0];
+                    sensor.gain = gain;
+                });
+                let rise = process.between(sample(&process, 0.0), sample(&process, 255.0), 417e3).rise(417e3);
+                assert!((rise - wanted).abs() < 5e-6, "{rise}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_midpoint_form_is_linear_in_time() {
+        let k = Preset::Dvs346.k();
+        let process = process(|sensor| {
+            sensor.k = k;
+            sensor.gain = Gain::Midpoint;
+        });
+        let piece = process.between(sample(&process, 100.0), sample(&process, 110.0), 416e3);
+        let wanted = 5.265 * 10.0 / 125.0 + (1e-7 + 5e-9 * 105.0) * 416.0;
+        assert!((piece.rise(416e3) - wanted).abs() < 1e-15);
+        assert!((piece.rise(104e3) - 0.25 * wanted).abs() < 1e-15);
+        assert!((process.luminance(&piece, 0.0) - 105.0).abs() < 1e-13);
+    }
+
+    #[test]
+    fn straying_bounds_the_distance_from_the_chord() {
+        let process = process(|sensor| sensor.k[4] = 1e-3);
+        let greys = [10.0, 200.0, 190.0, 0.0, 0.0, 255.0].map(|l| sample(&process, l));
+        let mut path = Path::default();
+        path.clear();
+        for (i, pair) in greys.windows(2).enumerate() {
+            let (from, to) = (2e5 * i as f64, 2e5 * (i + 1) as f64);
+            let piece = Piece { frame: i, followed: true, length: 2e5, skipped: 0.0, from, to };
+            path.push(&piece, process.between(pair[0], pair[1], 2e5));
+        }
+        let [a, b, n] = [5e4, 9.3e5, 1000.0];
+        for (a, b) in [(a, b), (a, 1.9e5), (4.1e5, 5.9e5)] {
+            let chord = |t: f64| path.at(a) + (path.at(b) - path.at(a)) * (t - a) / (b - a);
+            let times = (0..=1000).map(|i| a + (b - a) * f64::from(i) / n);
+            let largest = times.map(|t| (path.at(t) - chord(t)).abs()).fold(0.0, f64::max);
+            let bound = path.straying([a, b], [path.at(a), path.at(b)]);
+            assert!(bound >= largest && bound < 6.0 * largest, "{bound} {largest}");
+        }
+    }
+
+    #[test]
+    fn turns_are_where_leak_and_signal_cancel() {
+        let process = process(|sensor| sensor.k = [1.0, 1.0, 0.0, 0.0, 1e-2, 0.0]);
+        let piece = process.between(sample(&process, 200.0), sample(&process, 0.0), 1e6);
+        let turn = piece.turn(1e6).unwrap();
+        assert!(piece.rate(turn).abs() < 1e-15 * 2e-3, "{}", piece.rate(turn));
+        assert!(piece.rate(0.0) > 0.0 && piece.rate(1e6) < 0.0);
+    }
+
+    #[test]
+    fn series_and_library_meet() {
+        for x in [SMALL * (1.0 - 1e-15), SMALL, -SMALL, 1e-9, -1e-300, 0.0] {
+            let wanted = if x == 0.0 { 1.0 } else { libm::expm1(x) / x };
+            assert!((mean_growth(x) - wanted).abs() < 4e-16, "{x}");
+            assert!((exp(x) - libm::exp(x)).abs() < 4e-16, "{x}");
+        }
+    }
+}
