@@ -170,6 +170,8 @@ pub struct Simulation {
     pub work: Work,
     /// How far the picture moves between neighbouring poses, px; `None` where no pixel has a depth.
     pub flow_px: Option<Quantiles>,
+    /// Depth at the same poses, units: 5 %, 50 % and 95 % quantile.
+    pub depth_unit: Option<[f32; 3]>,
     /// Stamps of the images in `brightness.npy`.
     pub brightness_stamps_us: Vec<i64>,
 }

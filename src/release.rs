@@ -1,1 +1,191 @@
-//! Not written yet.
+//! The release: the tree that people download, and its audit.
+//!
+//! A release is composed in memory as a list of paths and where their bytes come from, written to `DIR.partial`,
+//! audited there, and put in place by one rename: what has the release's name is a whole release. Two releases of
+//! the same records are equal byte for byte.
+
+pub mod audit;
+mod built;
+mod card;
+mod checksum;
+mod manifest;
+mod scene;
+mod transforms;
+mod tree;
+
+pub use built::GatherError;
+pub use manifest::{Manifest, ManifestFile, ManifestScene, ManifestStep};
+pub use scene::SceneFile;
+
+use crate::check::{Finding, Verdict};
+use crate::plan::Plan;
+use crate::recipe::ReleaseInfo;
+use crate::run::Summary;
+use crate::store::record::Output;
+use crate::store::{Store, StoreError};
+use built::{BuiltScene, BuiltTrajectory};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tree::{Content, Tree};
+
+/// How a release is written.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Replace a folder that is no release of ours, or holds what no release lists.
+    pub replace: bool,
+    /// Copy files even where they could be linked.
+    pub copy: bool,
+}
+
+/// What was written.
+#[derive(Debug)]
+pub struct Written {
+    /// Scenes.
+    pub scenes: usize,
+    /// Files, the sums included.
+    pub files: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// What the licences make a careful reader wonder at.
+    pub warnings: Vec<String>,
+}
+
+/// Why there is no release.
+#[derive(Debug, thiserror::Error)]
+pub enum ReleaseError {
+    /// Something is not built.
+    #[error(transparent)]
+    Gather(#[from] GatherError),
+    /// Checks failed.
+    #[error("{} checks failed", .0.len())]
+    Checks(Vec<Finding>),
+    /// The target folder is something else.
+    #[error("{} {because}", path.display())]
+    Foreign {
+        /// The folder.
+        path: PathBuf,
+        /// What it is.
+        because: String,
+    },
+    /// A file cannot be written or read.
+    #[error("failed to write {}: {source}", path.display())]
+    Io {
+        /// Which.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A stored file is not what its name says.
+    #[error("{path}: stored bytes do not match their digest; run the same command again to make them anew")]
+    Altered {
+        /// Its path in the tree.
+        path: String,
+    },
+    /// The written tree does not pass the audit: a defect of this program.
+    #[error("the written tree does not pass its audit: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+    Audit(Vec<audit::Fault>),
+    /// The store failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// Writes the release of everything in a plan that was run to its end.
+///
+/// # Errors
+/// When a step is not built, a check failed without a waiver, the folder is something else, or the disk fails.
+/// Until the last rename nothing of an existing release is touched.
+pub fn write(
+    to: &Path,
+    plan: &Plan,
+    summary: &Summary,
+    store: &Store,
+    info: &ReleaseInfo,
+    options: Options,
+) -> Result<Written, ReleaseError> {
+    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, store));
+    let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
+    let findings = scenes.iter().flat_map(|s| &s.trajectories).flat_map(|t| &t.findings);
+    let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
+    if !failed.is_empty() {
+        return Err(ReleaseError::Checks(failed));
+    }
+    let tree = compose(&scenes, store, info)?;
+    let (files, bytes) = tree::write(to, &tree, store, options)?;
+    let warnings = scenes.iter().flat_map(|s| &s.licence.warnings);
+    Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.cloned().collect() })
+}
+
+/// Lists the tree, but for the sums.
+fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Result<Tree, ReleaseError> {
+    let mut tree = Tree::default();
+    let mut listed = Vec::new();
+    for scene in scenes {
+        let files = scene_files(scene, store)?;
+        listed.push(manifest::scene(scene, files.listing()));
+        tree.extend(files);
+    }
+    let licence = crate::licence::compose_all(scenes.iter().map(|s| &s.licence));
+    let mut top = Tree::default();
+    top.add("README.md".into(), Content::Bytes(card::compose(scenes, info, &licence).into_bytes()));
+    for id in &licence.ids {
+        let text = crate::licence::text(id, &holders(scenes));
+        top.add(format!("LICENSES/{id}.txt"), Content::Bytes(text.into_bytes()));
+    }
+    let manifest = Manifest {
+        format: 1,
+        name: info.name.clone(),
+        version: info.version.clone(),
+        tool: concat!("gs2e ", env!("CARGO_PKG_VERSION")).into(),
+        licence: licence.expression,
+        scenes: listed,
+        files: top.listing(),
+    };
+    tree.extend(top);
+    tree.add(manifest::NAME.into(), Content::json(&manifest));
+    Ok(tree)
+}
+
+/// The holders of the owners' parts, sorted.
+fn holders(scenes: &[BuiltScene<'_>]) -> Vec<String> {
+    let mut holders: Vec<String> =
+        scenes.iter().filter_map(|s| s.recipe.licence.as_ref()).map(|l| l.holder.clone()).collect();
+    holders.sort();
+    holders.dedup();
+    holders
+}
+
+fn scene_files(scene: &BuiltScene<'_>, store: &Store) -> Result<Tree, ReleaseError> {
+    let id = &scene.recipe.scene;
+    let mut tree = Tree::default();
+    let file = scene::compose(scene)
+        .map_err(|source| ReleaseError::Io { path: scene.gaussians.path.clone(), source })?;
+    tree.add(format!("{id}/scene.json"), Content::json(&file));
+    for trajectory in &scene.trajectories {
+        let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
+        for (name, content) in trajectory_files(scene, trajectory, store) {
+            tree.add(at(&name), content);
+        }
+    }
+    Ok(tree)
+}
+
+/// The files of a trajectory by their names in its folder. What the store keeps for itself (what the sensor saw, what
+/// was counted) stays there.
+fn trajectory_files(
+    scene: &BuiltScene<'_>,
+    trajectory: &BuiltTrajectory,
+    store: &Store,
+) -> BTreeMap<String, Content> {
+    let blob = |o: &Output| Content::Blob { path: store.path_of(&o.digest), digest: o.digest, size: o.size };
+    let mut files = BTreeMap::new();
+    files.extend(trajectory.motion_files.iter().map(|o| (o.name.clone(), blob(o))));
+    let events = trajectory.events.iter().flat_map(|(_, outputs)| outputs);
+    files.extend(events.filter(|o| o.name == "events.h5").map(|o| (o.name.clone(), blob(o))));
+    let pictures = trajectory.sharp.iter().flatten().filter(|o| o.name.ends_with(".png"));
+    files.extend(pictures.map(|o| (format!("sharp/{}", o.name), blob(o))));
+    let checks = trajectory.checks_files.iter().filter(|o| o.name == "checks.json");
+    files.extend(checks.map(|o| (o.name.clone(), blob(o))));
+    let transforms = transforms::compose(&scene.camera(), trajectory);
+    files.insert("transforms.json".into(), Content::json(&transforms));
+    files
+}

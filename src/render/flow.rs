@@ -61,16 +61,21 @@ pub struct Quantiles {
 }
 
 impl Quantiles {
-    /// Quantiles of the values that are not NaN, or `None` where there is none. Each is itself a value: the smallest
-    /// of which at least that share of all are no larger (nearest rank).
+    /// Quantiles of the values that are not NaN, or `None` where there is none, by [`nearest_ranks`].
     #[must_use]
-    pub fn of(mut values: Vec<f32>) -> Option<Self> {
-        values.retain(|v| !v.is_nan());
-        values.sort_unstable_by(f32::total_cmp);
-        let n = values.len();
-        let at = |percent: usize| values[(n * percent).div_ceil(100) - 1];
-        (n > 0).then(|| Self { median: at(50), p95: at(95), max: at(100) })
+    pub fn of(values: Vec<f32>) -> Option<Self> {
+        nearest_ranks(values, [50, 95, 100]).map(|[median, p95, max]| Self { median, p95, max })
     }
+}
+
+/// Quantiles in percent of the values that are not NaN, or `None` where there is none. Each is itself a value: the
+/// smallest of which at least that share of all are no larger (nearest rank).
+#[must_use]
+pub fn nearest_ranks<const N: usize>(mut values: Vec<f32>, percents: [usize; N]) -> Option<[f32; N]> {
+    values.retain(|v| !v.is_nan());
+    values.sort_unstable_by(f32::total_cmp);
+    let n = values.len();
+    (n > 0).then(|| percents.map(|percent| values[(n * percent).div_ceil(100).max(1) - 1]))
 }
 
 /// At most `wanted` pairs of neighbouring poses, evenly spread over `poses` and holding its first and its last pair.

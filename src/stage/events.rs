@@ -9,7 +9,7 @@ use crate::frames::rendered::RenderedFrames;
 use crate::image::Size;
 use crate::render::cpu::{self, Cpu};
 use crate::render::flow::{self, Quantiles};
-use crate::render::{Channels, RenderChoice, RenderError, Rendered, Renderer, View};
+use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::{Account, Sensor, SimulateError, simulate};
@@ -58,7 +58,7 @@ impl Stage for Simulating {
         let gaussians = Arc::new(gaussians);
         let new_renderer = || Cpu::new(gaussians.clone(), style).map_err(StageError::work("render"));
         let trajectory = motion.trajectory;
-        let flow = measure_flow(&mut new_renderer()?, camera, &trajectory, cx)?;
+        let sampled = sample_depth(&mut new_renderer()?, camera, &trajectory, cx)?;
         let mut frames = RenderedFrames::new(Box::new(new_renderer()?), camera, trajectory.clone());
         let (account, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
         let simulation = Simulation {
@@ -71,7 +71,8 @@ impl Stage for Simulating {
             seed: self.seed,
             account,
             work: frames.work(),
-            flow_px: flow,
+            flow_px: Quantiles::of(sampled.moved_px),
+            depth_unit: flow::nearest_ranks(sampled.depth, [5, 50, 95]),
             brightness_stamps_us: anchors.stamps_us.clone(),
         };
         write(&cx.out.join("brightness.npy"), |file| anchors.write_images(file))?;
@@ -114,27 +115,33 @@ impl Simulating {
     }
 }
 
-/// How far the picture moves between neighbouring poses, over a sample of the path.
-fn measure_flow(
+/// Values of all pixels over a sample of the path.
+#[derive(Default)]
+struct Sampled {
+    /// Way of the picture between neighbouring poses.
+    moved_px: Vec<f32>,
+    depth: Vec<f32>,
+}
+
+fn sample_depth(
     renderer: &mut Cpu,
     camera: Camera,
     trajectory: &Trajectory,
     cx: &Context<'_>,
-) -> Result<Option<Quantiles>, StageError> {
+) -> Result<Sampled, StageError> {
     let poses = &trajectory.world_from_camera;
     let want = Channels { depth: true, ..Channels::default() };
-    let mut moved = Vec::new();
+    let mut sampled = Sampled::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
         let [from, to] = [a, b].map(|j| View { camera, world_from_camera: poses[j] });
         let mut rendered = Rendered::default();
-        renderer
-            .render(&from, want, &mut rendered)
-            .map_err(|e: RenderError| StageError::work("measure the optical flow")(e))?;
+        renderer.render(&from, want, &mut rendered).map_err(StageError::work("measure the optical flow"))?;
         let depth = rendered.depth.expect("depth was asked for");
-        moved.extend(flow::displacement(&depth, &from, &to).into_pixels());
+        sampled.moved_px.extend(flow::displacement(&depth, &from, &to).into_pixels());
+        sampled.depth.extend(depth.into_pixels());
     }
-    Ok(Quantiles::of(moved))
+    Ok(sampled)
 }
 
 fn write(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), StageError> {

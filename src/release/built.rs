@@ -1,0 +1,177 @@
+//! What was built, gathered from the store for a release.
+
+use crate::artifact::{Artifact, EventStream, Files, Motion, Simulation, Verdicts};
+use crate::camera::Camera;
+use crate::check::Finding;
+use crate::licence::Composed;
+use crate::plan::Plan;
+use crate::recipe::Recipe;
+use crate::run::Summary;
+use crate::scene::{Gaussians, Screening};
+use crate::source::Capture;
+use crate::stage::StepId;
+use crate::store::record::Output;
+use crate::store::{Key, Store};
+use std::path::PathBuf;
+
+/// A scene whose steps are all made.
+#[derive(Debug)]
+pub(super) struct BuiltScene<'a> {
+    pub(super) recipe: &'a Recipe,
+    pub(super) capture: Capture,
+    pub(super) gaussians: SceneSummary,
+    pub(super) licence: Composed,
+    pub(super) trajectories: Vec<BuiltTrajectory>,
+    pub(super) steps: Vec<BuiltStep>,
+}
+
+/// What is told of the Gaussians.
+#[derive(Debug)]
+pub(super) struct SceneSummary {
+    pub(super) path: PathBuf,
+    pub(super) count: u64,
+    pub(super) sh_degree: u8,
+    pub(super) antialiased: Option<bool>,
+    pub(super) screening: Screening,
+}
+
+/// A trajectory whose steps are all made.
+#[derive(Debug)]
+pub(super) struct BuiltTrajectory {
+    pub(super) name: String,
+    pub(super) motion: Motion,
+    pub(super) motion_files: Vec<Output>,
+    pub(super) events: Option<(EventStream, Vec<Output>)>,
+    pub(super) sharp: Option<Vec<Output>>,
+    pub(super) findings: Vec<Finding>,
+    pub(super) peak_ev_per_ms: Option<u64>,
+    pub(super) checks_files: Vec<Output>,
+}
+
+impl BuiltTrajectory {
+    pub(super) fn simulation(&self) -> Option<&Simulation> {
+        self.events.as_ref().map(|(stream, _)| &stream.simulation)
+    }
+}
+
+/// A step's record, for the manifest.
+#[derive(Debug)]
+pub(super) struct BuiltStep {
+    pub(super) name: String,
+    pub(super) stage: &'static str,
+    pub(super) key: Key,
+    pub(super) outputs: Vec<Output>,
+}
+
+/// Why something built cannot be gathered.
+#[derive(Debug, thiserror::Error)]
+pub enum GatherError {
+    /// A step of the scene was not made.
+    #[error("{scene}/{step} is not built")]
+    NotBuilt {
+        /// Scene id.
+        scene: String,
+        /// Step name.
+        step: String,
+    },
+    /// A product cannot be opened.
+    #[error("{scene}/{step}: failed to {because}")]
+    Unreadable {
+        /// Scene id.
+        scene: String,
+        /// Step name.
+        step: String,
+        /// Why.
+        because: String,
+    },
+}
+
+/// Finds the products of one scene's steps.
+struct Shelf<'a> {
+    scene: &'a str,
+    store: &'a Store,
+    steps: Vec<BuiltStep>,
+}
+
+impl Shelf<'_> {
+    fn find(&self, name: &str) -> Option<&[Output]> {
+        self.steps.iter().find(|s| s.name == name).map(|s| s.outputs.as_slice())
+    }
+
+    fn open<A: Artifact>(&self, name: &str) -> Result<(A, Vec<Output>), GatherError> {
+        let unreadable = |because: String| GatherError::Unreadable {
+            scene: self.scene.to_owned(),
+            step: name.to_owned(),
+            because,
+        };
+        let outputs = self.find(name).ok_or_else(|| GatherError::NotBuilt {
+            scene: self.scene.to_owned(),
+            step: name.to_owned(),
+        })?;
+        let artifact = A::open(&Files::of(outputs, self.store)).map_err(|e| unreadable(e.to_string()))?;
+        Ok((artifact, outputs.to_vec()))
+    }
+
+    fn open_optional<A: Artifact>(&self, name: &str) -> Result<Option<(A, Vec<Output>)>, GatherError> {
+        if self.find(name).is_some() { self.open(name).map(Some) } else { Ok(None) }
+    }
+}
+
+/// Gathers one scene.
+pub(super) fn gather<'a>(
+    plan: &'a Plan,
+    index: usize,
+    summary: &Summary,
+    store: &Store,
+) -> Result<BuiltScene<'a>, GatherError> {
+    let recipe = &plan.scenes()[index];
+    let not_built = |step: &str| GatherError::NotBuilt { scene: recipe.scene.clone(), step: step.to_owned() };
+    let mut steps = Vec::new();
+    for (id, planned) in plan.steps_of(index) {
+        let (key, outputs) = made(summary, id).ok_or_else(|| not_built(&planned.name))?;
+        let (name, stage) = (planned.name.clone(), planned.step.stage());
+        steps.push(BuiltStep { name, stage, key, outputs });
+    }
+    let shelf = Shelf { scene: &recipe.scene, store, steps };
+    let (capture, _) = shelf.open("capture")?;
+    let (gaussians, outputs): (Gaussians, _) = shelf.open("reconstruct")?;
+    let gaussians = SceneSummary {
+        path: outputs.first().map(|o| store.path_of(&o.digest)).ok_or_else(|| not_built("reconstruct"))?,
+        count: gaussians.len() as u64,
+        sh_degree: gaussians.sh_degree,
+        antialiased: gaussians.antialiased,
+        screening: gaussians.screening,
+    };
+    let names = recipe.trajectories.iter().map(|t| t.name.as_str());
+    let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
+    let licence = crate::licence::compose(recipe.source.kind(), recipe.licence.as_ref());
+    Ok(BuiltScene { recipe, capture, gaussians, licence, trajectories, steps: shelf.steps })
+}
+
+fn made(summary: &Summary, id: StepId) -> Option<(Key, Vec<Output>)> {
+    summary.outputs.get(&id).cloned()
+}
+
+fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
+    let step = |step: &str| format!("{name}/{step}");
+    let (motion, motion_files) = shelf.open(&step("trajectory"))?;
+    let (verdicts, checks_files): (Verdicts, _) = shelf.open(&step("checks"))?;
+    Ok(BuiltTrajectory {
+        name: name.to_owned(),
+        motion,
+        motion_files,
+        events: shelf.open_optional(&step("events"))?,
+        sharp: shelf.find(&step("sharp")).map(<[Output]>::to_vec),
+        findings: verdicts.findings,
+        peak_ev_per_ms: verdicts.peak_ev_per_ms,
+        checks_files,
+    })
+}
+
+impl BuiltScene<'_> {
+    /// The camera that was rendered.
+    pub(super) fn camera(&self) -> Camera {
+        let own = self.capture.camera().0;
+        self.recipe.camera.map_or(own, |choice| choice.resolve(&own))
+    }
+}

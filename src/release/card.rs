@@ -1,0 +1,191 @@
+//! `README.md` of a release, the dataset card: what it is, how to read it, how it was made, under which terms. Every
+//! number in it is computed.
+
+use super::built::{BuiltScene, BuiltTrajectory};
+use crate::check::Verdict;
+use crate::licence::Composed;
+use crate::recipe::ReleaseInfo;
+use std::fmt::Write as _;
+
+/// Composes the card.
+pub(super) fn compose(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> String {
+    let mut text = head(scenes, info, licence);
+    for section in [
+        introduction(scenes, info),
+        FILES.to_owned(),
+        CONVENTIONS.to_owned(),
+        making(scenes),
+        checks(scenes),
+        LIMITS.to_owned(),
+        licences(scenes, licence),
+        citation(info),
+    ] {
+        text.push('\n');
+        text.push_str(&section);
+    }
+    text
+}
+
+fn trajectories<'s>(scenes: &'s [BuiltScene<'_>]) -> impl Iterator<Item = &'s BuiltTrajectory> {
+    scenes.iter().flat_map(|scene| &scene.trajectories)
+}
+
+fn events(scenes: &[BuiltScene<'_>]) -> u64 {
+    trajectories(scenes).filter_map(BuiltTrajectory::simulation).map(|s| s.account.events).sum()
+}
+
+/// The card's head, as dataset hubs read it.
+fn head(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> String {
+    let mut text = String::from("---\nlanguage: en\n");
+    let quoted = |s: &str| serde_json::Value::from(s).to_string();
+    // A hub knows few licences by name; an expression is told as another licence with a link.
+    let _ = writeln!(text, "license: other\nlicense_name: {}\nlicense_link: LICENSES", quoted(&licence.expression));
+    let _ = writeln!(text, "pretty_name: {}", quoted(&info.name));
+    let rows = trajectories(scenes).count();
+    let size = [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K")];
+    let size = size.iter().find(|(limit, _)| rows < *limit).map_or("100K<n<1M", |(_, name)| name);
+    let _ = writeln!(text, "size_categories: [{}]", quoted(size));
+    text.push_str("tags: [event-camera, 3d-gaussian-splatting, synthetic]\n");
+    if licence.gated {
+        text.push_str("extra_gated_prompt: Access needs your acceptance of the upstream terms in LICENSES.\n");
+    }
+    text.push_str("---\n");
+    text
+}
+
+fn introduction(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> String {
+    let mut text = format!("# {} {}\n\n", info.name, info.version);
+    if !info.description.is_empty() {
+        let _ = writeln!(text, "{}\n", info.description);
+    }
+    let (count, paths) = (scenes.len(), trajectories(scenes).count());
+    let frames: usize = trajectories(scenes).map(|t| t.sharp.iter().flatten().filter(|o| is_png(&o.name)).count()).sum();
+    let _ = writeln!(
+        text,
+        "Synthetic event-camera streams with exact poses: {count} scene(s), {paths} trajectory(ies), {} events, \
+         {frames} sharp frames. Each stream was simulated from renderings of a 3D Gaussian splat along a dense camera \
+         path.",
+        events(scenes)
+    );
+    text
+}
+
+fn is_png(name: &str) -> bool {
+    name.ends_with(".png")
+}
+
+const FILES: &str = "\
+## Files
+
+| file | content |
+|---|---|
+| `<scene>/scene.json` | source, camera, recipe, licence, seeds and statistics of a scene |
+| `<scene>/<trajectory>/events.h5` | events in DSEC's layout: `events/{x,y,p,t}`, `ms_to_idx`, `t_offset` |
+| `poses.txt` | a line a pose: `t_us tx ty tz qx qy qz qw`, camera to world |
+| `transforms.json` | the same poses and the camera in nerfstudio's form |
+| `timestamps_us.txt` | a stamp a line, microseconds |
+| `speed.json` | asked and achieved speed of the camera |
+| `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
+| `checks.json` | verdicts of the validation passes |
+| `manifest.json` | every step with its key, every file with size and BLAKE3 |
+| `SHA256SUMS` | `sha256sum --strict -c SHA256SUMS` |
+";
+
+const CONVENTIONS: &str = "\
+## Conventions
+
+Time is in integer microseconds from the first pose. Camera axes are OpenCV's: x right, y down, z forward; \
+`transforms.json` alone has OpenGL's (y up, z back). Pixel (i, j) has its centre at (i+0.5, j+0.5). Lengths are in the \
+source's own unit. Polarity 1 is brighter, 0 is darker. Brightness is display-encoded (sRGB) luminance, \
+0.299 R + 0.587 G + 0.114 B, on the grey scale 0..255.
+";
+
+fn making(scenes: &[BuiltScene<'_>]) -> String {
+    let mut text = String::from(
+        "## How it was made\n\nCaptured poses were smoothed, measured by rotation and translation, and sampled densely \
+         at the prescribed speed; every pose was rendered; the sensor saw the renderings as brightness that is linear \
+         in time between poses in ln(L + k2). Thresholds, sensor parameters and seeds are in `scene.json`.\n\n\
+         | scene / trajectory | source | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for scene in scenes {
+        for trajectory in &scene.trajectories {
+            let _ = writeln!(text, "{}", row(scene, trajectory));
+        }
+    }
+    text
+}
+
+fn row(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> String {
+    let stamps = &trajectory.motion.trajectory.stamps_us;
+    let last_us = stamps.last().copied().unwrap_or(0);
+    let size = scene.camera().size;
+    let counted = trajectory.simulation().map(|s| {
+        let account = &s.account;
+        let pixel_seconds = size.pixels() as f64 * last_us as f64 * 1e-6;
+        let rate = account.events as f64 / pixel_seconds;
+        let share = account.on as f64 / account.events as f64;
+        let (on, off) = s.sensor.as_model().contrast();
+        format!("{} | {rate:.3} | {share:.3} | {on:.4}, {off:.4}", account.events)
+    });
+    format!(
+        "| {}/{} | {} | {} | {size} | {} | {:.1} | {} |",
+        scene.recipe.scene,
+        trajectory.name,
+        scene.recipe.source.kind(),
+        scene.gaussians.count,
+        stamps.len(),
+        last_us as f64 * 1e-3,
+        counted.unwrap_or_else(|| "- | - | - | -".into())
+    )
+}
+
+fn checks(scenes: &[BuiltScene<'_>]) -> String {
+    let mut text = String::from("## Checks\n\n");
+    let findings: Vec<_> = trajectories(scenes).flat_map(|t| &t.findings).collect();
+    let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
+    let _ = writeln!(
+        text,
+        "{} passed, {} warned, {} were waived, {} were not run. What is not a pass:\n",
+        count(Verdict::Pass),
+        count(Verdict::Warn),
+        count(Verdict::Waived),
+        count(Verdict::NotRun)
+    );
+    for finding in findings.iter().filter(|f| f.verdict != Verdict::Pass) {
+        let _ = writeln!(text, "- {} `{}` {}: {}", finding.verdict.name(), finding.check, finding.subject, finding.because);
+    }
+    if findings.iter().all(|f| f.verdict == Verdict::Pass) {
+        text.push_str("- nothing\n");
+    }
+    text
+}
+
+const LIMITS: &str = "\
+## Limits
+
+Scenes are static and seen by a moving camera. The splats' own artefacts (floaters, popping where depth order changes, \
+a floor of alpha at 1/255) are part of the brightness that the sensor sees, and so of the events. Brightness beyond the \
+range of the training photos is not known. The sensor model has no bandwidth limit, no refractory time and no mismatch \
+between pixels.
+";
+
+fn licences(scenes: &[BuiltScene<'_>], licence: &Composed) -> String {
+    let mut text = format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", licence.expression);
+    for scene in scenes {
+        let holder = scene.recipe.licence.as_ref().map_or("not stated", |l| l.holder.as_str());
+        let _ = writeln!(text, "- {}: `{}`, holder: {holder}", scene.recipe.scene, scene.licence.expression);
+    }
+    text
+}
+
+fn citation(info: &ReleaseInfo) -> String {
+    let mut text = String::from("## Citation\n\n");
+    if !info.cite_as.is_empty() {
+        let _ = writeln!(text, "{}\n", info.cite_as);
+    }
+    text.push_str(
+        "The pipeline follows GS2E (arXiv 2505.15287); the sensor law follows DVS-Voltmeter (Lin et al., ECCV 2022).\n",
+    );
+    text
+}

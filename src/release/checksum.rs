@@ -1,0 +1,81 @@
+//! `SHA256SUMS`: every file of the tree but itself, in the form that `sha256sum --strict -c` reads.
+
+use crate::store::Digest;
+use sha2::{Digest as _, Sha256};
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// Name of the file.
+pub(super) const NAME: &str = "SHA256SUMS";
+
+/// Lower-case hexadecimal.
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        write!(text, "{byte:02x}").expect("a String takes any text");
+        text
+    })
+}
+
+/// SHA-256 of some bytes, hexadecimal.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// SHA-256 of a file, hexadecimal.
+pub(super) fn sha256_of_file(path: &Path) -> io::Result<String> {
+    both(path).map(|hashes| hashes.sha256)
+}
+
+/// Both hashes of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Hashes {
+    pub(super) sha256: String,
+    pub(super) blake3: Digest,
+    pub(super) size: u64,
+}
+
+/// Both hashes of a file, in one pass over its bytes.
+pub(super) fn both(path: &Path) -> io::Result<Hashes> {
+    let mut file = File::open(path)?;
+    let (mut sha256, mut blake3) = (Sha256::new(), blake3::Hasher::new());
+    let mut piece = vec![0; 1 << 16];
+    let mut size = 0;
+    loop {
+        let n = file.read(&mut piece)?;
+        if n == 0 {
+            break;
+        }
+        sha256.update(&piece[..n]);
+        blake3.update(&piece[..n]);
+        size += n as u64;
+    }
+    let blake3 = Digest::from(blake3.finalize());
+    Ok(Hashes { sha256: hex(&sha256.finalize()), blake3, size })
+}
+
+/// The text of the file, from paths and sums sorted by path.
+pub(super) fn text<'a>(sums: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+    sums.fold(String::new(), |mut text, (path, sum)| {
+        writeln!(text, "{sum}  {path}").expect("a String takes any text");
+        text
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_hashes_are_those_of_the_published_algorithms() {
+        // FIPS 180-2, "abc"; BLAKE3's test vector of the empty input.
+        assert_eq!(sha256(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("empty");
+        std::fs::write(&path, b"").unwrap();
+        let hashes = both(&path).unwrap();
+        assert_eq!(hashes.sha256, "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+        assert!(hashes.blake3.to_string().starts_with("af1349b9f5f9a1a6a0404dea36dcc949"));
+    }
+}

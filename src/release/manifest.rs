@@ -1,0 +1,110 @@
+//! `manifest.json`: what a release holds, from which keys, with which digests. Committed beside the recipes, it is
+//! what a later build is held against.
+
+use super::built::{BuiltScene, BuiltStep};
+use crate::check::{Finding, Verdict};
+use crate::render::Work;
+use crate::store::Digest;
+use crate::store::record::Output;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Name of the file.
+pub(super) const NAME: &str = "manifest.json";
+
+/// The file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// 1.
+    pub format: u32,
+    /// Name of the release.
+    pub name: String,
+    /// Version of the release.
+    pub version: String,
+    /// Program and version that wrote it.
+    pub tool: String,
+    /// SPDX expression of the whole: the sorted AND of its scenes.
+    pub licence: String,
+    /// The scenes, sorted by id.
+    pub scenes: Vec<ManifestScene>,
+    /// Files that belong to no scene, sorted by path; this file and the sums are not listed.
+    pub files: Vec<ManifestFile>,
+}
+
+/// A scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestScene {
+    /// Scene id.
+    pub id: String,
+    /// Kind of its source.
+    pub source: String,
+    /// SPDX expression.
+    pub licence: String,
+    /// Its steps, with keys and outputs.
+    pub steps: Vec<ManifestStep>,
+    /// Number of verdicts of each kind.
+    pub checks: BTreeMap<String, usize>,
+    /// Faults that its recipe accepts, with the reason.
+    pub waivers: Vec<Finding>,
+    /// What was left out of rendering for the events of each trajectory, over all frames.
+    pub left_out: BTreeMap<String, Work>,
+    /// Its files, sorted by path.
+    pub files: Vec<ManifestFile>,
+}
+
+/// A step.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestStep {
+    /// Its name within the scene.
+    pub step: String,
+    /// Name of the stage.
+    pub stage: String,
+    /// Its key.
+    pub key: Digest,
+    /// Its outputs.
+    pub outputs: Vec<Output>,
+}
+
+/// A file of the tree.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestFile {
+    /// Path below the release folder, `/`-separated.
+    pub path: String,
+    /// Length in bytes.
+    pub size: u64,
+    /// BLAKE3 of its bytes.
+    pub blake3: Digest,
+}
+
+/// Describes a scene; its files are added when the tree is known.
+pub(super) fn scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
+    let findings: Vec<&Finding> = built.trajectories.iter().flat_map(|t| &t.findings).collect();
+    let mut checks = BTreeMap::new();
+    for finding in &findings {
+        *checks.entry(finding.verdict.name().to_owned()).or_default() += 1;
+    }
+    let left_out = built.trajectories.iter().filter_map(|t| Some((t.name.clone(), t.simulation()?.work)));
+    ManifestScene {
+        id: built.recipe.scene.clone(),
+        source: built.recipe.source.kind().to_owned(),
+        licence: built.licence.expression.clone(),
+        steps: built.steps.iter().map(step).collect(),
+        checks,
+        waivers: findings.into_iter().filter(|f| f.verdict == Verdict::Waived).cloned().collect(),
+        left_out: left_out.collect(),
+        files,
+    }
+}
+
+fn step(built: &BuiltStep) -> ManifestStep {
+    ManifestStep {
+        step: built.name.clone(),
+        stage: built.stage.to_owned(),
+        key: built.key.0,
+        outputs: built.outputs.clone(),
+    }
+}

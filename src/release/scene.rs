@@ -1,0 +1,489 @@
+//! `scene.json`, schema version 1: what a scene is, where it comes from and how it was made. Photos are named and
+//! hashed, never copied; nothing here is a guess: what is not known is `null`.
+
+use super::built::{BuiltScene, BuiltTrajectory};
+use crate::artifact::Simulation;
+use crate::camera::Camera;
+use crate::recipe::{Recipe, Source};
+use crate::render::RenderChoice;
+use crate::render::flow::Quantiles;
+use crate::sensor::Sensor;
+use crate::store::Digest;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// The file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    /// 1.
+    pub schema: u32,
+    /// Scene id.
+    pub id: String,
+    /// Version of the program that wrote the release.
+    pub gs2e_version: String,
+    /// Where the poses come from.
+    pub source: SourcePart,
+    /// The photos, by name and hash.
+    pub images: Vec<ImagePart>,
+    /// The camera that was rendered.
+    pub camera: CameraPart,
+    /// How numbers are to be read.
+    pub conventions: Conventions,
+    /// Where the Gaussians come from.
+    pub reconstruction: ReconstructionPart,
+    /// Under which terms the scene is passed on.
+    pub licence: LicencePart,
+    /// The recipe's seed.
+    pub seed: u64,
+    /// Every derived stream seed, `trajectory/purpose` to a decimal number.
+    pub seeds: BTreeMap<String, String>,
+    /// The merged recipe, defaults filled.
+    pub recipe: Value,
+    /// SHA-256 of that recipe as compact JSON.
+    pub recipe_sha256: String,
+    /// The trajectories, in recipe order.
+    pub trajectories: Vec<TrajectoryPart>,
+    /// The axes of the paper's appendix D.
+    pub attributes: Attributes,
+}
+
+/// Where the poses come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourcePart {
+    /// `procedural`, `colmap` or `nerfstudio`.
+    pub kind: String,
+    /// The upstream dataset's own id.
+    pub upstream_id: Option<String>,
+    /// Where the upstream dataset is.
+    pub upstream_url: Option<String>,
+    /// When it was accessed.
+    pub accessed: Option<String>,
+    /// Whether its terms were accepted.
+    pub terms_accepted: Option<bool>,
+}
+
+/// A photo.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImagePart {
+    /// File name.
+    pub name: String,
+    /// SHA-256 of its bytes, where the photo was there.
+    pub sha256: Option<String>,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Whether its pose was used.
+    pub used: bool,
+    /// Why not.
+    pub why_not: Option<String>,
+}
+
+/// The camera that was rendered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraPart {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Focal length, px.
+    pub fx: f64,
+    /// Focal length, px.
+    pub fy: f64,
+    /// Principal point, px.
+    pub cx: f64,
+    /// Principal point, px.
+    pub cy: f64,
+    /// The distortion that the capture's photos have and the rendered camera has not.
+    pub undistorted_from: Option<Value>,
+}
+
+/// How numbers are to be read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Conventions {
+    camera_axes: String,
+    pose: String,
+    quaternion: String,
+    pixel_center: f64,
+    time_unit: String,
+    length_unit: String,
+    polarity: [u8; 2],
+    brightness: String,
+}
+
+impl Default for Conventions {
+    fn default() -> Self {
+        Self {
+            camera_axes: "opencv".into(),
+            pose: "c2w".into(),
+            quaternion: "xyzw".into(),
+            pixel_center: 0.5,
+            time_unit: "us".into(),
+            length_unit: "source".into(),
+            polarity: [0, 1],
+            brightness: "srgb-encoded".into(),
+        }
+    }
+}
+
+/// Where the Gaussians come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReconstructionPart {
+    /// `procedural` or `given`.
+    pub kind: String,
+    /// SHA-256 of the scene as the store keeps it, a `.ply`.
+    pub scene_sha256: String,
+    /// Number of Gaussians.
+    pub gaussians: u64,
+    /// Degree of their harmonics.
+    pub sh_degree: u8,
+    /// Whether the scene file says that it was trained with the antialiased rule.
+    pub antialiased: Option<bool>,
+    /// Gaussians of the file that were left out, because a field was not finite.
+    pub dropped: u64,
+    /// Training iterations.
+    pub iterations: Option<u64>,
+    /// Training command.
+    pub command: Option<String>,
+    /// PSNR against photos.
+    pub psnr: Option<Value>,
+    /// SSIM against photos.
+    pub ssim: Option<f64>,
+    /// LPIPS against photos.
+    pub lpips: Option<f64>,
+}
+
+/// Under which terms the scene is passed on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LicencePart {
+    /// SPDX expression.
+    pub expression: String,
+    /// Terms of parts of the scene.
+    pub parts: Vec<LicensedPart>,
+    /// The tools that it was made with; their licences do not enter the expression.
+    pub tools: Vec<LicensedTool>,
+    /// Whether receivers must accept the upstream terms first.
+    pub gated: bool,
+    /// Who is to be named.
+    pub attribution: String,
+}
+
+/// Terms of a part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LicensedPart {
+    /// Files, as a glob below the scene's folder.
+    pub path: String,
+    /// SPDX expression.
+    pub expression: String,
+}
+
+/// A tool.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LicensedTool {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Its licence.
+    pub licence: String,
+}
+
+/// A trajectory.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectoryPart {
+    /// Its name.
+    pub name: String,
+    /// `refine`.
+    pub kind: String,
+    /// Path and speed as the recipe has them.
+    pub parameters: Value,
+    /// Key frames that were drawn.
+    pub keyframes: Vec<u64>,
+    /// Number of poses.
+    pub poses: usize,
+    /// Last stamp, microseconds.
+    pub duration_us: i64,
+    /// Frames a second, `p/q`.
+    pub rate: String,
+    /// How brightness is taken between frames.
+    pub sampling: Value,
+    /// How frames are rendered.
+    pub render_rules: Value,
+    /// The sensor, where there are events.
+    pub sensor: Option<Value>,
+    /// Blur, where there is any.
+    pub blur: Option<Value>,
+    /// What was counted.
+    pub statistics: Statistics,
+}
+
+/// What was counted on a trajectory.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Statistics {
+    /// Events.
+    pub events: Option<u64>,
+    /// Brighter.
+    pub on: Option<u64>,
+    /// Darker.
+    pub off: Option<u64>,
+    /// Events per pixel and second.
+    pub rate_ev_px_s: Option<f64>,
+    /// Most events in one millisecond.
+    pub peak_ev_per_ms: Option<u64>,
+    /// Pixels with an event.
+    pub active_pixels: Option<u64>,
+    /// Largest optical flow between neighbouring poses, px, over sampled poses.
+    pub max_step_px: Option<f32>,
+    /// Linear speed, units per second.
+    pub linear_unit_s: Option<Range>,
+    /// Angular speed, radians per second.
+    pub angular_rad_s: Option<Range>,
+    /// Depth, units: 5 %, 50 % and 95 % quantile over sampled poses.
+    pub depth_unit: Option<DepthQuantiles>,
+}
+
+/// Extent of a quantity.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    /// Smallest.
+    pub min: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Range {
+    fn of(values: &[f64]) -> Option<Self> {
+        let (min, max) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (!values.is_empty()).then_some(Self { min, mean, max })
+    }
+}
+
+/// Depth quantiles, units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DepthQuantiles {
+    /// 5 %.
+    pub p5: f32,
+    /// Half.
+    pub p50: f32,
+    /// 95 %.
+    pub p95: f32,
+}
+
+/// The axes of the paper's appendix D.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Attributes {
+    /// `sharp`, `blurry`: what is in the tree.
+    pub data_type: Vec<String>,
+    /// `object`, `medium`, `large` or `unknown`.
+    pub scene_scale: String,
+    /// Poses are exact.
+    pub gt_poses: bool,
+    /// `uniform` where the speed varies by at most 1 %.
+    pub speed_profile: String,
+    /// Whether there is more than one trajectory.
+    pub multi_trajectory: bool,
+    /// What stands in for a device.
+    pub device: String,
+    /// The source.
+    pub data_source: String,
+}
+
+/// Composes the file.
+///
+/// # Errors
+/// When a blob cannot be read to be hashed.
+pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
+    let recipe = scene.recipe;
+    let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
+    Ok(SceneFile {
+        schema: 1,
+        id: recipe.scene.clone(),
+        gs2e_version: env!("CARGO_PKG_VERSION").into(),
+        source: source(recipe),
+        images: images(scene),
+        camera: camera(scene),
+        conventions: Conventions::default(),
+        reconstruction: reconstruction(scene)?,
+        licence: licence(scene),
+        seed: recipe.seed,
+        seeds: scene.trajectories.iter().filter_map(seed).collect(),
+        recipe: recipe.merged.clone(),
+        recipe_sha256: super::checksum::sha256(&compact),
+        trajectories: scene.trajectories.iter().map(|t| trajectory(recipe, t)).collect(),
+        attributes: attributes(scene),
+    })
+}
+
+fn source(recipe: &Recipe) -> SourcePart {
+    SourcePart {
+        kind: recipe.source.kind().into(),
+        upstream_id: None,
+        upstream_url: None,
+        accessed: None,
+        terms_accepted: None,
+    }
+}
+
+fn images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
+    // The embedded scene has views, but there are no photos.
+    let views = if scene.recipe.source.has_photos() { scene.capture.views.as_slice() } else { &[] };
+    let image = |view: &crate::source::View| ImagePart {
+        name: view.name.clone(),
+        sha256: view.sha256.clone(),
+        width: view.camera.size.width,
+        height: view.camera.size.height,
+        used: true,
+        why_not: None,
+    };
+    views.iter().map(image).collect()
+}
+
+fn camera(scene: &BuiltScene<'_>) -> CameraPart {
+    let Camera { size, fx, fy, cx, cy } = scene.camera();
+    let lens = scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::Lens::Pinhole);
+    let undistorted_from = lens.map(|lens| json!(lens));
+    CameraPart { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
+}
+
+fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<ReconstructionPart> {
+    let kind = if matches!(scene.recipe.source, Source::Procedural(_)) { "procedural" } else { "given" };
+    let summary = &scene.gaussians;
+    Ok(ReconstructionPart {
+        kind: kind.into(),
+        scene_sha256: super::checksum::sha256_of_file(&summary.path)?,
+        gaussians: summary.count,
+        sh_degree: summary.sh_degree,
+        antialiased: summary.antialiased,
+        dropped: summary.screening.non_finite,
+        iterations: None,
+        command: None,
+        psnr: None,
+        ssim: None,
+        lpips: None,
+    })
+}
+
+fn licence(scene: &BuiltScene<'_>) -> LicencePart {
+    let tool = |name: &str, version: &str, licence: &str| LicensedTool {
+        name: name.into(),
+        version: version.into(),
+        licence: licence.into(),
+    };
+    LicencePart {
+        expression: scene.licence.expression.clone(),
+        parts: Vec::new(),
+        tools: vec![tool("gs2e", env!("CARGO_PKG_VERSION"), "MIT OR Apache-2.0")],
+        gated: scene.licence.gated,
+        attribution: scene.recipe.licence.as_ref().map_or(String::new(), |l| l.holder.clone()),
+    }
+}
+
+fn seed(trajectory: &BuiltTrajectory) -> Option<(String, String)> {
+    let seed = trajectory.simulation()?.seed;
+    Some((format!("{}/sensor", trajectory.name), seed.0.to_string()))
+}
+
+fn trajectory(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
+    let asked = recipe.trajectories.iter().find(|t| t.name == built.name);
+    let parameters = asked.map(|t| json!({ "refine": t.refine, "speed": t.speed }));
+    let stamps = &built.motion.trajectory.stamps_us;
+    TrajectoryPart {
+        name: built.name.clone(),
+        kind: "refine".into(),
+        parameters: parameters.unwrap_or_default(),
+        keyframes: Vec::new(),
+        poses: stamps.len(),
+        duration_us: stamps.last().copied().unwrap_or(0),
+        rate: recipe.rate.0.to_string(),
+        sampling: json!({ "rate": recipe.rate.0.to_string(), "between": "linear" }),
+        render_rules: render_rules(recipe.render, built.simulation()),
+        sensor: built.simulation().map(sensor),
+        blur: None,
+        statistics: statistics(built),
+    }
+}
+
+fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {
+    let antialiased = simulation.map(|s| s.antialiased);
+    json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
+}
+
+fn sensor(simulation: &Simulation) -> Value {
+    let (c_on, c_off) = simulation.sensor.as_model().contrast();
+    let Sensor::Voltmeter(v) = &simulation.sensor;
+    json!({
+        "model": "voltmeter", "law": v.law, "law_version": simulation.sensor.as_model().law_version(),
+        "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
+        "theta_on": v.threshold_on, "theta_off": v.threshold_off, "c_on": c_on, "c_off": c_off,
+        "seed": simulation.seed.0.to_string(),
+    })
+}
+
+fn statistics(built: &BuiltTrajectory) -> Statistics {
+    let report = &built.motion.report;
+    let motion = Statistics {
+        linear_unit_s: Range::of(&report.linear_unit_s),
+        angular_rad_s: Range::of(&report.angular_rad_s),
+        ..Statistics::default()
+    };
+    let Some(simulation) = built.simulation() else { return motion };
+    let account = &simulation.account;
+    let seconds = built.motion.trajectory.stamps_us.last().map_or(0.0, |t| *t as f64 * 1e-6);
+    let pixel_seconds = simulation.camera.size.pixels() as f64 * seconds;
+    Statistics {
+        events: Some(account.events),
+        on: Some(account.on),
+        off: Some(account.off),
+        rate_ev_px_s: (pixel_seconds > 0.0).then(|| account.events as f64 / pixel_seconds),
+        peak_ev_per_ms: built.peak_ev_per_ms,
+        active_pixels: Some(account.active_pixels),
+        max_step_px: simulation.flow_px.map(|Quantiles { max, .. }| max),
+        depth_unit: simulation.depth_unit.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
+        ..motion
+    }
+}
+
+fn attributes(scene: &BuiltScene<'_>) -> Attributes {
+    let sharp = scene.trajectories.iter().any(|t| t.sharp.is_some());
+    let uniform = scene.trajectories.iter().all(|t| {
+        Range::of(&t.motion.report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
+    });
+    Attributes {
+        data_type: if sharp { vec!["sharp".into()] } else { Vec::new() },
+        scene_scale: "unknown".into(),
+        gt_poses: true,
+        speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
+        multi_trajectory: scene.trajectories.len() > 1,
+        device: "3DGS + DVS-Voltmeter".into(),
+        data_source: scene.recipe.source.kind().into(),
+    }
+}
+
+/// Speeds whose extremes differ by no more than this factor are called uniform.
+const UNIFORM: f64 = 1.01;
+
+/// The digest of a scene file's bytes, as the manifest lists it.
+pub(super) fn bytes(file: &SceneFile) -> (Vec<u8>, Digest) {
+    let mut bytes = serde_json::to_vec_pretty(file).expect("a scene file is plain data");
+    bytes.push(b'\n');
+    let digest = Digest::of(&bytes);
+    (bytes, digest)
+}

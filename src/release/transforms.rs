@@ -1,0 +1,58 @@
+//! `transforms.json`: a trajectory's poses and camera in nerfstudio's form, with OpenGL camera axes.
+
+use super::built::BuiltTrajectory;
+use crate::camera::Camera;
+use crate::se3::{OPENCV_FROM_OPENGL, Se3};
+use glam::DMat4;
+use serde_json::{Value, json};
+
+/// Composes the file. Frames without a picture carry a pose and a stamp only.
+pub(super) fn compose(camera: &Camera, trajectory: &BuiltTrajectory) -> Value {
+    let path = &trajectory.motion.trajectory;
+    let pictures: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
+    let frames: Vec<Value> = path
+        .world_from_camera
+        .iter()
+        .zip(&path.stamps_us)
+        .enumerate()
+        .map(|(j, (pose, t_us))| {
+            let name = format!("{j:06}.png");
+            let mut frame = json!({ "transform_matrix": opengl_matrix(pose), "t_us": t_us });
+            if pictures.binary_search(&name.as_str()).is_ok() {
+                frame["file_path"] = json!(format!("sharp/{name}"));
+            }
+            frame
+        })
+        .collect();
+    json!({
+        "camera_model": "PINHOLE", "w": camera.size.width, "h": camera.size.height,
+        "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy, "pixel_center": 0.5,
+        "frames": frames,
+    })
+}
+
+/// Camera to world with OpenGL camera axes, rows.
+fn opengl_matrix(world_from_camera: &Se3) -> [[f64; 4]; 4] {
+    let turn = world_from_camera.rotation_matrix();
+    let flip = OPENCV_FROM_OPENGL;
+    let matrix = DMat4::from_cols(
+        (turn.x_axis * flip.x).extend(0.0),
+        (turn.y_axis * flip.y).extend(0.0),
+        (turn.z_axis * flip.z).extend(0.0),
+        world_from_camera.translation.extend(1.0),
+    );
+    matrix.transpose().to_cols_array_2d()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+
+    #[test]
+    fn an_opencv_camera_without_turn_looks_along_minus_z_of_opengl() {
+        let pose = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::new(1.0, 2.0, 3.0) };
+        let rows = opengl_matrix(&pose);
+        assert_eq!(rows, [[1.0, 0.0, 0.0, 1.0], [0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [0.0, 0.0, 0.0, 1.0]]);
+    }
+}
