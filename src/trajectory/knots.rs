@@ -51,8 +51,6 @@ pub(super) struct Knots<'a> {
     pub(super) steps: Vec<f64>,
     /// Where views were merged.
     pub(super) merged: Vec<Merged>,
-    /// Gaps, by knot order.
-    pub(super) gaps: Vec<Gap>,
 }
 
 impl<'a> Knots<'a> {
@@ -64,7 +62,7 @@ impl<'a> Knots<'a> {
         let apart = distances(views, metric);
         let still = rounding(views, metric);
         let limit = still.max(COINCIDE * median(apart.iter().copied().filter(|d| *d > still).collect()));
-        let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new(), gaps: Vec::new() };
+        let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new() };
         let mut start = 0;
         for end in 1..=views.len() {
             if end == views.len() || apart[end - 1] > limit {
@@ -73,7 +71,6 @@ impl<'a> Knots<'a> {
             }
         }
         knots.steps = distances(&knots.poses, metric);
-        knots.gaps = gaps(&knots.poses, &knots.steps);
         Ok(knots)
     }
 
@@ -97,21 +94,42 @@ impl<'a> Knots<'a> {
         Sum::of(self.steps.iter().copied())
     }
 
-    /// What is worth a warning, or the error for a gap that must not be bridged.
-    pub(super) fn judge(&self, gaps: Gaps, warnings: &mut Vec<Warning>) -> Result<(), TrajectoryError> {
-        for Gap { after, before, times_median } in self.gaps.clone() {
-            match gaps {
-                Gaps::Bridge => warnings.push(Warning::Gap { after, before, times_median }),
-                Gaps::Refuse => return Err(TrajectoryError::Gap { after, before, times_median, limit: GAP }),
-            }
+    /// Neighbours that are half a turn apart.
+    pub(super) fn half_turns(&self) -> impl Iterator<Item = Warning> {
+        let half =
+            |w: &&[NamedPose<'_>]| turn(w[0].world_from_camera.rotation, w[1].world_from_camera.rotation).1;
+        self.poses
+            .windows(2)
+            .filter(half)
+            .map(|w| Warning::HalfTurn { after: w[0].name.to_owned(), before: w[1].name.to_owned() })
+    }
+}
+
+/// The gaps in a capture, in path order. They are looked for before smoothing, which spreads a gap over its window:
+/// one of 12 median steps in a hand-held capture is under 8 of them everywhere after smoothing with half-width 2.
+pub(super) fn gaps(views: &[NamedPose<'_>], metric: Metric) -> Vec<Gap> {
+    let apart = distances(views, metric);
+    let still = rounding(views, metric);
+    let median = median(apart.iter().copied().filter(|d| *d > still).collect());
+    let gap = |(i, step): (usize, &f64)| Gap {
+        after: views[i].name.to_owned(),
+        before: views[i + 1].name.to_owned(),
+        times_median: step / median,
+    };
+    apart.iter().enumerate().filter(|(_, step)| **step > GAP * median && **step > still).map(gap).collect()
+}
+
+/// Warnings of the gaps that are bridged, or the error for one that must not be.
+pub(super) fn judge(gaps: &[Gap], policy: Gaps) -> Result<Vec<Warning>, TrajectoryError> {
+    match (policy, gaps.first().cloned()) {
+        (Gaps::Refuse, Some(Gap { after, before, times_median })) => {
+            Err(TrajectoryError::Gap { after, before, times_median, limit: GAP })
         }
-        for w in self.poses.windows(2) {
-            if turn(w[0].world_from_camera.rotation, w[1].world_from_camera.rotation).1 {
-                let (after, before) = (w[0].name.to_owned(), w[1].name.to_owned());
-                warnings.push(Warning::HalfTurn { after, before });
-            }
-        }
-        Ok(())
+        _ => Ok(gaps
+            .iter()
+            .cloned()
+            .map(|Gap { after, before, times_median }| Warning::Gap { after, before, times_median })
+            .collect()),
     }
 }
 
@@ -124,14 +142,4 @@ fn distances(poses: &[NamedPose<'_>], metric: Metric) -> Vec<f64> {
 fn rounding(poses: &[NamedPose<'_>], metric: Metric) -> f64 {
     let farthest = poses.iter().map(|p| p.world_from_camera.translation.length()).fold(0.0, f64::max);
     metric.mix(ROUNDING, ROUNDING * farthest)
-}
-
-fn gaps(poses: &[NamedPose<'_>], steps: &[f64]) -> Vec<Gap> {
-    let median = median(steps.to_vec());
-    let gap = |(i, step): (usize, &f64)| Gap {
-        after: poses[i].name.to_owned(),
-        before: poses[i + 1].name.to_owned(),
-        times_median: step / median,
-    };
-    steps.iter().enumerate().filter(|(_, step)| **step > GAP * median).map(gap).collect()
 }

@@ -1,7 +1,7 @@
 //! The paper's 3.5.1: smooth the captured poses, measure them, and sample them densely at a prescribed speed.
 
 use super::curve::{Measured, PoseCurve};
-use super::knots::Knots;
+use super::knots::{Knots, gaps, judge};
 use super::metric::Metric;
 use super::order::{arrange, by_name};
 use super::report::{Asked, Report};
@@ -166,8 +166,10 @@ pub fn refine(
     let (origin, mut views) = screen(by_name(views)?, &mut warnings)?;
     let metric = Metric::new(params.scale, &views)?;
     arrange(&mut views, params.order, metric);
+    let gaps = gaps(&views, metric);
+    warnings.extend(judge(&gaps, params.gaps)?);
     let knots = Knots::new(&smooth(&views, params)?, metric)?;
-    knots.judge(params.gaps, &mut warnings)?;
+    warnings.extend(knots.half_turns());
 
     let count = params.count.poses(views.len(), rate, &mut warnings)?;
     let schedule = Schedule::left_sum(speed.as_law(), count)?;
@@ -177,7 +179,7 @@ pub fn refine(
         warnings.push(Warning::Still { views: views.len() });
     }
     warnings.extend(speed_warnings(speed, &schedule, &poses));
-    let asked = Asked { params, metric, rate, schedule, knots: &knots, warnings: &warnings };
+    let asked = Asked { params, metric, rate, schedule, knots: &knots, gaps: &gaps, warnings: &warnings };
     let report = asked.report(&poses, &arcs);
     let stamps_us = (0..count as u64).map(|j| rate.stamp_us(j)).collect();
     Ok(Refined { trajectory: Trajectory { world_from_camera: poses, stamps_us }, report, warnings })

@@ -114,6 +114,7 @@ pub(super) struct Asked<'a> {
     pub(super) rate: Hertz,
     pub(super) schedule: Schedule,
     pub(super) knots: &'a Knots<'a>,
+    pub(super) gaps: &'a [Gap],
     pub(super) warnings: &'a [Warning],
 }
 
@@ -141,7 +142,7 @@ impl Asked<'_> {
             length,
             length_ratio: (!arcs.is_empty()).then(|| Sum::of(arcs.iter().copied()) / length),
             merged: self.knots.merged.clone(),
-            gaps: self.knots.gaps.clone(),
+            gaps: self.gaps.to_vec(),
             s: self.schedule.shares.iter().map(|share| share * length).collect(),
             mixed_ratio: follow(arcs, 1.0),
             mixed_chord_ratio: follow(&steps.mixed, 1.0),

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "test code outside of test functions")]
 
+mod captures;
 mod edges;
 mod following;
 mod goldens;
