@@ -1,4 +1,20 @@
 //! Validation passes: each judges values that it is handed, fetches nothing and repairs nothing.
+//!
+//! A pass is one file: what it measures, where the formula is from, its default limits, and whether it is a gate (a
+//! fault stops a release) or a warning. A limit that the recipe sets is a gate in every pass: who states a limit
+//! means it.
+
+pub mod batching;
+pub mod duplicates;
+pub mod event_frame;
+pub mod event_rate;
+pub mod limits;
+pub mod polarity;
+pub mod pose_continuity;
+pub mod sampling;
+pub mod speed;
+
+pub use limits::{Limits, Waiver};
 
 use serde::{Deserialize, Serialize};
 
@@ -63,21 +79,3 @@ pub const NAMES: [&str; 22] = [
     "recon_psnr",
     "capture",
 ];
-
-/// Limits that differ from the defaults, and faults that the recipe accepts; the `checks:` of a recipe.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Limits {
-    /// Faults that are accepted, each with its reason.
-    pub waive: Vec<Waiver>,
-}
-
-/// A fault that is accepted.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Waiver {
-    /// Name of the pass.
-    pub check: String,
-    /// Why its fault is accepted.
-    pub because: String,
-}
