@@ -1,4 +1,29 @@
 //! Validation passes: each judges values that it is handed, fetches nothing and repairs nothing.
+//!
+//! A pass is one file: what it measures, where the formula is from, its default limits, and whether a fault stops a
+//! release (a gate) or not (a warning). A limit that the recipe sets is a gate in every pass: who states a limit
+//! means it. What a pass cannot measure it says with [`Verdict::NotRun`] and the reason; a name of [`NAMES`] that no
+//! finding bears is a pass that is not built.
+
+pub mod batching;
+pub mod drift;
+pub mod drift_identity;
+pub mod duplicates;
+pub mod event_frame;
+pub mod event_rate;
+pub mod limits;
+pub mod polarity;
+pub mod pose_continuity;
+pub mod sampling;
+pub mod schema;
+pub mod speed;
+pub mod stamps;
+pub mod subject;
+pub mod tally;
+
+pub use limits::{Limits, Waiver};
+pub use subject::Subject;
+pub use tally::Tally;
 
 use serde::{Deserialize, Serialize};
 
@@ -64,20 +89,289 @@ pub const NAMES: [&str; 22] = [
     "capture",
 ];
 
-/// Limits that differ from the defaults, and faults that the recipe accepts; the `checks:` of a recipe.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Limits {
-    /// Faults that are accepted, each with its reason.
-    pub waive: Vec<Waiver>,
+/// A validation pass.
+pub trait Check: Sync {
+    /// Its name, one of [`NAMES`].
+    fn name(&self) -> &'static str;
+
+    /// What it finds, one finding a statement; never none.
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding>;
 }
 
-/// A fault that is accepted.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Waiver {
-    /// Name of the pass.
-    pub check: String,
-    /// Why its fault is accepted.
-    pub because: String,
+/// The passes that are built, in the order of reports.
+pub const ALL: [&dyn Check; 11] = [
+    &schema::Schema,
+    &stamps::Stamps,
+    &duplicates::Duplicates,
+    &event_rate::EventRate,
+    &polarity::OnShare,
+    &batching::Batching,
+    &event_frame::EventFrame,
+    &sampling::Sampling,
+    &drift_identity::DriftIdentity,
+    &pose_continuity::PoseContinuity,
+    &speed::Speed,
+];
+
+/// Runs every pass, and turns faults that the recipe accepts into [`Verdict::Waived`].
+#[must_use]
+pub fn judge(subject: &Subject<'_>) -> Vec<Finding> {
+    let mut findings: Vec<Finding> = ALL.iter().flat_map(|check| check.run(subject)).collect();
+    for finding in &mut findings {
+        waive(finding, &subject.limits.waive);
+    }
+    findings
+}
+
+fn waive(finding: &mut Finding, waivers: &[Waiver]) {
+    let waiver = waivers.iter().find(|waiver| waiver.check == finding.check);
+    if let (Verdict::Fail, Some(waiver)) = (finding.verdict, waiver) {
+        finding.verdict = Verdict::Waived;
+        finding.because = format!("{}; accepted: {}", finding.because, waiver.because);
+    }
+}
+
+#[cfg(test)]
+mod planted;
+
+#[cfg(test)]
+mod tests {
+    use super::planted::{Setting, World};
+    use super::*;
+    use crate::event::{Event, Polarity};
+    use crate::units::Timestamp;
+    use glam::DVec3;
+
+    #[test]
+    fn every_pass_has_a_name_of_the_list_and_says_something() {
+        let world = World::sound();
+        let findings = world.findings();
+        for check in ALL {
+            assert!(NAMES.contains(&check.name()), "{}", check.name());
+            assert!(findings.iter().any(|f| f.check == check.name()), "{}", check.name());
+        }
+        assert!(findings.iter().all(|f| f.verdict != Verdict::NotRun), "{findings:#?}");
+    }
+
+    #[test]
+    fn sound_worlds_raise_no_alarm() {
+        let (paces, thresholds) = ([0.05, 0.3, 0.8], [[1.0, 1.0], [0.6, 0.9], [1.4, 1.0]]);
+        let lights = [(0.6, 0.0), (0.25, 0.0), (0.4, 1.5)];
+        // A Latin square: each pace, pair of thresholds and light meets each other once.
+        for i in 0..9 {
+            let (contrast, dawn) = lights[(i / 3 + i) % 3];
+            let thresholds = thresholds[i % 3];
+            let setting = Setting { pace: paces[i / 3], thresholds, contrast, dawn, ..Setting::default() };
+            let mut world = World::new(setting);
+            // The usual rate per flow is that of scenes, which these waves are not.
+            world.flow = None;
+            assert_eq!(world.faults(), [""; 0], "{setting:?}: {:#?}", world.findings());
+        }
+    }
+
+    /// Plants a fault in a sound world: the passes must find exactly `wanted`.
+    fn check(plant: impl FnOnce(&mut World), wanted: &[&str]) {
+        let mut world = World::sound();
+        plant(&mut world);
+        assert_eq!(world.faults(), wanted, "{:#?}", world.findings());
+    }
+
+    #[test]
+    fn flipped_polarity_is_found() {
+        let flip = |w: &mut World| {
+            for event in &mut w.events {
+                event.polarity = if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
+            }
+            w.events.sort_by_cached_key(Event::file_order);
+        };
+        let wanted = [
+            "event_frame#gain",
+            "event_frame#gain-on",
+            "event_frame#gain-off",
+            "event_frame#threshold-on",
+            "event_frame#threshold-off",
+            "event_frame#residual",
+            "event_frame#sign",
+            "drift_identity#events",
+        ];
+        check(flip, &wanted);
+    }
+
+    #[test]
+    fn thresholds_off_by_a_tenth_are_found() {
+        let t = |on: f64, off: f64, wanted: &str| {
+            let mut world = World::sound();
+            world.sensor.threshold_on = on;
+            world.sensor.threshold_off = off;
+            assert!(world.faults().contains(&wanted.to_owned()), "{on} {off}: {:#?}", world.findings());
+        };
+        t(0.9, 1.0, "event_frame#threshold-on");
+        t(1.1, 1.0, "event_frame#threshold-on");
+        t(1.0, 0.9, "event_frame#threshold-off");
+        t(1.0, 1.1, "event_frame#threshold-off");
+    }
+
+    #[test]
+    fn the_shown_threshold_is_that_of_the_sensor() {
+        for [on, off] in [[1.0, 1.0], [0.6, 0.9]] {
+            let world = World::new(Setting { thresholds: [on, off], ..Setting::default() });
+            for (part, wanted) in [("on", on), ("off", off)] {
+                let shown = world.finding(&format!("event_frame#threshold-{part}")).measured.unwrap();
+                assert!((shown / wanted - 1.0).abs() < 0.02, "{part}: {shown} for {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_dropped_chunk_is_found() {
+        let drop = |w: &mut World| {
+            let tenth = w.events.len() / 10;
+            w.events.drain(3 * tenth..4 * tenth);
+        };
+        let mut world = World::sound();
+        drop(&mut world);
+        let faults = world.faults();
+        for wanted in ["event_frame#residual", "drift_identity#events"] {
+            assert!(faults.contains(&wanted.to_owned()), "{faults:?}");
+        }
+    }
+
+    #[test]
+    fn a_repeated_chunk_is_found() {
+        let repeat = |w: &mut World| {
+            let tenth = w.events[..w.events.len() / 10].to_vec();
+            w.events.extend(tenth);
+            w.events.sort_by_cached_key(Event::file_order);
+        };
+        let mut world = World::sound();
+        repeat(&mut world);
+        let faults = world.faults();
+        for wanted in
+            ["duplicates#share", "duplicates#account", "event_frame#residual", "drift_identity#events"]
+        {
+            assert!(faults.contains(&wanted.to_owned()), "{faults:?}");
+        }
+    }
+
+    #[test]
+    fn shifted_time_is_found() {
+        let shift = |w: &mut World| {
+            for event in &mut w.events {
+                event.t = Timestamp(event.t.0 + 1_000_000);
+            }
+        };
+        let mut world = World::sound();
+        shift(&mut world);
+        let faults = world.faults();
+        assert!(faults.contains(&"stamps#events".to_owned()), "{faults:?}");
+    }
+
+    #[test]
+    fn frame_times_are_found() {
+        let snap = |w: &mut World| {
+            let stamps = w.trajectory.stamps_us.clone();
+            for event in &mut w.events {
+                let later = stamps.partition_point(|stamp| *stamp < event.t.floor_micros());
+                event.t = Timestamp::from_micros(stamps[later]);
+            }
+            w.events.sort_by_cached_key(Event::file_order);
+        };
+        let mut world = World::sound();
+        snap(&mut world);
+        let faults = world.faults();
+        assert!(faults.contains(&"batching#times".to_owned()), "{faults:?}");
+        assert!(faults.contains(&"batching#phase".to_owned()), "{faults:?}");
+    }
+
+    #[test]
+    fn disorder_and_strange_pixels_are_found() {
+        check(|w| w.events.swap(10, 5000), &["schema#order"]);
+        check(|w| w.events[7].x = 96, &["schema#place"]);
+    }
+
+    #[test]
+    fn a_pose_jump_is_found() {
+        let shift = |w: &mut World| w.trajectory.world_from_camera[70].translation += DVec3::X * 0.05;
+        check(shift, &["pose_continuity#translation"]);
+        let turn = |w: &mut World| {
+            let pose = &mut w.trajectory.world_from_camera[70];
+            pose.rotation *= glam::DQuat::from_rotation_x(0.02);
+        };
+        check(turn, &["pose_continuity#rotation"]);
+    }
+
+    #[test]
+    fn a_path_that_changes_its_speed_is_no_jump() {
+        // From pose 70 on every step is fifty times as long.
+        let hurry = |w: &mut World| {
+            for (j, pose) in w.trajectory.world_from_camera.iter_mut().enumerate() {
+                let steps = j.min(70) + 50 * j.saturating_sub(70);
+                pose.translation = DVec3::X * 1e-3 * steps as f64;
+                pose.rotation = glam::DQuat::IDENTITY;
+            }
+        };
+        check(hurry, &[]);
+    }
+
+    #[test]
+    fn a_wrong_stamp_is_found() {
+        check(|w| w.trajectory.stamps_us[20] += 1, &["stamps#poses"]);
+    }
+
+    #[test]
+    fn a_law_that_is_not_followed_is_found() {
+        check(|w| w.report.mixed_ratio.as_mut().unwrap().max = 1.00001, &["speed#arc"]);
+        check(|w| w.report.mixed_chord_ratio.as_mut().unwrap().min = 0.96, &["speed#chord"]);
+    }
+
+    #[test]
+    fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
+        let mut world = World::sound();
+        world.flow.as_mut().unwrap().p95 = 1.2;
+        assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
+        world.limits.sampling = Some(sampling::Limits { max: Some(1.0) });
+        assert_eq!(world.finding("sampling").verdict, Verdict::Fail);
+    }
+
+    #[test]
+    fn a_recipes_rate_is_a_gate() {
+        let mut world = World::sound();
+        let rate = world.finding("event_rate#rate").measured.unwrap();
+        world.limits.event_rate = Some(event_rate::Limits { min: None, max: Some(rate * 0.99) });
+        assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Fail);
+        world.limits.event_rate = Some(event_rate::Limits { min: None, max: Some(rate * 1.01) });
+        assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Pass);
+    }
+
+    #[test]
+    fn a_brightening_scene_is_predicted_to_be_on() {
+        let setting = Setting { pace: 0.0, dawn: 3.0, ..Setting::default() };
+        let world = World::new(setting);
+        let finding = world.finding("polarity");
+        assert_eq!((finding.verdict, finding.measured), (Verdict::Pass, Some(1.0)), "{finding:?}");
+        let mut flipped = world;
+        for event in &mut flipped.events {
+            event.polarity = Polarity::Off;
+        }
+        assert_eq!(flipped.finding("polarity").verdict, Verdict::Warn);
+    }
+
+    #[test]
+    fn an_account_of_broken_pixels_is_a_fault() {
+        let breaks = |w: &mut World| {
+            w.account.drift_violations = 1;
+            w.account.drift_worst = 1.5;
+        };
+        check(breaks, &["drift_identity#pixels"]);
+    }
+
+    #[test]
+    fn waived_faults_say_why() {
+        let mut world = World::sound();
+        world.trajectory.stamps_us[20] += 1;
+        world.limits.waive = vec![Waiver { check: "stamps".into(), because: "a test".into() }];
+        let finding = world.finding("stamps#poses");
+        assert_eq!(finding.verdict, Verdict::Waived);
+        assert!(finding.because.ends_with("; accepted: a test"), "{}", finding.because);
+    }
 }

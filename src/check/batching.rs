@@ -1,0 +1,76 @@
+//! Event times that cling to frames (numerics.md section 9, pass 7; pipeline.md section 11, complaint 2).
+//!
+//! `times`: more than two distinct times a frame, or the stream was made frame by frame: a gate. `phase`: the counts
+//! over 16 phases of the frame interval vary by at most 0.35 of their mean: a warning. Neither says anything about a
+//! stream with few events, so both need some a frame.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, Tally, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Fewest distinct event times per frame.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub unique_per_frame: Option<f64>,
+    /// Largest coefficient of variation of event counts over the phase of the frame interval.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub phase_cv: Option<f64>,
+}
+
+const UNIQUE_PER_FRAME: f64 = 2.0;
+const PHASE_CV: f64 = 0.35;
+/// With 16 bins and this many events the counts of a stream without phase vary by 0.1 of their mean.
+const LEAST_EVENTS: u64 = 1600;
+/// Events a frame below which two distinct times a frame are too many to ask for.
+const LEAST_PER_FRAME: f64 = 8.0;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Batching;
+
+const NAME: &str = "batching";
+
+impl Check for Batching {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let frames = subject.trajectory.stamps_us.len().max(1) as f64;
+        if tally.events < LEAST_EVENTS || (tally.events as f64) < LEAST_PER_FRAME * frames {
+            let because = format!("{} events in {frames} frames are too few to show a pattern", tally.events);
+            return vec![subject.not_run(NAME, "", because)];
+        }
+        vec![times(subject, tally, frames), phase(subject, tally)]
+    }
+}
+
+fn times(subject: &Subject<'_>, tally: &Tally, frames: f64) -> Finding {
+    let limits = subject.limits.batching.unwrap_or_default();
+    let limit = Bound::of(limits.unique_per_frame, Bound::gate(UNIQUE_PER_FRAME));
+    let measured = tally.distinct_us as f64 / frames;
+    let because =
+        format!("{} events have {} distinct times in {frames} frames", tally.events, tally.distinct_us);
+    let verdict = limit.at_least(measured);
+    let (measured, limit) = (Some(measured), Some(limit.value));
+    subject.finding(NAME, "times", Judged { verdict, measured, limit, unit: "1/frame", because })
+}
+
+fn phase(subject: &Subject<'_>, tally: &Tally) -> Finding {
+    let limits = subject.limits.batching.unwrap_or_default();
+    let limit = Bound::of(limits.phase_cv, Bound::warning(PHASE_CV));
+    let bins = tally.phases.len() as f64;
+    let mean = tally.events as f64 / bins;
+    let variance = tally.phases.iter().map(|n| (*n as f64 - mean) * (*n as f64 - mean)).sum::<f64>() / bins;
+    let measured = variance.sqrt() / mean;
+    let because = format!("event counts vary by {measured:.3} of their mean over the frame interval");
+    let verdict = limit.at_most(measured);
+    let (measured, limit) = (Some(measured), Some(limit.value));
+    subject.finding(NAME, "phase", Judged { verdict, measured, limit, unit: "1", because })
+}

@@ -1,0 +1,100 @@
+//! The drift of a pixel's voltage between two frames, as the sensor's law has it.
+
+use crate::sensor::Sensor;
+use crate::sensor::voltmeter::{Gain, Voltmeter};
+
+/// The part of a sensor's law that frames alone decide: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
+/// microseconds and greys (numerics.md section 1).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriftLaw {
+    k: [f64; 6],
+    /// Thresholds of ON and OFF events.
+    pub thresholds: [f64; 2],
+}
+
+impl DriftLaw {
+    /// The law of a sensor.
+    ///
+    /// # Errors
+    /// Where the frames at two instants do not decide the drift between them; the text says why.
+    pub fn of(sensor: &Sensor) -> Result<Self, &'static str> {
+        let Sensor::Voltmeter(Voltmeter { k, threshold_on, threshold_off, gain, .. }) = sensor;
+        match gain {
+            Gain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off] }),
+            Gain::Midpoint => {
+                Err("under `gain: midpoint` the drift depends on every frame between two anchors")
+            }
+        }
+    }
+
+    /// Change of `ln(L + k2)` for one ON and one OFF event.
+    #[must_use]
+    pub fn contrast(&self) -> [f64; 2] {
+        self.thresholds.map(|threshold| threshold / self.k[0])
+    }
+
+    /// `ln(L + k2)`; negative luminance counts as none.
+    #[must_use]
+    pub fn log_brightness(&self, luminance: f32) -> f64 {
+        libm::log(f64::from(luminance).max(0.0) + self.k[1])
+    }
+
+    /// The drift where `ln(L + k2)` grows by `logs` in `dt_us` microseconds and the luminance integrates to
+    /// `exposure` grey-microseconds.
+    #[must_use]
+    pub fn drift(&self, logs: f64, dt_us: f64, exposure: f64) -> f64 {
+        self.k[0] * logs + self.k[3] * dt_us + self.k[4] * exposure
+    }
+
+    /// Standard deviation of the voltage after `dt_us` microseconds at this luminance.
+    #[must_use]
+    pub fn noise(&self, luminance: f64, dt_us: f64) -> f64 {
+        let [_, k2, k3, _, _, k6] = self.k;
+        (k3 * luminance.max(0.0).sqrt() / (luminance.max(0.0) + k2) + k6) * dt_us.sqrt()
+    }
+
+    /// The largest of [`DriftLaw::noise`] over all luminances, which is at `L = k2`.
+    #[must_use]
+    pub fn most_noise(&self, dt_us: f64) -> f64 {
+        self.noise(self.k[1], dt_us)
+    }
+
+    /// An upper bound of the events that a pixel of constant luminance makes in `dt_us` microseconds. The renewal rate
+    /// is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x` (numerics.md section 8.1).
+    #[must_use]
+    pub fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
+        let threshold = self.thresholds[0].min(self.thresholds[1]);
+        let noise = self.noise(luminance, dt_us) / threshold;
+        self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise
+    }
+
+    /// How far the leak may be off when the luminance is known at intervals of `dt_us` only, after `intervals` of
+    /// them: a quarter of the grey scale in each, and at random.
+    #[must_use]
+    pub fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
+        64.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_largest_where_luminance_is_k2() {
+        let law = DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2] };
+        let most = law.most_noise(1e4);
+        for luminance in [0.0, 1.0, 10.0, 19.0, 21.0, 40.0, 128.0, 255.0] {
+            assert!(law.noise(luminance, 1e4) < most, "{luminance}");
+        }
+    }
+
+    #[test]
+    fn a_brighter_pixel_drifts_by_the_logarithm_and_leaks() {
+        let law = DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2] };
+        let logs = law.log_brightness(128.0) - law.log_brightness(64.0);
+        // ln(148 / 84) = 0.566396...; numerics.md 1.1 gives 0.74 leak events a second at grey 128.
+        assert!((law.drift(logs, 0.0, 0.0) - 5.265 * 0.566_395).abs() < 1e-5);
+        assert!((law.drift(0.0, 1e6, 128e6) - 0.74).abs() < 1e-12);
+    }
+}

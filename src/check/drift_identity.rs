@@ -1,0 +1,49 @@
+//! The drift identity of the sensor's own account (numerics.md section 8, O1). Gate, exact.
+//!
+//! While it simulates, the sensor holds each pixel's event balance against the drift of the frames that it sees:
+//! `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account carries the number of pixels
+//! that break it and the largest difference over its bound.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject};
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct DriftIdentity;
+
+const NAME: &str = "drift_identity";
+
+impl Check for DriftIdentity {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(account) = subject.account else {
+            return vec![subject.not_run(NAME, "", "there is no account of a simulation")];
+        };
+        let mut findings = vec![violations(subject, account.drift_violations, account.drift_worst)];
+        findings.extend(subject.tally.map(|tally| {
+            let missing = account.on.abs_diff(tally.on) + account.off.abs_diff(tally.off());
+            let (made, found) = (account.events, tally.events);
+            count(
+                subject,
+                "events",
+                missing,
+                format!("the simulation made {made} events, the stream has {found}"),
+            )
+        }));
+        findings
+    }
+}
+
+fn violations(subject: &Subject<'_>, pixels: u64, worst: f64) -> Finding {
+    let because = format!("{pixels} pixels differ from their drift, by {worst:.3} of the bound at most");
+    count(subject, "pixels", pixels, because)
+}
+
+fn count(subject: &Subject<'_>, part: &'static str, count: u64, because: String) -> Finding {
+    let verdict = Bound::gate(0.0).at_most(count as f64);
+    let (measured, limit) = (Some(count as f64), Some(0.0));
+    subject.finding(NAME, part, Judged { verdict, measured, limit, unit: part, because })
+}

@@ -1,0 +1,70 @@
+//! Events that are in a stream twice (numerics.md section 9, pass 3). Gate.
+//!
+//! Two events of a pixel in one microsecond are legal in a burst and rare: their share is below 1e-4. The sensor
+//! counts its own, and the stream must hold exactly as many, which also finds a chunk that was written twice into a
+//! stream with bursts.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest share of events that repeat the time and pixel of another.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+}
+
+/// Share of repeats that bursts explain.
+const SHARE: f64 = 1e-4;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Duplicates;
+
+const NAME: &str = "duplicates";
+
+impl Check for Duplicates {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let pairs = tally.repeated + tally.contrary;
+        let mut findings = vec![share(subject, pairs, tally.events)];
+        findings.extend(subject.account.map(|account| excess(subject, pairs, account.same_us_same_pixel)));
+        findings
+    }
+}
+
+fn share(subject: &Subject<'_>, pairs: u64, events: u64) -> Finding {
+    let limit = Bound::of(subject.limits.duplicates.and_then(|l| l.max), Bound::gate(SHARE));
+    let share = pairs as f64 / events.max(1) as f64;
+    let because = format!("{pairs} of {events} events have the time and pixel of the one in front of them");
+    let judged = Judged {
+        verdict: limit.at_most(share),
+        measured: Some(share),
+        limit: Some(limit.value),
+        unit: "1",
+        because,
+    };
+    subject.finding(NAME, "share", judged)
+}
+
+fn excess(subject: &Subject<'_>, pairs: u64, made: u64) -> Finding {
+    let because = format!("the stream has {pairs} such pairs, the simulation made {made}");
+    let difference = pairs.abs_diff(made) as f64;
+    let judged = Judged {
+        verdict: Bound::gate(0.0).at_most(difference),
+        measured: Some(difference),
+        limit: Some(0.0),
+        unit: "events",
+        because,
+    };
+    subject.finding(NAME, "account", judged)
+}

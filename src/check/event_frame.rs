@@ -1,0 +1,181 @@
+//! Events against frames: what the pixels counted is what the frames changed. The core pass (numerics.md section 9,
+//! pass 10).
+//!
+//! For the span from the first frame to each anchor and for every pixel, `dv` is the drift by the sensor's law and
+//! `s = A N_on - B N_off`. Judged are:
+//!
+//! | statement | formula | limit | catches |
+//! |---|---|---|---|
+//! | `gain` | `c = <s, dv> / <s, s>` over pixels with \|dv\| above a threshold; up and down apart | 1 +- (0.1 + allowance) | flipped polarity, wrong logarithm, lost halves |
+//! | `threshold-on`, `threshold-off` | where events happen, see [`fit::Edge`] | within 7 % of the stated | thresholds |
+//! | `residual` | share of these pixels with a possible residual | at least 0.99 | lost resets, dropped chunks, offsets |
+//! | `sign` | share of pixels with \|dv\| above two thresholds whose `s` agrees in sign | at least 0.995 | polarity |
+//!
+//! Two departures from the text of numerics.md, both because a residual is no noise. Spans start at the first frame,
+//! where the residual is known to be 0; between two later instants it may change by `A + B`, and 3 to 5 % of a sound
+//! stream's pixels lie beyond 1.5. And `c` is no estimate of the threshold: on a scene that only grows brighter the
+//! residuals all have one sign, and sound streams give 1.1 to 1.7. So its limits are widened by what residuals can
+//! do, [`fit::Slope::allowance`], and the threshold is read off the edge of what the residuals reach, which is sharp
+//! to 2 %. A residual is possible when `|dv - s| <= max(A, B)` (O1), with 2 %, six standard deviations of the noise
+//! and the leak's uncertainty added. Gate.
+
+pub mod fit;
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, Tally, Verdict, limits};
+use fit::{Fit, Slope};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest relative difference of a shown threshold from the stated one.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub threshold: Option<f64>,
+    /// Largest difference of the gain from 1, beside what residuals can do.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    /// Smallest share of pixels whose residual is possible.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub residual: Option<f64>,
+    /// Smallest share of pixels whose events and frames agree in sign.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub sign: Option<f64>,
+}
+
+const THRESHOLD: f64 = 0.07;
+const GAIN: f64 = 0.1;
+const RESIDUAL: f64 = 0.99;
+const SIGN: f64 = 0.995;
+
+/// Fewest pixels that a statement is made about.
+const LEAST_PIXELS: u64 = 100;
+/// Where fewer pixels than this come near a threshold, an edge shows the scene and not the sensor.
+const LEAST_REACHABLE: f64 = 0.98;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct EventFrame;
+
+const NAME: &str = "event_frame";
+
+impl Check for EventFrame {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let law = match super::drift::DriftLaw::of(subject.sensor) {
+            Ok(law) => law,
+            Err(because) => return vec![subject.not_run(NAME, "", because)],
+        };
+        if tally.fits.is_empty() {
+            return vec![subject.not_run(NAME, "", "a single frame changes nothing")];
+        }
+        let pass = Pass { subject, tally, thresholds: law.thresholds };
+        let all = |fit: &Fit| fit.slopes[0] + fit.slopes[1];
+        vec![
+            pass.gain("gain", all),
+            pass.gain("gain-on", |fit| fit.slopes[0]),
+            pass.gain("gain-off", |fit| fit.slopes[1]),
+            pass.threshold("threshold-on", 0),
+            pass.threshold("threshold-off", 1),
+            pass.residual(),
+            pass.sign(),
+        ]
+    }
+}
+
+struct Pass<'a> {
+    subject: &'a Subject<'a>,
+    tally: &'a Tally,
+    thresholds: [f64; 2],
+}
+
+impl Pass<'_> {
+    fn limits(&self) -> Limits {
+        self.subject.limits.event_frame.unwrap_or_default()
+    }
+
+    fn gain(&self, part: &str, of: impl Fn(&Fit) -> Slope) -> Finding {
+        let most = self.thresholds[0].max(self.thresholds[1]);
+        let tolerance = self.limits().gain.unwrap_or(GAIN);
+        let excess = |s: &Slope| (s.factor() - 1.0).abs() - s.allowance(most);
+        let slopes = self.tally.fits.iter().map(of).filter(|s| s.pixels >= LEAST_PIXELS && s.squares > 0.0);
+        let Some(slope) = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))) else {
+            return self.too_few(part);
+        };
+        let factor = slope.factor();
+        let width = tolerance + slope.allowance(most);
+        let limit = if factor < 1.0 { 1.0 - width } else { 1.0 + width };
+        let verdict = Bound::gate(width).at_most((factor - 1.0).abs());
+        let because = format!(
+            "the counts of {} pixels times {factor:.3} are their drift; residuals allow 1 within {width:.3}",
+            slope.pixels
+        );
+        self.finding(part, verdict, factor, limit, because)
+    }
+
+    /// The largest of the thresholds that the instants show: a lower one may only mean that no pixel was about to
+    /// fire, while none shows more than there is.
+    fn threshold(&self, part: &str, side: usize) -> Finding {
+        let stated = self.thresholds[side];
+        let tolerance = self.limits().threshold.unwrap_or(THRESHOLD);
+        let edges = self.tally.fits.iter().filter_map(|fit| fit.edges[side]);
+        let usable = edges.filter(|edge| edge.reachable >= LEAST_REACHABLE);
+        let Some(edge) = usable.max_by(|a, b| a.shown.total_cmp(&b.shown)) else {
+            return self.subject.not_run(
+                NAME,
+                part,
+                "too few pixels were about to fire to show the threshold",
+            );
+        };
+        let verdict = Bound::gate(tolerance).at_most((edge.shown - 1.0).abs());
+        let limit = if edge.shown < 1.0 { 1.0 - tolerance } else { 1.0 + tolerance };
+        let because = format!(
+            "{} pixels show a threshold of {:.3}, the recipe states {stated}",
+            edge.pixels,
+            edge.shown * stated
+        );
+        self.finding(part, verdict, edge.shown * stated, limit * stated, because)
+    }
+
+    fn residual(&self) -> Finding {
+        let limit = self.limits().residual.unwrap_or(RESIDUAL);
+        let shares =
+            self.tally.fits.iter().map(|fit| (fit.possible, fit.slopes[0].pixels + fit.slopes[1].pixels));
+        self.share("residual", limit, shares, "have a residual between the thresholds")
+    }
+
+    fn sign(&self) -> Finding {
+        let limit = self.limits().sign.unwrap_or(SIGN);
+        let shares = self.tally.fits.iter().map(|fit| (fit.doubled[1], fit.doubled[0]));
+        self.share("sign", limit, shares, "have events of the sign that the frames have")
+    }
+
+    /// The smallest share over all instants with enough pixels.
+    fn share(&self, part: &str, limit: f64, shares: impl Iterator<Item = (u64, u64)>, what: &str) -> Finding {
+        let share = |(part, of): (u64, u64)| part as f64 / of as f64;
+        let enough = shares.filter(|(_, of)| *of >= LEAST_PIXELS);
+        let Some(worst) = enough.min_by(|a, b| share(*a).total_cmp(&share(*b))) else {
+            return self.too_few(part);
+        };
+        let because = format!("{} of {} pixels that the frames changed {what}", worst.0, worst.1);
+        let measured = share(worst);
+        self.finding(part, Bound::gate(limit).at_least(measured), measured, limit, because)
+    }
+
+    fn too_few(&self, part: &str) -> Finding {
+        let because = format!("fewer than {LEAST_PIXELS} pixels changed by more than their threshold");
+        self.subject.not_run(NAME, part, because)
+    }
+
+    fn finding(&self, part: &str, verdict: Verdict, measured: f64, limit: f64, because: String) -> Finding {
+        let judged = Judged { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
+        self.subject.finding(NAME, part, judged)
+    }
+}

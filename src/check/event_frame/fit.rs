@@ -1,0 +1,215 @@
+//! Events against frames at one instant: what each pixel counted, and what its brightness did since the first frame.
+
+use crate::check::drift::DriftLaw;
+use crate::check::tally::Counts;
+use crate::frames::anchors::Anchors;
+use crate::image::Size;
+
+/// Fewest pixels that an edge is found from.
+const LEAST_NEAR: usize = 1000;
+/// An edge is the value that this share of its pixels does not exceed: the rest may be noise.
+const EDGE: f64 = 0.995;
+/// Events of the wrong sign show no threshold at all; this stands for it.
+const MOST_SHOWN: f64 = 1000.0;
+/// Pixels whose drift is known worse than this, in thresholds, blur an edge.
+const MOST_BLUR: f64 = 0.02;
+
+/// The state of all pixels at one anchor, in numbers.
+///
+/// For each pixel, `dv` is the drift since the first frame and `s = A on - B off` what its events say of it. The
+/// residual voltage is `dv - s`: it starts at 0 and stays between `-B` and `A`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// Stamp of the anchor.
+    pub t_us: i64,
+    /// Events so far.
+    pub events: u64,
+    /// Sums over pixels that drifted by more than a threshold, up and down apart.
+    pub slopes: [Slope; 2],
+    /// Of these pixels, those whose residual is possible.
+    pub possible: u64,
+    /// Pixels that drifted by more than two thresholds, and those of them whose events have the same sign.
+    pub doubled: [u64; 2],
+    /// Where ON and OFF events happen, relative to the thresholds.
+    pub edges: [Option<Edge>; 2],
+    /// Sum over pixels of the drift in whole thresholds, rounded towards 0, each times its threshold: what `sum(s)`
+    /// is expected to be.
+    pub expected: f64,
+}
+
+/// Sums of `dv` and `s` over pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Slope {
+    /// Number of pixels.
+    pub pixels: u64,
+    /// Sum of `s dv`.
+    pub products: f64,
+    /// Sum of `s^2`.
+    pub squares: f64,
+    /// Sum of `|s|`.
+    pub sizes: f64,
+}
+
+impl std::ops::Add for Slope {
+    type Output = Self;
+
+    fn add(self, o: Self) -> Self {
+        Self {
+            pixels: self.pixels + o.pixels,
+            products: self.products + o.products,
+            squares: self.squares + o.squares,
+            sizes: self.sizes + o.sizes,
+        }
+    }
+}
+
+impl Slope {
+    /// The factor that takes `s` nearest to `dv`: `<s, dv> / <s, s>`.
+    #[must_use]
+    pub fn factor(&self) -> f64 {
+        self.products / self.squares
+    }
+
+    /// How far a sound stream's factor may be from 1 because of the residuals alone: with `|dv - s| <= most`,
+    /// `|factor - 1| <= most <|s|> / <s, s>`.
+    #[must_use]
+    pub fn allowance(&self, most: f64) -> f64 {
+        most * self.sizes / self.squares
+    }
+
+    fn add(&mut self, s: f64, dv: f64) {
+        self.pixels += 1;
+        self.products += s * dv;
+        self.squares += s * s;
+        self.sizes += s.abs();
+    }
+}
+
+/// The voltage at which events of one polarity happen, found from the pixels that are just about to fire: no residual
+/// lies beyond the threshold, and many lie close to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Pixels that it was found from.
+    pub pixels: usize,
+    /// The threshold that the events show, over the stated one.
+    pub shown: f64,
+    /// What a pixel that goes straight from the first frame to this one would show: near 1 where enough pixels are
+    /// about to fire; below, the stream cannot tell.
+    pub reachable: f64,
+}
+
+/// Follows the drift of all pixels from anchor to anchor.
+#[derive(Debug)]
+pub(in crate::check) struct Balance<'a> {
+    law: DriftLaw,
+    anchors: &'a Anchors,
+    first_logs: Vec<f64>,
+    exposure: Vec<f64>,
+    fits: Vec<Fit>,
+}
+
+impl<'a> Balance<'a> {
+    /// At the first anchor; `None` where there are fewer than two.
+    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a Anchors) -> Option<Self> {
+        assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
+        let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
+        let first_logs = first.pixels().iter().map(|l| law.log_brightness(*l)).collect();
+        Some(Self { law, anchors, first_logs, exposure: vec![0.0; size.pixels()], fits: Vec::new() })
+    }
+
+    /// Stamp of the next anchor, after the last of which there is none.
+    pub(in crate::check) fn next_us(&self) -> Option<i64> {
+        self.anchors.stamps_us.get(self.fits.len() + 1).copied()
+    }
+
+    pub(in crate::check) fn into_fits(self) -> Vec<Fit> {
+        self.fits
+    }
+
+    /// Takes stock at the next anchor.
+    pub(in crate::check) fn settle(&mut self, counts: &Counts) {
+        let number = self.fits.len() + 1;
+        let [before, now] = [number - 1, number].map(|i| self.anchors.images[i].pixels());
+        let stamps = &self.anchors.stamps_us;
+        let (step, total) =
+            ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
+        let leak_error = self.law.leak_error(step, number);
+        let mut stock = Stock::new(self.law.thresholds, 6.0 * self.law.most_noise(total) + leak_error);
+        for i in 0..now.len() {
+            // The trapezoid rule; numerics.md pass 10 asks for no more.
+            self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
+            let logs = self.law.log_brightness(now[i]) - self.first_logs[i];
+            let blur = self.law.noise(f64::from(now[i]), total) + leak_error;
+            let dv = self.law.drift(logs, total, self.exposure[i]);
+            stock.add(dv, [counts.on[i], counts.off[i]], blur);
+        }
+        self.fits.push(stock.fit(stamps[number]));
+    }
+}
+
+/// Sums over pixels on the way to a [`Fit`].
+struct Stock {
+    thresholds: [f64; 2],
+    slack: f64,
+    events: u64,
+    slopes: [Slope; 2],
+    possible: u64,
+    doubled: [u64; 2],
+    near: [Vec<[f32; 2]>; 2],
+    expected: f64,
+}
+
+impl Stock {
+    fn new(thresholds: [f64; 2], slack: f64) -> Self {
+        let near = [Vec::new(), Vec::new()];
+        let slopes = [Slope::default(); 2];
+        Self { thresholds, slack, events: 0, slopes, possible: 0, doubled: [0; 2], near, expected: 0.0 }
+    }
+
+    fn add(&mut self, dv: f64, [on, off]: [u32; 2], blur: f64) {
+        let [a, b] = self.thresholds;
+        let s = a * f64::from(on) - b * f64::from(off);
+        self.events += u64::from(on) + u64::from(off);
+        let (side, threshold) = if dv > 0.0 { (0, a) } else { (1, b) };
+        let steps = (dv.abs() / threshold).floor();
+        self.expected += steps * threshold.copysign(dv);
+        if dv.abs() > threshold {
+            self.slopes[side].add(s, dv);
+            // 2 % for events that the anchor's own microsecond holds and the law's finer steps.
+            self.possible += u64::from((dv - s).abs() <= 1.02 * a.max(b) + self.slack);
+        }
+        if dv.abs() > 2.0 * threshold {
+            self.doubled[0] += 1;
+            self.doubled[1] += u64::from(s * dv > 0.0);
+        }
+        if dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
+            self.near[side].push(ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
+        }
+    }
+
+    fn fit(self, t_us: i64) -> Fit {
+        let Self { events, slopes, possible, doubled, near, expected, .. } = self;
+        Fit { t_us, events, slopes, possible, doubled, edges: near.map(edge), expected }
+    }
+}
+
+/// A residual below the threshold is `dv < s + threshold` at the true thresholds, so `dv / (s + threshold)` at the
+/// stated ones is below true over stated, and comes close to it where the pixel is about to fire. The second value
+/// is the same of a pixel whose events are the whole `steps` of its drift.
+#[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a limit of percents")]
+fn ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
+    let shown = if s + threshold > 0.0 { (dv / (s + threshold)).min(MOST_SHOWN) } else { MOST_SHOWN };
+    [shown as f32, (dv / (threshold * (steps + 1.0))) as f32]
+}
+
+fn edge(near: Vec<[f32; 2]>) -> Option<Edge> {
+    let pixels = near.len();
+    let (shown, reachable): (Vec<f32>, Vec<f32>) = near.into_iter().map(|[s, r]| (s, r)).unzip();
+    (pixels >= LEAST_NEAR).then(|| Edge { pixels, shown: quantile(shown), reachable: quantile(reachable) })
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index below the length")]
+fn quantile(mut values: Vec<f32>) -> f64 {
+    let rank = (EDGE * values.len() as f64).ceil() as usize - 1;
+    f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1)
+}

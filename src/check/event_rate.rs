@@ -1,0 +1,104 @@
+//! How often pixels fire (numerics.md section 9, pass 4). A gate where the recipe sets a limit, else a warning.
+//!
+//! `rate` is events per pixel and second, told and held against the recipe's `min` and `max`. `flow` is events per
+//! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
+//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems.
+
+use super::drift::DriftLaw;
+use super::subject::{Bound, Judged, within};
+use super::{Check, Finding, Subject, Tally, Verdict, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Fewest events per pixel and second.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+    /// Most events per pixel and second.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+}
+
+/// Events per pixel and px of flow at [`CONTRAST`].
+const PER_FLOW: [f64; 2] = [0.02, 1.0];
+/// The contrast that [`PER_FLOW`] was found at.
+const CONTRAST: f64 = 0.2;
+/// Greys at which the noise is bounded.
+const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct EventRate;
+
+const NAME: &str = "event_rate";
+
+impl Check for EventRate {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        vec![rate(subject, tally), per_flow(subject, tally)]
+    }
+}
+
+fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
+    let seconds = subject.seconds();
+    if seconds <= 0.0 {
+        return subject.not_run(NAME, "rate", "one frame has no duration");
+    }
+    let limits = subject.limits.event_rate.unwrap_or_default();
+    let least = Bound::of(limits.min, Bound::warning(0.0));
+    let most = Bound::of(limits.max, Bound::warning(f64::INFINITY));
+    let pixels = subject.size.pixels() as f64;
+    let measured = tally.events as f64 / (pixels * seconds);
+    let (verdict, limit) = within(measured, least, most);
+    let because = format!(
+        "{} events of {pixels} pixels in {seconds:.4} s, at the peak {:.3} million per second",
+        tally.events,
+        tally.peak_per_ms as f64 * 1e-3
+    );
+    let limit = (limits != Limits::default() && limit.is_finite()).then_some(limit);
+    subject.finding(
+        NAME,
+        "rate",
+        Judged { verdict, measured: Some(measured), limit, unit: "ev/(px s)", because },
+    )
+}
+
+fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
+    let (Some(flow), Ok(law)) = (subject.flow, DriftLaw::of(subject.sensor)) else {
+        return subject.not_run(
+            NAME,
+            "flow",
+            "there is no optical flow, or no contrast, to hold the rate against",
+        );
+    };
+    let steps = subject.trajectory.stamps_us.len().saturating_sub(1);
+    let moved = f64::from(flow.median) * steps as f64;
+    if moved < 1.0 {
+        return subject.not_run(
+            NAME,
+            "flow",
+            format!("the picture moves by {moved:.2} px in all, less than 1"),
+        );
+    }
+    let [on, off] = law.contrast();
+    let sensitivity = CONTRAST / (0.5 * (on + off));
+    let noise = GREYS.map(|grey| law.most_noise_events(grey, subject.seconds() * 1e6));
+    let noise = noise.into_iter().fold(0.0, f64::max) / moved;
+    let [least, most] = [PER_FLOW[0] * sensitivity, PER_FLOW[1] * sensitivity + noise];
+    let measured = tally.events as f64 / subject.size.pixels() as f64 / moved;
+    let (verdict, limit) = within(measured, Bound::warning(least), Bound::warning(most));
+    let because = format!(
+        "{measured:.4} events per pixel for each of {moved:.1} px of median flow; {least:.3} to {most:.3} are usual"
+    );
+    let (measured, limit) = (Some(measured), Some(limit));
+    debug_assert_ne!(verdict, Verdict::Fail, "this statement only warns");
+    subject.finding(NAME, "flow", Judged { verdict, measured, limit, unit: "ev/px^2", because })
+}

@@ -1,0 +1,206 @@
+//! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted with a reason.
+
+use super::{
+    NAMES, batching, duplicates, event_frame, event_rate, polarity, pose_continuity, sampling, speed,
+};
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
+
+/// Limits that differ from the defaults, and faults that the recipe accepts; the `checks:` of a recipe.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[expect(missing_docs, reason = "each field is named like the pass whose limits it holds")]
+pub struct Limits {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub duplicates: Option<duplicates::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub event_rate: Option<event_rate::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub polarity: Option<polarity::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub batching: Option<batching::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub event_frame: Option<event_frame::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<sampling::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose_continuity: Option<pose_continuity::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed: Option<speed::Limits>,
+    /// Faults that are accepted, each with its reason.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub waive: Vec<Waiver>,
+}
+
+/// A fault that is accepted.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Waiver {
+    /// Name of the pass, one of [`NAMES`].
+    #[serde(deserialize_with = "pass_name")]
+    pub check: String,
+    /// Why its fault is accepted: not empty.
+    #[serde(deserialize_with = "reason")]
+    pub because: String,
+}
+
+/// Keys of `checks:` that this version knows.
+const KEYS: [&str; 9] = [
+    "duplicates",
+    "event_rate",
+    "polarity",
+    "batching",
+    "event_frame",
+    "sampling",
+    "pose_continuity",
+    "speed",
+    "waive",
+];
+
+/// Passes that are built and have no limit to set: what they find is wrong or right.
+const EXACT: [&str; 3] = ["schema", "stamps", "drift_identity"];
+
+impl<'de> Deserialize<'de> for Limits {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(LimitsVisitor)
+    }
+}
+
+struct LimitsVisitor;
+
+impl<'de> Visitor<'de> for LimitsVisitor {
+    type Value = Limits;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a mapping from check names to limits")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Limits, A::Error> {
+        let mut limits = Limits::default();
+        let mut seen = Vec::new();
+        while let Some(key) = map.next_key::<String>()? {
+            if seen.contains(&key) {
+                return Err(A::Error::custom(format_args!("duplicate field `{key}`")));
+            }
+            match key.as_str() {
+                "duplicates" => limits.duplicates = Some(map.next_value()?),
+                "event_rate" => limits.event_rate = Some(map.next_value()?),
+                "polarity" => limits.polarity = Some(map.next_value()?),
+                "batching" => limits.batching = Some(map.next_value()?),
+                "event_frame" => limits.event_frame = Some(map.next_value()?),
+                "sampling" => limits.sampling = Some(map.next_value()?),
+                "pose_continuity" => limits.pose_continuity = Some(map.next_value()?),
+                "speed" => limits.speed = Some(map.next_value()?),
+                "waive" => limits.waive = map.next_value()?,
+                other => return Err(refusal(other)),
+            }
+            seen.push(key);
+        }
+        Ok(limits)
+    }
+}
+
+fn refusal<E: Error>(key: &str) -> E {
+    if EXACT.contains(&key) {
+        E::custom(format_args!("the check `{key}` has no limit to set: it is exact"))
+    } else if NAMES.contains(&key) {
+        E::custom(format_args!("the check `{key}` is not built yet, so it has no limits to set"))
+    } else {
+        E::unknown_field(key, &KEYS)
+    }
+}
+
+fn pass_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    if NAMES.contains(&name.as_str()) {
+        Ok(name)
+    } else {
+        Err(D::Error::custom(format_args!("no check is named `{name}`; there are {}", NAMES.join(", "))))
+    }
+}
+
+fn reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let because = String::deserialize(deserializer)?;
+    if because.trim().is_empty() {
+        return Err(D::Error::custom("a fault is only accepted with a reason, and this one is empty"));
+    }
+    Ok(because)
+}
+
+/// A limit that is a finite number above zero.
+pub(super) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    let limit = f64::deserialize(deserializer)?;
+    if limit.is_finite() && limit > 0.0 {
+        Ok(Some(limit))
+    } else {
+        Err(D::Error::custom(format_args!("a limit is a finite number above 0, not {limit}")))
+    }
+}
+
+/// A limit that is a share: a number from 0 to 1.
+pub(super) fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    let limit = f64::deserialize(deserializer)?;
+    if (0.0..=1.0).contains(&limit) {
+        Ok(Some(limit))
+    } else {
+        Err(D::Error::custom(format_args!("a share is a number from 0 to 1, not {limit}")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(json: &str) -> Result<Limits, String> {
+        serde_json::from_str(json).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn limits_are_read_by_the_pass_they_name() {
+        let limits = parse(
+            r#"{"event_rate": {"max": 5000}, "sampling": {"max": 1},
+                "waive": [{"check": "speed", "because": "a test"}]}"#,
+        )
+        .unwrap();
+        assert_eq!(limits.event_rate.unwrap().max, Some(5000.0));
+        assert_eq!(limits.sampling.unwrap().max, Some(1.0));
+        assert_eq!(limits.waive[0].check, "speed");
+        let text = serde_json::to_string(&limits).unwrap();
+        assert_eq!(parse(&text).unwrap(), limits);
+        assert_eq!(serde_json::to_string(&Limits::default()).unwrap(), "{}");
+    }
+
+    #[test]
+    fn what_cannot_be_meant_is_refused_by_name() {
+        let t = |json: &str, wanted: &str| {
+            let message = parse(json).unwrap_err();
+            assert!(message.contains(wanted), "{json}: {message}");
+        };
+        t(r#"{"motion": {}}"#, "`motion` is not built yet");
+        t(r#"{"schema": {}}"#, "`schema` has no limit");
+        t(r#"{"eventrate": {}}"#, "unknown field `eventrate`");
+        t(r#"{"sampling": {"most": 1}}"#, "unknown field `most`");
+        t(r#"{"sampling": {"max": -1}}"#, "above 0, not -1");
+        t(r#"{"polarity": {"max": 1.5}}"#, "from 0 to 1, not 1.5");
+        t(r#"{"sampling": {}, "sampling": {}}"#, "duplicate field `sampling`");
+        t(r#"{"waive": [{"check": "spped", "because": "x"}]}"#, "no check is named `spped`");
+        t(r#"{"waive": [{"check": "speed", "because": " "}]}"#, "with a reason");
+        t(r#"{"waive": [{"check": "speed"}]}"#, "missing field `because`");
+    }
+
+    #[test]
+    fn every_name_is_a_key_an_exact_pass_or_refused() {
+        for name in NAMES {
+            let known = KEYS.contains(&name) || EXACT.contains(&name);
+            let message = parse(&format!(r#"{{"{name}": {{"nonsense": 1}}}}"#)).unwrap_err();
+            let expected = if !known {
+                "is not built yet"
+            } else if EXACT.contains(&name) {
+                "has no limit"
+            } else {
+                "unknown field `nonsense`"
+            };
+            assert!(message.contains(expected), "{name}: {message}");
+        }
+    }
+}

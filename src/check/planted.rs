@@ -1,0 +1,237 @@
+//! A sound world that faults are planted in: a picture that moves over a sensor without noise, and its events.
+//!
+//! The sensor here is its own: it emits an event wherever the voltage, straight between frames, crosses a threshold
+//! counted from the last event. It shares no code with the simulated sensors.
+
+#![expect(clippy::cast_possible_truncation, reason = "small numbers of a small world")]
+
+use super::drift::DriftLaw;
+use super::tally::Observer;
+use super::{Finding, Limits, Subject, Verdict, judge};
+use crate::event::{Event, Polarity};
+use crate::frames::Frame;
+use crate::frames::anchors::Anchors;
+use crate::image::{Image, Size};
+use crate::render::flow::Quantiles;
+use crate::se3::Se3;
+use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::{Account, Sensor};
+use crate::trajectory::Trajectory;
+use crate::trajectory::report::{Follow, Meaning, Report, Summation};
+use crate::units::{Hertz, Timestamp};
+use glam::{DQuat, DVec3};
+use std::sync::OnceLock;
+
+#[derive(Clone)]
+pub(super) struct World {
+    pub(super) trajectory: Trajectory,
+    pub(super) report: Report,
+    pub(super) sensor: Voltmeter,
+    pub(super) account: Account,
+    pub(super) events: Vec<Event>,
+    pub(super) anchors: Anchors,
+    pub(super) flow: Option<Quantiles>,
+    pub(super) limits: Limits,
+}
+
+pub(super) const SIZE: Size = Size { width: 96, height: 72 };
+pub(super) const FRAMES: usize = 150;
+
+pub(super) fn rate() -> Hertz {
+    Hertz("2400".parse().unwrap())
+}
+
+/// Settings of a sound world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Setting {
+    /// px per frame.
+    pub(super) pace: f64,
+    pub(super) thresholds: [f64; 2],
+    /// Standard deviation of `ln(L)` in the picture.
+    pub(super) contrast: f64,
+    /// Relative growth of all luminance over the clip.
+    pub(super) dawn: f64,
+    pub(super) frames: usize,
+}
+
+impl Default for Setting {
+    fn default() -> Self {
+        Self { pace: 0.3, thresholds: [1.0; 2], contrast: 0.6, dawn: 0.0, frames: FRAMES }
+    }
+}
+
+impl World {
+    pub(super) fn new(setting: Setting) -> Self {
+        let stamps_us: Vec<i64> = (0..setting.frames as u64).map(|j| rate().stamp_us(j)).collect();
+        let mut sensor = Voltmeter::new([5.265, 20.0, 0.0, 1e-7, 0.0, 0.0]);
+        [sensor.threshold_on, sensor.threshold_off] = setting.thresholds;
+        let images: Vec<Image<f32>> = (0..setting.frames).map(|j| picture(setting, j)).collect();
+        let events = fire(&sensor, &images, &stamps_us);
+        let mut anchors = Anchors::empty();
+        for j in Anchors::choose(&stamps_us) {
+            let frame =
+                Frame { index: j, t: Timestamp::from_micros(stamps_us[j]), luminance: images[j].clone() };
+            anchors.keep(&frame, stamps_us[j]);
+        }
+        let pace = setting.pace as f32;
+        Self {
+            report: report(setting.frames),
+            account: account(&events),
+            trajectory: Trajectory { world_from_camera: poses(setting.frames), stamps_us },
+            sensor,
+            events,
+            anchors,
+            flow: Some(Quantiles { median: pace, p95: pace, max: pace }),
+            limits: Limits::default(),
+        }
+    }
+
+    /// The world of the default setting, made once.
+    pub(super) fn sound() -> Self {
+        static SOUND: OnceLock<World> = OnceLock::new();
+        SOUND.get_or_init(|| Self::new(Setting::default())).clone()
+    }
+
+    pub(super) fn findings(&self) -> Vec<Finding> {
+        let sensor = Sensor::Voltmeter(self.sensor.clone());
+        let law = DriftLaw::of(&sensor).unwrap();
+        let end = *self.trajectory.stamps_us.last().unwrap();
+        let mut observer = Observer::new(SIZE, rate(), end, Some((law, &self.anchors)));
+        for chunk in self.events.chunks(1000) {
+            observer.append(chunk);
+        }
+        let tally = observer.finish();
+        judge(&Subject {
+            name: "world/base",
+            size: SIZE,
+            rate: rate(),
+            trajectory: &self.trajectory,
+            speed: Some(&self.report),
+            sensor: &sensor,
+            account: Some(&self.account),
+            tally: Some(&tally),
+            flow: self.flow,
+            limits: &self.limits,
+        })
+    }
+
+    /// `check#part` of the findings that are neither passed nor not run.
+    pub(super) fn faults(&self) -> Vec<String> {
+        let unsound = |f: &Finding| !matches!(f.verdict, Verdict::Pass | Verdict::NotRun);
+        let name = |f: Finding| format!("{}{}", f.check, f.subject.trim_start_matches("world/base"));
+        self.findings().into_iter().filter(unsound).map(name).collect()
+    }
+
+    /// The finding of `check#part`.
+    pub(super) fn finding(&self, name: &str) -> Finding {
+        let (check, part) = name.split_once('#').unwrap_or((name, ""));
+        let part = if part.is_empty() { String::new() } else { format!("#{part}") };
+        let found = self.findings();
+        let wanted = |f: &&Finding| f.check == check && f.subject == format!("world/base{part}");
+        found.iter().find(wanted).unwrap_or_else(|| panic!("{name} not in {found:#?}")).clone()
+    }
+}
+
+/// Waves of four directions and lengths that move along x.
+fn picture(setting: Setting, frame: usize) -> Image<f32> {
+    let shift = setting.pace * frame as f64;
+    let light = 100.0 * (1.0 + setting.dawn * frame as f64 / setting.frames as f64);
+    let waves = [(0.31, 0.17, 0.0), (0.13, -0.23, 1.0), (0.55, 0.4, 2.0), (0.07, 0.11, 3.0)];
+    let along_x = |x: u32| waves.map(|(a, _, c)| (a * (f64::from(x) + shift) + c).sin_cos());
+    let along_y = |y: u32| waves.map(|(_, b, _)| (b * f64::from(y)).sin_cos());
+    let columns: Vec<_> = (0..SIZE.width).map(along_x).collect();
+    let luminance = |xs: [(f64, f64); 4], ys: [(f64, f64); 4]| {
+        let sum: f64 = xs.iter().zip(ys).map(|((sx, cx), (sy, cy))| sx * cy + cx * sy).sum();
+        // Each wave has a variance of a half.
+        (light * (setting.contrast * sum / 2f64.sqrt()).exp()) as f32
+    };
+    let row = |y| columns.iter().map(move |xs| luminance(*xs, along_y(y)));
+    Image::from_vec(SIZE, (0..SIZE.height).flat_map(row).collect())
+}
+
+fn fire(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Event> {
+    let [k1, k2, _, k4, ..] = sensor.k;
+    let mut events = Vec::new();
+    for i in 0..SIZE.pixels() {
+        let volts = |j: usize| {
+            k1 * (f64::from(images[j].pixels()[i]) + k2).ln() + k4 * (stamps_us[j] - stamps_us[0]) as f64
+        };
+        let (mut level, mut from) = (volts(0), volts(0));
+        for j in 1..images.len() {
+            let to = volts(j);
+            let [t0, t1] = [stamps_us[j - 1], stamps_us[j]].map(|t| (1000 * t) as f64);
+            loop {
+                let (next, polarity) = if to - level >= sensor.threshold_on {
+                    (level + sensor.threshold_on, Polarity::On)
+                } else if level - to >= sensor.threshold_off {
+                    (level - sensor.threshold_off, Polarity::Off)
+                } else {
+                    break;
+                };
+                level = next;
+                let t = t0 + (t1 - t0) * ((level - from) / (to - from)).clamp(0.0, 1.0);
+                let (x, y) = (i % SIZE.width as usize, i / SIZE.width as usize);
+                events.push(Event { t: Timestamp(t.ceil() as i64), x: x as u16, y: y as u16, polarity });
+            }
+            from = to;
+        }
+    }
+    events.sort_by_cached_key(Event::file_order);
+    events
+}
+
+fn account(events: &[Event]) -> Account {
+    let on = events.iter().filter(|e| e.polarity == Polarity::On).count() as u64;
+    let place = |e: &Event| (e.t.floor_micros(), e.y, e.x);
+    let pairs = events.windows(2).filter(|w| place(&w[0]) == place(&w[1])).count() as u64;
+    Account {
+        events: events.len() as u64,
+        on,
+        off: events.len() as u64 - on,
+        same_us_same_pixel: pairs,
+        ..Account::default()
+    }
+}
+
+/// An arc that looks at its centre, at an even pace.
+fn poses(frames: usize) -> Vec<Se3> {
+    let pose = |j: usize| {
+        let angle = 0.4 * j as f64 / frames as f64;
+        let rotation = DQuat::from_rotation_y(-angle);
+        Se3 { rotation, translation: rotation * DVec3::new(0.0, 0.0, -2.0) }
+    };
+    (0..frames).map(pose).collect()
+}
+
+fn report(frames: usize) -> Report {
+    let even = Some(Follow { min: 1.0, max: 1.0, rms: 0.0 });
+    Report {
+        curve: crate::trajectory::refine::Curve::Cubic,
+        degree_drawn: None,
+        degree_used: None,
+        law: Summation::Sum,
+        literal: false,
+        meaning: Meaning::Speed,
+        alpha: 1.0,
+        beta: 1.0,
+        scale_distance: 2.0,
+        gamma: None,
+        rate: "2400/1".into(),
+        poses: frames,
+        length: 1.0,
+        length_ratio: Some(1.0),
+        merged: Vec::new(),
+        gaps: Vec::new(),
+        u: vec![1.0; frames - 1],
+        s: Vec::new(),
+        mixed_ratio: even,
+        mixed_chord_ratio: even,
+        linear_ratio: even,
+        angular_ratio: even,
+        linear_unit_s: Vec::new(),
+        angular_rad_s: Vec::new(),
+        max_step_deg: 0.1,
+        max_step_change: 0.0,
+        warnings: Vec::new(),
+    }
+}

@@ -1,0 +1,77 @@
+//! The share of ON events (numerics.md section 9, pass 5). A warning; a gate where the recipe sets a limit.
+//!
+//! The net count follows from the frames: with `s = A N_on - B N_off` summed over pixels and `N = N_on + N_off`, the
+//! share of ON events is `(B + s / N) / (A + B)`. What `s` must be is the drift of each pixel in whole thresholds. A
+//! balanced scene gives one half, a leaking sensor on a still scene gives 1, and the usual 0.35 to 0.65 become 0.15
+//! to either side of what is predicted.
+
+use super::drift::DriftLaw;
+use super::event_frame::fit::Fit;
+use super::subject::{Bound, Judged, within};
+use super::{Check, Finding, Subject, Tally, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Smallest share of ON events.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+    /// Largest share of ON events.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+}
+
+/// How far the share may be from what is predicted.
+const WIDTH: f64 = 0.15;
+/// Fewer events say little of a share: with 400 its standard deviation is up to 0.025, a sixth of the width.
+const LEAST_EVENTS: u64 = 400;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct OnShare;
+
+const NAME: &str = "polarity";
+
+impl Check for OnShare {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let Some(share) = tally.on_share().filter(|_| tally.events >= LEAST_EVENTS) else {
+            let because = format!("{} events are too few for a share", tally.events);
+            return vec![subject.not_run(NAME, "", because)];
+        };
+        vec![judge(subject, tally, share)]
+    }
+}
+
+fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
+    let limits = subject.limits.polarity.unwrap_or_default();
+    let predicted = predicted(subject, tally);
+    let center = predicted.unwrap_or(0.5);
+    let least = Bound::of(limits.min, Bound::warning((center - WIDTH).max(0.0)));
+    let most = Bound::of(limits.max, Bound::warning((center + WIDTH).min(1.0)));
+    let (verdict, limit) = within(share, least, most);
+    let because = match predicted {
+        Some(p) => format!("{share:.4} of {} events are ON, the frames predict {p:.4}", tally.events),
+        None => format!("{share:.4} of {} events are ON", tally.events),
+    };
+    subject.finding(
+        NAME,
+        "",
+        Judged { verdict, measured: Some(share), limit: Some(limit), unit: "1", because },
+    )
+}
+
+/// The share of ON events that the frames and the number of events predict.
+fn predicted(subject: &Subject<'_>, tally: &Tally) -> Option<f64> {
+    let [a, b] = DriftLaw::of(subject.sensor).ok()?.thresholds;
+    let Fit { expected, events, .. } = tally.fits.last()?;
+    Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))
+}

@@ -1,0 +1,102 @@
+//! Steps between poses: no jump among neighbours. Gate.
+//!
+//! A step is judged against the median of the three steps before and the three after it, all divided by the speeds
+//! that the law asks of them. A speed that changes for good, however abruptly, stays below 2 by this measure (half
+//! of the neighbours are as fast, so the median is at least half of it), and a smooth path stays near 1; what is
+//! larger for one or two steps only is a jump. The default limit is 3. Translation and rotation are judged apart, each
+//! in the trajectory's mixed metric, and a step that is below a quarter of the median mixed step is no jump.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use crate::se3::rotation::angle;
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest ratio of a step to the median step of its neighbours.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+}
+
+const MOST: f64 = 3.0;
+/// Neighbours to each side.
+const REACH: usize = 3;
+/// Steps below this share of the median mixed step are no jumps.
+const FLOOR: f64 = 0.25;
+/// Fewer steps have no neighbours to speak of.
+const LEAST_STEPS: usize = 3;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct PoseContinuity;
+
+const NAME: &str = "pose_continuity";
+
+impl Check for PoseContinuity {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let steps = Steps::of(subject);
+        if steps.linear.len() < LEAST_STEPS {
+            return vec![subject.not_run(NAME, "", "there are fewer than 4 poses")];
+        }
+        let floor = FLOOR * steps.median_mixed();
+        let part = |part, steps| judge(subject, part, steps, floor);
+        vec![part("translation", &steps.linear), part("rotation", &steps.angular)]
+    }
+}
+
+fn judge(subject: &Subject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {
+    let ratio = |j: usize| {
+        let among = median_of_neighbours(steps, j).max(floor);
+        if steps[j] > 0.0 { steps[j] / among } else { 0.0 }
+    };
+    let ratios = (0..steps.len()).map(|j| (j, ratio(j)));
+    let (at, measured) = ratios.max_by(|a, b| a.1.total_cmp(&b.1)).expect("there are steps");
+    let limits = subject.limits.pose_continuity.unwrap_or_default();
+    let limit = Bound::of(limits.max, Bound::gate(MOST));
+    let because = format!("the step from pose {at} to {} is {measured:.3} times those around it", at + 1);
+    let verdict = limit.at_most(measured);
+    let (measured, limit) = (Some(measured), Some(limit.value));
+    subject.finding(NAME, part, Judged { verdict, measured, limit, unit: "1", because })
+}
+
+/// Steps over asked speeds, in the mixed metric.
+struct Steps {
+    linear: Vec<f64>,
+    angular: Vec<f64>,
+}
+
+impl Steps {
+    fn of(subject: &Subject<'_>) -> Self {
+        let report = subject.speed;
+        let (alpha, beta) = report.map_or((1.0, 1.0), |r| (r.alpha, r.beta / r.scale_distance));
+        let asked = |j: usize| report.and_then(|r| r.u.get(j).copied()).unwrap_or(1.0);
+        let pairs = || (0..).zip(subject.trajectory.world_from_camera.windows(2));
+        let linear = |w: &[crate::se3::Se3]| beta * (w[1].translation - w[0].translation).length();
+        let angular = |w: &[crate::se3::Se3]| alpha * angle(w[0].rotation, w[1].rotation);
+        Self {
+            linear: pairs().map(|(j, w)| linear(w) / asked(j)).collect(),
+            angular: pairs().map(|(j, w)| angular(w) / asked(j)).collect(),
+        }
+    }
+
+    fn median_mixed(&self) -> f64 {
+        median(self.linear.iter().zip(&self.angular).map(|(l, a)| l + a).collect())
+    }
+}
+
+fn median_of_neighbours(steps: &[f64], j: usize) -> f64 {
+    let around = j.saturating_sub(REACH)..(j + REACH + 1).min(steps.len());
+    median(around.filter(|i| *i != j).map(|i| steps[i]).collect())
+}
+
+/// The middle value, or the mean of the two middle ones.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
+}

@@ -1,0 +1,34 @@
+//! Events are on the sensor and in order (numerics.md section 9, pass 1 and the order of pass 2). Gate, exact.
+//!
+//! Types, lengths, index tables and polarities of 0 and 1 are the reader's to enforce: a file that breaks them cannot
+//! be read.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject};
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Schema;
+
+const NAME: &str = "schema";
+
+impl Check for Schema {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let (events, size) = (tally.events, subject.size);
+        let place = format!("{} of {events} events lie outside the {size} sensor", tally.off_sensor);
+        let order = format!("{} of {events} events sort before the one in front of them", tally.disordered);
+        let wrong = |part, count: u64, because| {
+            let (measured, limit) = (Some(count as f64), Some(0.0));
+            let verdict = Bound::gate(0.0).at_most(count as f64);
+            subject.finding(NAME, part, Judged { verdict, measured, limit, unit: "events", because })
+        };
+        vec![wrong("place", tally.off_sensor, place), wrong("order", tally.disordered, order)]
+    }
+}

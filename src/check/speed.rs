@@ -1,0 +1,87 @@
+//! How well the path follows its speed law (pipeline.md section 2.11).
+//!
+//! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a gate, which does
+//! not apply under `literal`, the paper's chords. Measured as chords between neighbouring poses it follows within
+//! 3 %: a warning. Linear and angular speed need not follow, and are told.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use crate::trajectory::report::{Follow, Report};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest relative deviation of a step from its share of the path, as arc length.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub arc: Option<f64>,
+    /// The same, as chord.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub chord: Option<f64>,
+}
+
+const ARC: f64 = 1e-6;
+const CHORD: f64 = 0.03;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Speed;
+
+const NAME: &str = "speed";
+
+impl Check for Speed {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(report) = subject.speed else {
+            return vec![subject.not_run(NAME, "", "the trajectory has no report")];
+        };
+        vec![arc(subject, report), chord(subject, report)]
+    }
+}
+
+fn arc(subject: &Subject<'_>, report: &Report) -> Finding {
+    if report.literal {
+        return subject.not_run(
+            NAME,
+            "arc",
+            "`literal` takes the paper's chords, which need not follow the law",
+        );
+    }
+    let Some(follow) = report.mixed_ratio else {
+        return subject.not_run(NAME, "arc", "the camera stands still");
+    };
+    let limit = Bound::of(subject.limits.speed.and_then(|l| l.arc), Bound::gate(ARC));
+    judge(subject, "arc", follow, limit, "")
+}
+
+fn chord(subject: &Subject<'_>, report: &Report) -> Finding {
+    let Some(follow) = report.mixed_chord_ratio else {
+        return subject.not_run(NAME, "chord", "the camera stands still");
+    };
+    let limit = Bound::of(subject.limits.speed.and_then(|l| l.chord), Bound::warning(CHORD));
+    let told = |name: &str, follow: Option<Follow>| {
+        follow.map_or_else(String::new, |f| format!("; {name} {:.3} to {:.3}", f.min, f.max))
+    };
+    let parts = told("linear", report.linear_ratio) + &told("angular", report.angular_ratio);
+    judge(subject, "chord", follow, limit, &parts)
+}
+
+fn judge(subject: &Subject<'_>, part: &str, follow: Follow, limit: Bound, more: &str) -> Finding {
+    let measured = (follow.min - 1.0).abs().max((follow.max - 1.0).abs());
+    let because = format!(
+        "steps measured as {part} are {:.7} to {:.7} of their share of the path{more}",
+        follow.min, follow.max
+    );
+    let judged = Judged {
+        verdict: limit.at_most(measured),
+        measured: Some(measured),
+        limit: Some(limit.value),
+        unit: "1",
+        because,
+    };
+    subject.finding(NAME, part, judged)
+}

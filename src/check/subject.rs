@@ -1,0 +1,149 @@
+//! What passes see: the values of one trajectory, and how a finding about them is written.
+
+use super::{Finding, Limits, Tally, Verdict};
+use crate::image::Size;
+use crate::render::flow::Quantiles;
+use crate::sensor::{Account, Sensor};
+use crate::trajectory::Trajectory;
+use crate::trajectory::report::Report;
+use crate::units::Hertz;
+
+/// One trajectory and what was made of it. What was not asked for, or is not kept, is `None`; the passes that need
+/// it say so.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// `scene/trajectory`.
+    pub name: &'a str,
+    /// Size of the sensor and of its frames.
+    pub size: Size,
+    /// Frame rate.
+    pub rate: Hertz,
+    /// The poses and their stamps.
+    pub trajectory: &'a Trajectory,
+    /// What the trajectory's own report says.
+    pub speed: Option<&'a Report>,
+    /// The sensor.
+    pub sensor: &'a Sensor,
+    /// The sensor's account of its run.
+    pub account: Option<&'a Account>,
+    /// The events, counted.
+    pub tally: Option<&'a Tally>,
+    /// How far the picture moves between neighbouring frames, px.
+    pub flow: Option<Quantiles>,
+    /// The recipe's limits.
+    pub limits: &'a Limits,
+}
+
+impl Subject<'_> {
+    /// Time from the first stamp to the last, seconds.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        let stamps = &self.trajectory.stamps_us;
+        match (stamps.first(), stamps.last()) {
+            (Some(first), Some(last)) => (last - first) as f64 * 1e-6,
+            _ => 0.0,
+        }
+    }
+
+    /// A finding of `check`; `part` names the statement where the pass makes several.
+    pub(super) fn finding(&self, check: &str, part: &str, judged: Judged) -> Finding {
+        let subject = if part.is_empty() { self.name.to_owned() } else { format!("{}#{part}", self.name) };
+        Finding {
+            check: check.to_owned(),
+            subject,
+            verdict: judged.verdict,
+            measured: judged.measured,
+            limit: judged.limit,
+            unit: judged.unit.to_owned(),
+            because: judged.because,
+        }
+    }
+
+    /// The finding of a pass that could not measure.
+    pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
+        let verdict = Verdict::NotRun;
+        let judged = Judged { verdict, measured: None, limit: None, unit: "1", because: because.into() };
+        self.finding(check, part, judged)
+    }
+}
+
+/// The judgement of one statement.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Judged {
+    pub(super) verdict: Verdict,
+    pub(super) measured: Option<f64>,
+    pub(super) limit: Option<f64>,
+    pub(super) unit: &'static str,
+    pub(super) because: String,
+}
+
+/// One end of what is allowed, and what lies beyond.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bound {
+    pub(super) value: f64,
+    pub(super) beyond: Verdict,
+}
+
+impl Bound {
+    /// A limit whose excess stops a release.
+    pub(super) fn gate(value: f64) -> Self {
+        Self { value, beyond: Verdict::Fail }
+    }
+
+    /// A limit whose excess is told.
+    pub(super) fn warning(value: f64) -> Self {
+        Self { value, beyond: Verdict::Warn }
+    }
+
+    /// The recipe's limit, which is a gate, or the default.
+    pub(super) fn of(recipe: Option<f64>, default: Self) -> Self {
+        recipe.map_or(default, Self::gate)
+    }
+
+    /// The verdict on a value that may be at most this.
+    pub(super) fn at_most(self, measured: f64) -> Verdict {
+        // Written so that NaN is outside.
+        if measured <= self.value { Verdict::Pass } else { self.beyond }
+    }
+
+    /// The verdict on a value that must be at least this.
+    pub(super) fn at_least(self, measured: f64) -> Verdict {
+        if measured >= self.value { Verdict::Pass } else { self.beyond }
+    }
+}
+
+/// The verdict on a value between two bounds, and the bound that it was held against: the one that it violates, or
+/// else the nearer.
+pub(super) fn within(measured: f64, least: Bound, most: Bound) -> (Verdict, f64) {
+    match (least.at_least(measured), most.at_most(measured)) {
+        (Verdict::Pass, Verdict::Pass) if measured - least.value < most.value - measured => {
+            (Verdict::Pass, least.value)
+        }
+        (Verdict::Pass, verdict) => (verdict, most.value),
+        (verdict, _) => (verdict, least.value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_held_against_the_bound_it_violates_or_the_nearer() {
+        let t = |measured, verdict, limit| {
+            let found = within(measured, Bound::warning(1.0), Bound::gate(2.0));
+            assert_eq!(found, (verdict, limit), "{measured}");
+        };
+        t(0.9, Verdict::Warn, 1.0);
+        t(1.0, Verdict::Pass, 1.0);
+        t(1.1, Verdict::Pass, 1.0);
+        t(1.9, Verdict::Pass, 2.0);
+        t(2.1, Verdict::Fail, 2.0);
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_outside() {
+        assert_eq!(Bound::gate(1.0).at_most(f64::NAN), Verdict::Fail);
+        assert_eq!(Bound::gate(1.0).at_least(f64::NAN), Verdict::Fail);
+    }
+}
