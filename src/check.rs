@@ -43,6 +43,20 @@ pub enum Verdict {
     NotRun,
 }
 
+impl Verdict {
+    /// Its name in records.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Warn => "warn",
+            Self::Fail => "fail",
+            Self::Waived => "waived",
+            Self::NotRun => "not-run",
+        }
+    }
+}
+
 /// The check record of every report and of `checks.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
