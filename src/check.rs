@@ -183,6 +183,13 @@ mod tests {
         }
     }
 
+    #[test]
+    fn verdicts_have_one_name() {
+        for verdict in [Verdict::Pass, Verdict::Warn, Verdict::Fail, Verdict::Waived, Verdict::NotRun] {
+            assert_eq!(serde_json::to_value(verdict).unwrap(), verdict.name());
+        }
+    }
+
     /// Plants a fault in a sound world: the passes must find exactly `wanted`.
     fn check(plant: impl FnOnce(&mut World), wanted: &[&str]) {
         let mut world = World::sound();
