@@ -143,7 +143,7 @@ pub(super) fn gather<'a>(
     };
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
-    let owner = recipe.licence.as_ref().map(|l| (l.expression.as_str(), l.holder.as_str()));
+    let owner = recipe.licence.as_ref().map(|l| l.expression.as_str());
     let licence = crate::licence::compose(recipe.source.kind(), owner);
     Ok(BuiltScene { recipe, capture, gaussians, licence, trajectories, steps: shelf.steps })
 }
