@@ -231,6 +231,85 @@ fn the_head_of_an_hdf5_file_is_read_back() {
     }
 }
 
+/// An HDF5 file in the layout, but with this one thing in place of what belongs there.
+#[derive(Clone, Copy)]
+enum Instead {
+    Nothing,
+    No(&'static str),
+    Polarity(u8),
+    Times([u32; 3]),
+    Index(&'static [u64]),
+    Offset(i64),
+    ShortX,
+    WideY,
+    Chunks(usize),
+}
+
+fn write_foreign(path: &Path, instead: Instead) {
+    let file = rust_hdf5::H5File::create(path).unwrap();
+    let events = file.create_group("events").unwrap();
+    let column = |name: &'static str, bytes: &[u8], width: usize| {
+        if matches!(instead, Instead::No(absent) if absent == name) {
+            return;
+        }
+        let len = bytes.len() / width;
+        match width {
+            1 => events.new_dataset::<u8>().shape([len]).create(name).unwrap(),
+            2 => events.new_dataset::<u16>().shape([len]).create(name).unwrap(),
+            _ => events.new_dataset::<u32>().shape([len]).create(name).unwrap(),
+        }
+        .write_raw_bytes(bytes)
+        .unwrap();
+    };
+    let times = if let Instead::Times(times) = instead { times } else { [5, 900, 1001] };
+    column("t", &times.map(u32::to_le_bytes).concat(), 4);
+    column("x", &[7, 0, 8, 0, 9, 0][..if matches!(instead, Instead::ShortX) { 4 } else { 6 }], 2);
+    let wide = matches!(instead, Instead::WideY);
+    column("y", &[0; 12][..if wide { 12 } else { 6 }], if wide { 4 } else { 2 });
+    column("p", &[1, if let Instead::Polarity(p) = instead { p } else { 0 }, 1], 1);
+    let index = if let Instead::Index(index) = instead { index } else { &[0, 2, 3] };
+    let chunk = if let Instead::Chunks(chunk) = instead { chunk } else { 3 };
+    let dataset =
+        file.new_dataset::<u64>().shape([index.len()]).chunk(&[chunk]).max_shape(&[None]).create("ms_to_idx");
+    dataset.unwrap().write_raw(index).unwrap();
+    let offset = if let Instead::Offset(offset) = instead { offset } else { 0 };
+    file.new_dataset::<i64>().scalar().create("t_offset").unwrap().write_raw(&[offset]).unwrap();
+    file.close().unwrap();
+}
+
+#[test]
+fn what_is_wrong_in_an_hdf5_file_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("e.h5");
+    write_foreign(&path, Instead::Nothing);
+    let events = read_h5(&path).unwrap();
+    assert_eq!(
+        events.iter().map(|e| (e.t.floor_micros(), e.x)).collect::<Vec<_>>(),
+        [(5, 7), (900, 8), (1001, 9)]
+    );
+
+    let t = |instead, words: &str| {
+        write_foreign(&path, instead);
+        let error = read_h5(&path).unwrap_err().to_string();
+        assert!(error.contains(words), "`{words}`: {error}");
+    };
+    t(Instead::No("p"), "dataset `events/p`: ");
+    t(Instead::Polarity(2), "`events/p`[1] is 2, wanted 0 or 1");
+    t(Instead::Times([5, 4, 1001]), "`events/t`[1] is 4, wanted at least 5");
+    t(Instead::Index(&[0, 1, 3]), "`ms_to_idx`[1] is 1, wanted 2");
+    t(Instead::Index(&[0, 2]), "dataset `ms_to_idx`: 2 entries, wanted more");
+    t(Instead::Index(&[0, 2, 3, 2]), "`ms_to_idx`[3] is 2, wanted 3");
+    t(Instead::Offset(17), "dataset `t_offset`: [17], wanted 0");
+    t(Instead::ShortX, "dataset `events/x`: 2 elements, wanted 3 as in `events/t`");
+    t(Instead::WideY, "dataset `events/y`: its type is ");
+    t(
+        Instead::Chunks(1 << 21),
+        "dataset `ms_to_idx`: its chunks have 2097152 elements, wanted at most 1048576",
+    );
+    std::fs::write(&path, "no HDF5 file").unwrap();
+    assert!(read_h5(&path).is_err());
+}
+
 /// `ms_to_idx` by its definition: entry k is the number of events with `t < 1000 k`.
 #[test]
 fn the_index_of_an_hdf5_file_is_as_defined() {
