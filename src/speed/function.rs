@@ -159,19 +159,17 @@ impl Expression {
         proof::prove_positive(&root)?;
         Ok(Self { root })
     }
-
-    /// What in it has corners, where speed is then not twice differentiable.
-    #[must_use]
-    pub fn roughness(&self) -> Option<String> {
-        let mut names = Vec::new();
-        self.root.rough_functions(&mut names);
-        (!names.is_empty()).then(|| format!("it uses {}", names.join(", ")))
-    }
 }
 
 impl Law for Expression {
     fn speed(&self, t: f64) -> f64 {
         self.root.value(t)
+    }
+
+    fn roughness(&self) -> Option<String> {
+        let mut names = Vec::new();
+        self.root.rough_functions(&mut names);
+        (!names.is_empty()).then(|| format!("it uses {}", names.join(", ")))
     }
 }
 

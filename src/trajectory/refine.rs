@@ -11,7 +11,7 @@ use super::{MOST_POSES, NamedPose, Trajectory, TrajectoryError, Warning};
 use crate::se3::arc_length::ArcLength;
 use crate::se3::rotation::{aligned, angle, canonical};
 use crate::se3::{Screened, Se3, rotation_from_quaternion};
-use crate::speed::Speed;
+use crate::speed::{Law, Speed};
 use crate::units::{Hertz, Ratio};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -178,7 +178,7 @@ pub fn refine(
     if let Path::Still(_) = path {
         warnings.push(Warning::Still { views: views.len() });
     }
-    warnings.extend(speed_warnings(speed, &schedule, &poses));
+    warnings.extend(speed_warnings(speed.as_law(), &schedule, &poses));
     let asked = Asked { params, metric, rate, schedule, knots: &knots, gaps: &gaps, warnings: &warnings };
     let report = asked.report(&poses, &arcs);
     let stamps_us = (0..count as u64).map(|j| rate.stamp_us(j)).collect();
@@ -298,13 +298,13 @@ impl Path {
     }
 }
 
-fn speed_warnings(speed: &Speed, schedule: &Schedule, poses: &[Se3]) -> Vec<Warning> {
+fn speed_warnings(law: &dyn Law, schedule: &Schedule, poses: &[Se3]) -> Vec<Warning> {
     let slowest = schedule.speeds.iter().copied().fold(f64::INFINITY, f64::min);
     let ratio = schedule.speeds.iter().copied().fold(0.0, f64::max) / slowest;
     let degrees =
         || poses.windows(2).map(|w| angle(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees();
     let mut warnings: Vec<Warning> =
-        speed.roughness().map(|because| Warning::Rough { because }).into_iter().collect();
+        law.roughness().map(|because| Warning::Rough { because }).into_iter().collect();
     if ratio > MILD_RANGE {
         warnings.push(Warning::SpeedRange { ratio, degrees: degrees() });
     }
