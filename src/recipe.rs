@@ -1,10 +1,12 @@
 //! A recipe: what a scene is made from and what is made of it, parsed and valid.
 
+mod beside;
 mod canonical;
 mod clash;
 mod fault;
 mod field;
 mod find;
+mod load;
 mod merge;
 mod names;
 mod nearest;
@@ -15,6 +17,7 @@ mod schema;
 mod text;
 mod tree;
 
+pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_sources};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::read_all;
 
@@ -107,7 +110,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// Its name in recipes.
+    /// Its kind, as recipes and releases name it.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -117,7 +120,7 @@ impl Source {
         }
     }
 
-    /// Whether its views are of photos.
+    /// Whether its views were photographed.
     #[must_use]
     pub fn has_photos(&self) -> bool {
         !matches!(self, Self::Procedural(_))

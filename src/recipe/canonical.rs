@@ -52,7 +52,7 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
 fn source(raw: &schema::Recipe, source: &Source) -> Value {
     let path = match raw.source.given() {
         Some((schema::Source::Colmap(folder) | schema::Source::Nerfstudio(folder), _)) => {
-            written(&folder.path)
+            folder.given().and_then(|(folder, _)| written(&folder.path))
         }
         _ => None,
     };
@@ -71,7 +71,7 @@ fn source(raw: &schema::Recipe, source: &Source) -> Value {
 
 fn given_path(raw: &schema::Recipe) -> Option<&str> {
     match raw.reconstruct.given() {
-        Some((schema::Reconstruct::Given(given), _)) => written(&given.path),
+        Some((schema::Reconstruct::Given(given), _)) => written(&given.given()?.0.path),
         _ => None,
     }
 }
@@ -130,7 +130,7 @@ fn sensor(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {
         "max_events_per_pixel_frame": voltmeter.max_events_per_pixel_frame,
     });
     let raw = match raw.sensor.given() {
-        Some((schema::Sensor::Voltmeter(raw), _)) => Some(raw),
+        Some((schema::Sensor::Voltmeter(raw), _)) => raw.given().map(|(raw, _)| raw),
         _ => None,
     };
     match raw.and_then(|raw| Some((raw.k.given()?.0, raw.units.given()?.0))) {

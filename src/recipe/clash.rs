@@ -1,7 +1,7 @@
 //! Scenes that would write into each other's folders.
 
 use super::fault::{Fault, shown};
-use super::find::Read;
+use super::load::Read;
 use std::sync::Arc;
 
 /// One fault for each recipe whose folder another one claims too. `read` is sorted by scene id.
@@ -14,16 +14,13 @@ pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
             } else {
                 ", in capitals and small letters alike"
             };
-            faults.push(scene.fault(other, format!("is the id of another recipe too{how}")));
+            faults.push(scene.fault(other, &format!("is the id of another recipe too{how}")));
         }
         if let Some((other, name)) = read.iter().find_map(|other| Some((other, inside(scene, other)?))) {
-            faults.push(scene.fault(
-                other,
-                format!(
-                    "lies in the folder of the trajectory \"{name}\" of the scene \"{}\"",
-                    other.recipe.scene
-                ),
-            ));
+            let whose = &other.recipe.scene;
+            faults.push(
+                scene.fault(other, &format!("lies in the trajectory \"{name}\" of the scene \"{whose}\"")),
+            );
         }
     }
     faults
@@ -42,7 +39,7 @@ impl Read {
         self.recipe.scene.to_lowercase()
     }
 
-    fn fault(&self, other: &Self, message: String) -> Fault {
+    fn fault(&self, other: &Self, message: &str) -> Fault {
         let text = &other.texts[other.scene.file as usize];
         let (line, column) = text.position(other.scene.start as usize);
         let help =

@@ -1,6 +1,7 @@
 //! What is wrong with a recipe, and where: the four-part message of the command line.
 
 use super::text::{Place, Text};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,6 +26,12 @@ impl Fault {
     pub(super) fn new(message: String, help: Option<String>, text: Arc<Text>, place: Option<Place>) -> Self {
         let span = place.map(|p| (p.start as usize, p.end.max(p.start) as usize));
         Self { message, help, text, span }
+    }
+
+    /// A fault of a file as a whole, which may not even be there.
+    pub(super) fn of_file(path: &Path, message: &str, help: Option<&str>) -> Self {
+        let text = Text { path: path.to_owned(), body: String::new() };
+        Self::new(message.to_owned(), help.map(str::to_owned), Arc::new(text), None)
     }
 
     /// The stable code of this kind of fault.
@@ -70,7 +77,8 @@ impl Fault {
         out
     }
 
-    /// The message as one JSON object: `level, code, message, path, line, column, help`.
+    /// The message as one JSON object: `level, code, message, scene, step, path, line, column, help`; what there is not
+    /// is null.
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
         let position = self.position();
@@ -78,6 +86,8 @@ impl Fault {
             "level": "error",
             "code": self.code(),
             "message": self.message,
+            "scene": null,
+            "step": null,
             "path": shown(self.file()),
             "line": position.map(|p| p.0),
             "column": position.map(|p| p.1),
@@ -180,15 +190,16 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// The faults in the order in which they are shown.
-    ///
-    /// # Panics
-    /// Without a fault: nothing is wrong then.
-    pub(super) fn new(mut faults: Vec<Fault>) -> Self {
-        assert!(!faults.is_empty(), "a list of faults that holds none");
+    /// The value, unless there are faults. One that several recipes share, through their defaults, is told once.
+    pub(super) fn or<T>(value: T, mut faults: Vec<Fault>) -> Result<T, Self> {
+        let mut seen = BTreeSet::new();
+        faults.retain(|fault| seen.insert(fault.to_string()));
+        if faults.is_empty() {
+            return Ok(value);
+        }
         let more = faults.len().saturating_sub(LISTED);
         faults.truncate(LISTED);
-        Self { listed: faults, more }
+        Err(Self { listed: faults, more })
     }
 
     /// The faults that are listed.
@@ -208,7 +219,7 @@ impl Faults {
     pub fn render_text(&self) -> String {
         let mut parts: Vec<String> = self.listed.iter().map(Fault::render_text).collect();
         if self.more > 0 {
-            parts.push(format!("and {} more of such faults\n", self.more));
+            parts.push(format!("and {} more\n", self.more));
         }
         parts.join("\n")
     }

@@ -6,23 +6,21 @@ use std::fmt;
 use std::marker::PhantomData;
 
 /// Name of the newtype by which [`super::reader::Reader`] knows that it reads a [`Field`].
-pub(super) const MARK: &str = "gs2e recipe field";
+pub(super) const FIELD: &str = "gs2e recipe field";
+
+/// Name of the newtype by which it knows that it reads a [`Literal`].
+pub(super) const LITERAL: &str = "gs2e recipe literal";
 
 /// A field of a mapping, or an item of a list.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(super) enum Field<T> {
     /// Not there.
+    #[default]
     Absent,
     /// There, and faulty, which was reported where it was seen.
     Bad,
     /// There.
     Given(T, Place),
-}
-
-impl<T> Default for Field<T> {
-    fn default() -> Self {
-        Self::Absent
-    }
 }
 
 impl<T> Field<T> {
@@ -34,6 +32,11 @@ impl<T> Field<T> {
         }
     }
 
+    /// Where the sound value stands.
+    pub(super) fn place(&self) -> Option<Place> {
+        self.given().map(|(_, place)| place)
+    }
+
     /// Whether the recipe does not name it.
     pub(super) fn is_absent(&self) -> bool {
         matches!(self, Self::Absent)
@@ -42,7 +45,7 @@ impl<T> Field<T> {
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Field<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_newtype_struct(MARK, FieldVisitor(PhantomData))
+        deserializer.deserialize_newtype_struct(FIELD, FieldVisitor(PhantomData))
     }
 }
 
@@ -62,7 +65,31 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for FieldVisitor<T> {
     }
 }
 
-/// The place of a field whose feature is not there yet: any value is read, and refused by name.
+/// A number that must not pass through floating point, as written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Literal(pub String);
+
+impl<'de> Deserialize<'de> for Literal {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Text;
+
+        impl Visitor<'_> for Text {
+            type Value = Literal;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number")
+            }
+
+            fn visit_str<E>(self, text: &str) -> Result<Literal, E> {
+                Ok(Literal(text.to_owned()))
+            }
+        }
+
+        deserializer.deserialize_newtype_struct(LITERAL, Text)
+    }
+}
+
+/// A field whose feature is not there yet: any value is read, and refused by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Later;
 

@@ -1,6 +1,7 @@
 //! A fault before its files are at hand: what readers of the value tree report.
 
 use super::fault::Fault;
+use super::nearest::nearest;
 use super::text::{Place, Texts};
 use super::tree::Node;
 use serde::de;
@@ -10,28 +11,58 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Problem {
     message: String,
-    /// The message goes on from the name of the field: `"sampling.rate" is 0, wanted …`.
-    names_field: bool,
-    /// The key is meant, not its value.
-    on_key: bool,
+    about: About,
     help: Option<String>,
+    /// The value, key or mapping that it is about.
     place: Option<Place>,
+    /// The part of it that is to be shown, where that is less.
+    part: Option<Place>,
+}
+
+/// How the message goes with the name of the field at the place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum About {
+    /// It says everything: `unknown field "treshold"`.
+    Itself,
+    /// It goes on from the name: `"sampling.rate" is 0, wanted …`.
+    Field,
+    /// The same, and the key is meant, not the value.
+    Key,
+    /// It is the name of a field that is not there: `missing field "camera.width"`.
+    Missing,
+    /// It is a sentence about the field: `"checks.speed.max": a limit is …`.
+    Sentence,
 }
 
 impl Problem {
     /// A complete message.
     pub(super) fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), names_field: false, on_key: false, help: None, place: None }
+        Self { message: message.into(), about: About::Itself, help: None, place: None, part: None }
     }
 
     /// A message that goes on from the path of the field at the problem's place.
     pub(super) fn of_field(message: impl Into<String>) -> Self {
-        Self { names_field: true, ..Self::new(message) }
+        Self { about: About::Field, ..Self::new(message) }
     }
 
     /// The same, pointing to the field's key.
     pub(super) fn of_key(message: impl Into<String>) -> Self {
-        Self { on_key: true, ..Self::of_field(message) }
+        Self { about: About::Key, ..Self::new(message) }
+    }
+
+    /// A field that the mapping at the problem's place does not have.
+    pub(super) fn missing(field: &str) -> Self {
+        Self { about: About::Missing, ..Self::new(field) }
+    }
+
+    /// A name that is not among those known: the nearest one is offered, and all are listed.
+    pub(super) fn unknown(what: &str, found: &str, known: &[&str]) -> Self {
+        let all = format!("{what}s here: {}", known.join(", "));
+        let help = match nearest(found, known) {
+            Some(near) => format!("did you mean \"{near}\"? {all}"),
+            None => all,
+        };
+        Self::new(format!("unknown {what} {}", quoted(found))).help(help)
     }
 
     /// Adds what to do.
@@ -46,20 +77,32 @@ impl Problem {
         self
     }
 
+    /// Points to a part of the text at `place`, by its bytes in `text`, where the file holds that text as it is: plain, or
+    /// in quotes without an escape. The problem must be `at` the same place.
+    pub(super) fn in_text(mut self, place: Place, text: &str, bytes: std::ops::Range<usize>) -> Self {
+        let written = (place.end - place.start) as usize;
+        let quote = if written == text.len() { 0 } else { 1 };
+        if written == text.len() + 2 * quote && bytes.end <= text.len() {
+            let at = |byte: usize| place.start + u32::try_from(quote + byte).unwrap_or(0);
+            self.part = Some(Place { start: at(bytes.start), end: at(bytes.end), ..place });
+        }
+        self
+    }
+
     /// The fault, with the field's name found in the tree that was read.
     pub(super) fn fault(self, texts: &Texts, root: Option<&Node>) -> Fault {
-        let found = self.place.and_then(|p| root?.find(p));
-        let place = match &found {
-            Some((_, Some(key))) if self.on_key => Some(*key),
-            _ => self.place,
+        let (path, key) = self.place.and_then(|p| root?.find(p)).unwrap_or_default();
+        let place = if self.about == About::Key { key.or(self.place) } else { self.part.or(self.place) };
+        let name = if path.is_empty() { "the recipe".to_owned() } else { format!("\"{path}\"") };
+        let message = match self.about {
+            About::Itself => self.message,
+            About::Field | About::Key => format!("{name} {}", self.message),
+            About::Sentence => format!("{name}: {}", self.message),
+            About::Missing if path.is_empty() => format!("missing field \"{}\"", self.message),
+            About::Missing => format!("missing field \"{path}.{}\"", self.message),
         };
-        let message = match &found {
-            Some((path, _)) if self.names_field => format!("\"{path}\" {}", self.message),
-            _ if self.names_field => format!("the recipe {}", self.message),
-            _ => self.message,
-        };
-        let file = place.map_or(0, |p| p.file as usize);
-        Fault::new(message, self.help, texts[file].clone(), place)
+        let text = &texts[place.map_or(0, |p| p.file as usize)];
+        Fault::new(message, self.help, text.clone(), place)
     }
 
     /// Order in which faults of one recipe are shown.
@@ -70,11 +113,20 @@ impl Problem {
 
 /// A text of a recipe in a message: quoted, short, and without control characters.
 pub(super) fn quoted(text: &str) -> String {
-    let mut short: String = text.chars().take(60).flat_map(char::escape_debug).collect();
-    if text.chars().nth(60).is_some() {
+    format!("\"{}\"", bare(text))
+}
+
+/// The same without the quotes.
+pub(super) fn bare(text: &str) -> String {
+    const SHOWN: usize = 60;
+    let mut short = String::new();
+    for c in text.chars().take(SHOWN) {
+        if c.is_control() || c == '"' { short.extend(c.escape_debug()) } else { short.push(c) }
+    }
+    if text.chars().nth(SHOWN).is_some() {
         short.push('…');
     }
-    format!("\"{short}\"").replace("\\'", "'")
+    short
 }
 
 impl fmt::Display for Problem {
@@ -87,7 +139,7 @@ impl std::error::Error for Problem {}
 
 impl de::Error for Problem {
     fn custom<T: fmt::Display>(message: T) -> Self {
-        Self::new(message.to_string())
+        Self { about: About::Sentence, ..Self::new(message.to_string()) }
     }
 
     fn invalid_type(found: de::Unexpected<'_>, wanted: &dyn de::Expected) -> Self {
@@ -102,7 +154,23 @@ impl de::Error for Problem {
         Self::of_field(format!("has {found} values, wanted {wanted}"))
     }
 
+    fn unknown_field(found: &str, known: &'static [&'static str]) -> Self {
+        Self::unknown("field", found, known)
+    }
+
     fn missing_field(name: &'static str) -> Self {
-        Self::new(format!("missing field \"{name}\""))
+        Self::missing(name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_in_messages_are_short_and_harmless() {
+        assert_eq!(quoted("dvs346"), "\"dvs346\"");
+        assert_eq!(quoted("a\u{1b}[31m\n\"é'"), "\"a\\u{1b}[31m\\n\\\"é'\"");
+        assert_eq!(bare(&"x".repeat(100)).chars().count(), 61);
     }
 }

@@ -3,13 +3,10 @@
 //! Nothing here is checked beyond its kind; [`super::resolve`] knows what is required, the ranges and the defaults.
 //! [`Later`] marks a key whose feature is not built yet: it has its place, and is refused by name.
 
-use super::field::{Field, Later};
+use super::field::{Field, Later, Literal};
 use crate::check::Limits;
 use crate::sensor::voltmeter::Units;
 use serde::Deserialize;
-
-/// A number that must not pass through floating point, as written.
-pub(super) type Literal = String;
 
 /// The whole file.
 #[derive(Debug, Default, Deserialize)]
@@ -57,9 +54,9 @@ pub(super) struct Recipe {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Source {
-    Procedural(Procedural),
-    Colmap(Folder),
-    Nerfstudio(Folder),
+    Procedural(Field<Procedural>),
+    Colmap(Field<Folder>),
+    Nerfstudio(Field<Folder>),
     Mvimgnet(Field<Later>),
     Dl3dv(Field<Later>),
     Model(Field<Later>),
@@ -106,7 +103,7 @@ pub(super) struct Folder {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Reconstruct {
-    Given(Given),
+    Given(Field<Given>),
     Builtin(Field<Later>),
     Command(Field<Later>),
 }
@@ -191,7 +188,7 @@ pub(super) enum Ends {
 #[serde(default)]
 pub(super) struct Metric {
     /// `scene`, `none`, or scene units.
-    pub scale: Field<String>,
+    pub scale: Field<Literal>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -271,7 +268,7 @@ pub(super) enum Antialiased {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Sensor {
-    Voltmeter(Voltmeter),
+    Voltmeter(Field<Box<Voltmeter>>),
     Esim(Field<Later>),
     V2e(Field<Later>),
 }

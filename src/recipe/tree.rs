@@ -3,7 +3,7 @@
 //! Scalars keep their text: whether `2400` is an integer, a rational or a real is said by the schema that reads the
 //! tree, never by the spelling.
 
-use super::problem::Problem;
+use super::problem::{Problem, quoted};
 use super::text::{Place, Text};
 use serde::Deserialize;
 use serde::de::{self, Visitor};
@@ -128,7 +128,7 @@ fn refuse_tabs(body: &str, file: u32) -> Result<(), Problem> {
         return Ok(());
     };
     let start = u32::try_from(at).unwrap_or(u32::MAX);
-    Err(Problem::new("a tab").help("indent and separate with spaces").at(Place {
+    Err(Problem::new("a tab character").help("indent and separate with spaces").at(Place {
         file,
         start,
         end: start + 1,
@@ -142,30 +142,38 @@ fn in_comment(body: &str, at: usize) -> bool {
 
 /// What the YAML reader says, in our words where they are clearer.
 fn problem_of(error: &serde_saphyr::Error, text: &Text, file: u32) -> Problem {
+    let place = error.location().map(|location| {
+        let start = text.offset(usize_of(location.line()), usize_of(location.column()));
+        let bytes = location.span().byte_len().map_or(1, usize_of);
+        Place { file, start: short(start), end: short(start + bytes) }
+    });
+    let problem = told(error.without_snippet());
+    place.into_iter().fold(problem, Problem::at)
+}
+
+fn told(error: &serde_saphyr::Error) -> Problem {
     use serde_saphyr::Error as E;
-    let problem = match error.without_snippet() {
+    use serde_saphyr::budget::BudgetBreach;
+    match error {
+        E::AliasError { error, .. } => told(error.without_snippet()),
         E::DuplicateMappingKey { key, .. } => {
-            let key = key.as_deref().unwrap_or("?");
-            Problem::new(format!("duplicate key \"{key}\"")).help("each key stands once in a mapping")
+            let key = key.as_deref().map_or_else(String::new, |key| format!(" {}", quoted(key)));
+            Problem::new(format!("duplicate key{key}")).help("each key stands once in a mapping")
         }
-        E::MultipleDocuments { .. } => more_documents(),
-        E::Budget { breach: serde_saphyr::budget::BudgetBreach::Documents { .. }, .. } => more_documents(),
-        E::Budget { .. } | E::AliasReplayLimitExceeded { .. } | E::AliasExpansionLimitExceeded { .. } => {
-            Problem::new("the file is too large or too deep for a recipe")
-                .help("write the values out, without anchors")
+        E::MultipleDocuments { .. } | E::Budget { breach: BudgetBreach::Documents { .. }, .. } => {
+            Problem::new("a second document").help("one file holds one recipe")
+        }
+        E::Budget { .. }
+        | E::AliasReplayLimitExceeded { .. }
+        | E::AliasReplayStackDepthExceeded { .. }
+        | E::AliasExpansionLimitExceeded { .. } => {
+            Problem::new("more values, anchors or levels than a recipe has").help("is it a recipe?")
         }
         E::MergeKeyNotAllowed { .. } => Problem::new("merge keys (<<) are not part of a recipe")
             .help("shared values go into defaults.yaml"),
-        other => Problem::new(sentence(other)),
-    };
-    let Some(location) = error.location() else { return problem };
-    let start = text.offset(usize_of(location.line()), usize_of(location.column()));
-    let end = start + text.body[start..].chars().next().map_or(0, char::len_utf8);
-    problem.at(Place { file, start: short(start), end: short(end) })
-}
-
-fn more_documents() -> Problem {
-    Problem::new("a second document").help("one file holds one recipe")
+        E::UnknownAnchor { .. } => Problem::new("not valid YAML: an alias without its anchor"),
+        other => Problem::new(format!("not valid YAML: {}", sentence(other))),
+    }
 }
 
 /// The reader's message without its ` at line L, column C`.

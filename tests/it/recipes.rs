@@ -1,14 +1,114 @@
 //! Recipes: what they mean, and what is said when they are wrong.
 
-use gs2e::recipe::read_all;
-use std::path::PathBuf;
+mod folders;
+mod meaning;
+mod mutations;
 
-fn bundled() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("recipes")
+use gs2e::recipe::{Faults, Recipe, read_all, read_release, read_sources};
+use std::path::{Path, PathBuf};
+
+const FIXTURES: &str = "tests/fixtures/recipes";
+
+/// Paths are shown as they are named: relative to the repository, where tests run.
+fn read(path: &str) -> Result<Vec<Recipe>, Faults> {
+    read_all(&[PathBuf::from(path)])
+}
+
+/// The one recipe of a text, written to a folder of its own.
+fn recipe(yaml: &str) -> Result<Recipe, Faults> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("recipe.yaml");
+    std::fs::write(&file, yaml).unwrap();
+    let mut recipes = read_all(&[file])?;
+    assert_eq!(recipes.len(), 1, "one file is one recipe");
+    Ok(recipes.remove(0))
+}
+
+/// A sound recipe, with `more` lines.
+fn sound(more: &str) -> Recipe {
+    let yaml = format!(
+        "version: 1\nscene: test\nsource: {{ procedural: {{}} }}\n\
+         trajectories: [{{ name: base, refine: {{}} }}]\n{more}\n"
+    );
+    recipe(&yaml).unwrap_or_else(|faults| panic!("{}", faults.render_text()))
+}
+
+/// What it says, without the file that says it.
+fn said(recipe: Recipe) -> Recipe {
+    Recipe { file: PathBuf::new(), named_at: Default::default(), ..recipe }
+}
+
+fn snapshot(name: &str, text: &str) {
+    let mut settings = insta::Settings::clone_current();
+    settings.set_snapshot_path(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots/recipes"));
+    settings.set_prepend_module_to_snapshot(false);
+    settings.set_omit_expression(true);
+    settings.bind(|| insta::assert_snapshot!(name, text));
+}
+
+/// The names in a folder, sorted.
+fn names(folder: &str) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{folder}: {e}"));
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
 }
 
 #[test]
-fn the_bundled_recipes_are_read() {
-    let recipes = read_all(&[bundled()]).unwrap_or_else(|faults| panic!("{}", faults.render_text()));
-    assert!(recipes.iter().any(|r| r.scene == "procedural/still-life"));
+fn each_broken_recipe_is_told_in_its_words() {
+    for name in names(FIXTURES).iter().filter(|name| *name != "beside-bad") {
+        let faults = match read(&format!("{FIXTURES}/{name}")) {
+            Ok(_) => panic!("{name} is not refused"),
+            Err(faults) => faults,
+        };
+        snapshot(name.trim_end_matches(".yaml"), &faults.render_text());
+    }
+}
+
+#[test]
+fn broken_files_beside_the_recipes_are_told_in_their_words() {
+    let paths = [PathBuf::from(format!("{FIXTURES}/beside-bad"))];
+    let [release, sources] = [read_release(&paths).unwrap_err(), read_sources(&paths).unwrap_err()];
+    snapshot("beside-bad", &format!("{}\n{}", release.render_text(), sources.render_text()));
+}
+
+#[test]
+fn each_example_of_the_specification_reads_as_it_says() {
+    // The first row of the table of messages: position, caret, and help.
+    let faults = read(&format!("{FIXTURES}/unknown-field.yaml")).unwrap_err();
+    let first = faults.listed()[0].render_text();
+    let wanted = "error: unknown field \"treshold\"\n tests/fixtures/recipes/unknown-field.yaml:14:5\n\
+                  14 │     treshold: { on: 1.0 }\n   │     ^^^^^^^^\n\
+                  help: did you mean \"threshold\"? fields here: preset, k, units, threshold";
+    assert!(first.starts_with(wanted), "{first}");
+}
+
+#[test]
+fn programs_are_told_the_same() {
+    let faults = read(&format!("{FIXTURES}/unknown-field-top.yaml")).unwrap_err();
+    let lines: Vec<String> = faults.to_json().iter().map(ToString::to_string).collect();
+    snapshot("json", &lines.join("\n"));
+    for fault in faults.listed() {
+        let (line, column) = fault.position().unwrap();
+        assert_eq!(fault.to_json()["line"], line);
+        assert_eq!(fault.to_json()["column"], column);
+    }
+}
+
+#[test]
+fn a_long_list_is_cut_and_counted() {
+    let faults = read(&format!("{FIXTURES}/many.yaml")).unwrap_err();
+    assert_eq!((faults.listed().len(), faults.more()), (20, 5));
+}
+
+#[test]
+fn the_graphical_report_shows_the_place() {
+    let faults = read(&format!("{FIXTURES}/unknown-field.yaml")).unwrap_err();
+    let mut report = String::new();
+    let handler = miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::none());
+    handler.render_report(&mut report, &faults.listed()[0]).unwrap();
+    for part in ["recipe-invalid", "unknown-field.yaml:14:5", "treshold: { on: 1.0 }", "did you mean"] {
+        assert!(report.contains(part), "no {part} in {report}");
+    }
 }

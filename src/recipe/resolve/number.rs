@@ -1,8 +1,8 @@
 //! Numbers and their ranges.
 
 use super::Resolver;
-use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::field::{Field, Literal};
+use crate::recipe::problem::{Problem, bare};
 use crate::recipe::text::Place;
 use crate::units::Ratio;
 use std::fmt;
@@ -27,7 +27,8 @@ impl Range {
         Self { low, high, open: true }
     }
 
-    fn holds(self, value: f64) -> bool {
+    /// Whether it holds a value.
+    pub(super) fn holds(self, value: f64) -> bool {
         value <= self.high && if self.open { value > self.low } else { value >= self.low }
     }
 }
@@ -60,10 +61,13 @@ impl Resolver<'_> {
     /// A real within its range.
     pub(super) fn real(&self, field: &Field<f64>, default: f64, range: Range) -> Option<f64> {
         let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
-        if range.holds(*value) {
-            return Some(*value);
-        }
-        self.out_of_range(value, &range, place)
+        if range.holds(*value) { Some(*value) } else { self.out_of_range(value, &range, place) }
+    }
+
+    /// A whole number within its range, which ends below 2^32.
+    pub(super) fn small(&self, field: &Field<u64>, default: u32, range: Whole) -> Option<u32> {
+        let value = self.whole(field, default.into(), range)?;
+        Some(u32::try_from(value).expect("the range ends below 2^32"))
     }
 
     /// A whole number within its range.
@@ -72,22 +76,22 @@ impl Resolver<'_> {
         if (range.low..=range.high).contains(value) {
             return Some(*value);
         }
-        let wanted = format_args!("a whole number from {} to {}", range.low, range.high);
-        self.out_of_range(value, &wanted, place)
+        self.out_of_range(value, &format_args!("a whole number from {} to {}", range.low, range.high), place)
     }
 
     /// A positive rational within its range, exactly as written.
-    pub(super) fn ratio(&self, field: &Field<String>, default: u64, range: Range) -> Option<Ratio> {
-        let Some((text, place)) = field.given() else {
+    pub(super) fn ratio(&self, field: &Field<Literal>, default: u64, range: Range) -> Option<Ratio> {
+        let Some((Literal(text), place)) = field.given() else {
             let default = Ratio::new(default, 1).expect("defaults are positive");
             return field.is_absent().then_some(default);
         };
         match text.parse::<Ratio>() {
             Ok(ratio) if range.holds(ratio.to_f64()) => Some(ratio),
-            Ok(_) => self.out_of_range(text, &range, place),
+            Ok(_) => self.out_of_range(&bare(text), &range, place),
+            Err(_) if text.parse().is_ok_and(|value| range.holds(value)) => self
+                .refuse(Problem::of_field(format!("is {}, wanted at most 18 digits", bare(text))).at(place)),
             Err(_) => {
-                let wanted = format_args!("{range}, such as 5, 1.1, 2.4e3 or 11/10, of at most 18 digits");
-                self.out_of_range(&quoted(text), &wanted, place)
+                self.out_of_range(&bare(text), &format_args!("{range}, such as 5, 1.1 or 11/10"), place)
             }
         }
     }

@@ -10,7 +10,6 @@ use crate::sensor::Sensor;
 use crate::sensor::voltmeter::{Between, Gain, Initial, Law, Preset, Voltmeter};
 use crate::units::Hertz;
 
-const LAWS: &str = "this gs2e has the law exact";
 const SENSORS: &str = "this gs2e has the sensor voltmeter";
 
 /// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
@@ -41,19 +40,28 @@ impl Resolver<'_> {
         between: Option<Between>,
         rate: Option<Hertz>,
     ) -> Option<Sensor> {
-        let default = schema::Voltmeter::default();
-        let (raw, place) = match field {
-            Field::Absent => (&default, self.root),
+        let default = Field::Given(Box::default(), self.root);
+        let raw = match field {
+            Field::Absent => &default,
             Field::Bad => return None,
-            Field::Given(schema::Sensor::Voltmeter(raw), place) => (raw, *place),
+            Field::Given(schema::Sensor::Voltmeter(raw), _) => raw,
             Field::Given(schema::Sensor::Esim(later) | schema::Sensor::V2e(later), _) => {
                 self.later(later, SENSORS);
                 return None;
             }
         };
+        let (raw, place) = raw.given()?;
         let voltmeter = Voltmeter { between: between?, ..self.voltmeter(raw, place)? };
-        self.screen(&voltmeter, rate?, place)?;
-        Some(Sensor::Voltmeter(voltmeter))
+        self.possible(&voltmeter, rate?, place).then_some(Sensor::Voltmeter(voltmeter))
+    }
+
+    /// Whether the sensor makes a stream that can be used (numerics 1.1); if not, that is reported.
+    fn possible(&self, voltmeter: &Voltmeter, rate: Hertz, place: Place) -> bool {
+        let screened = voltmeter.screen(rate).map_err(|error| {
+            let problem = Problem::of_key(format!("is no usable sensor: {error}"));
+            self.report(problem.at(place));
+        });
+        screened.is_ok()
     }
 
     fn voltmeter(&self, raw: &schema::Voltmeter, place: Place) -> Option<Voltmeter> {
@@ -62,10 +70,10 @@ impl Resolver<'_> {
         }
         let k = self.k(raw, place);
         let threshold = self.threshold(&raw.threshold);
-        let law = self.law(&raw.law);
+        let law = self.sampler(&raw.law);
         let gain = self.or(&raw.gain, schema::Gain::Log);
         let initial = self.initial(&raw.initial);
-        let cap = self.whole(&raw.max_events_per_pixel_frame, 1000, Whole::new(1, 1_000_000_000));
+        let cap = self.small(&raw.max_events_per_pixel_frame, 1000, Whole::new(1, 1_000_000_000));
         let [threshold_on, threshold_off] = threshold?;
         Some(Voltmeter {
             threshold_on,
@@ -76,7 +84,7 @@ impl Resolver<'_> {
                 schema::Gain::Midpoint => Gain::Midpoint,
             },
             initial: initial?,
-            max_events_per_pixel_frame: u32::try_from(cap?).expect("within its range"),
+            max_events_per_pixel_frame: cap?,
             ..Voltmeter::new(k?)
         })
     }
@@ -85,17 +93,20 @@ impl Resolver<'_> {
         match (&raw.preset, &raw.k) {
             (Field::Bad, _) | (_, Field::Bad) => None,
             (Field::Given(_, at), Field::Given(..)) => {
-                let problem = Problem::of_key("and \"k\" exclude each other");
-                self.refuse(problem.help("a preset is a set of k by name").at(*at))
+                let problem = Problem::of_key("and k exclude each other");
+                self.refuse(problem.help("a preset is a k by name").at(*at))
             }
-            (_, Field::Absent) => {
-                if let Field::Given(_, at) = &raw.units {
-                    return self.refuse(Problem::of_key("without \"k\": presets bring their own").at(*at));
+            (preset, Field::Absent) => {
+                if let Some(at) = raw.units.place() {
+                    self.report(
+                        Problem::of_key("goes with k: a preset has its own units").help("remove it").at(at),
+                    );
                 }
-                self.preset(&raw.preset)
+                self.preset(preset)
             }
             (Field::Absent, Field::Given(k, _)) => {
-                let help = "units: { time: us, brightness: 255 } says what k is given in; time: us, ms or s, brightness: 255 or 1";
+                let help =
+                    "write units: { time: us, brightness: 255 }; time is us, ms or s, brightness 255 or 1";
                 let units = self.required(&raw.units, "units", place, help);
                 let k: Vec<Option<f64>> =
                     k.iter().zip(K).map(|(k, range)| self.real(k, 0.0, range)).collect();
@@ -107,22 +118,25 @@ impl Resolver<'_> {
     fn preset(&self, field: &Field<String>) -> Option<[f64; 6]> {
         let Some((name, place)) = field.given() else { return Some(Preset::Dvs346.k()) };
         let names = Preset::ALL.map(Preset::name);
-        Preset::by_name(name).map(Preset::k).or_else(|| self.unknown("preset", name, &names, place))
+        Preset::by_name(name)
+            .map(Preset::k)
+            .or_else(|| self.refuse(Problem::unknown("preset", name, &names).at(place)))
     }
 
     fn threshold(&self, field: &Field<schema::Threshold>) -> Option<[f64; 2]> {
         let absent = schema::Threshold::default();
         let raw = self.section(field, &absent)?;
         self.later(&raw.spread, "this gs2e simulates equal pixels");
-        let range = Range::new(1e-6, 1e6);
-        let (on, off) = (self.real(&raw.on, 1.0, range), self.real(&raw.off, 1.0, range));
+        let [on, off] = [&raw.on, &raw.off].map(|field| self.real(field, 1.0, Range::new(1e-6, 1e6)));
         Some([on?, off?])
     }
 
-    fn law(&self, field: &Field<schema::Law>) -> Option<Law> {
+    fn sampler(&self, field: &Field<schema::Law>) -> Option<Law> {
         match field {
             Field::Absent | Field::Given(schema::Law::Exact, _) => Some(Law::Exact),
-            Field::Given(schema::Law::Official, place) => self.word_later("official", *place, LAWS),
+            Field::Given(schema::Law::Official, place) => {
+                self.word_later("official", *place, "this gs2e has the law exact")
+            }
             Field::Bad => None,
         }
     }
@@ -135,10 +149,5 @@ impl Resolver<'_> {
             }
             Field::Bad => None,
         }
-    }
-
-    /// THE CALL SITE of the refusal of impossible rates (numerics 1.1): above 50 predicted events a pixel a frame.
-    fn screen(&self, _sensor: &Voltmeter, _rate: Hertz, _place: Place) -> Option<()> {
-        Some(())
     }
 }

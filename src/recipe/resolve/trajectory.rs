@@ -2,12 +2,12 @@
 
 use super::number::{Range, Whole};
 use super::{MAX_FRAMES, Resolver};
-use crate::recipe::field::Field;
-use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::field::{Field, Literal};
+use crate::recipe::problem::{Problem, bare, quoted};
 use crate::recipe::text::Place;
 use crate::recipe::{TrajectoryRecipe, names, schema};
 use crate::speed::Speed;
-use crate::speed::function::Expression;
+use crate::speed::function::{Expression, ExpressionError};
 use crate::trajectory::refine::{Count, Curve, Ends, Gaps, Order, Refine, RotationMean, Scale};
 use crate::units::{Hertz, Ratio};
 
@@ -23,10 +23,11 @@ impl Resolver<'_> {
         field: &Field<Vec<Field<schema::Trajectory>>>,
         rate: Option<Hertz>,
     ) -> Option<Vec<TrajectoryRecipe>> {
-        let help = "trajectories: [{ name: base, refine: {} }]";
+        let help = "write trajectories: [{ name: base, refine: {} }]";
         let (list, place) = self.required(field, "trajectories", self.root, help)?;
         if list.is_empty() {
-            return self.refuse(Problem::of_field("is empty, wanted at least one").help(help).at(place));
+            return self
+                .refuse(Problem::of_field("is an empty list, wanted at least one").help(help).at(place));
         }
         self.refuse_repeated_names(list);
         let all: Vec<Option<TrajectoryRecipe>> =
@@ -40,9 +41,10 @@ impl Resolver<'_> {
         for (name, place) in list.iter().filter_map(|item| item.given()?.0.name.given()) {
             let folded = name.to_lowercase();
             if seen.contains(&folded) {
-                let problem = Problem::of_field(format!("is {}, as an earlier trajectory is", quoted(name)));
+                let problem =
+                    Problem::of_field(format!("is {}, as an earlier trajectory's is", quoted(name)));
                 self.report(
-                    problem.help("names are folders: unique, in capitals and small letters alike").at(place),
+                    problem.help("names are folders, which some systems tell apart without case").at(place),
                 );
             }
             seen.push(folded);
@@ -51,24 +53,21 @@ impl Resolver<'_> {
 
     fn trajectory(&self, item: &Field<schema::Trajectory>, rate: Option<Hertz>) -> Option<TrajectoryRecipe> {
         let (raw, place) = item.given()?;
-        for later in [&raw.novel, &raw.orbit, &raw.keyframes] {
-            self.later(later, PATHS);
-        }
-        let name = self.required(&raw.name, "name", place, "name: base is its folder in the release");
-        let name = name.and_then(|(name, place)| {
-            self.named(name, place, names::trajectory(name), names::TRAJECTORY_HELP)
-        });
-        let only_later =
-            raw.refine.is_absent() && [&raw.novel, &raw.orbit, &raw.keyframes].iter().any(|f| !f.is_absent());
-        let refine = if only_later { None } else { self.refine(&raw.refine, place, rate) };
+        let name = self.required(&raw.name, "name", place, "write name: base: its folder in the release");
+        let name =
+            name.and_then(|(name, at)| self.named(name, at, names::trajectory(name), names::TRAJECTORY_HELP));
+        let later = [&raw.novel, &raw.orbit, &raw.keyframes];
+        later.iter().for_each(|field| self.later(field, PATHS));
+        let has_path = !raw.refine.is_absent() || later.iter().all(|field| field.is_absent());
+        let refine = if has_path { self.refine(&raw.refine, place, rate) } else { None };
         let speed = self.speed(&raw.speed);
         Some(TrajectoryRecipe { name: name?, refine: refine?, speed: speed? })
     }
 
     fn refine(&self, field: &Field<schema::Refine>, within: Place, rate: Option<Hertz>) -> Option<Refine> {
-        let help = "refine: {} smooths and densifies the captured path as the paper does";
+        let help = "write refine: {} for the paper's: the captured path, smoothed and densified";
         let (raw, place) = self.required(field, "refine", within, help)?;
-        let window = self.whole(&raw.window, 2, Whole::new(0, 1000));
+        let window = self.small(&raw.window, 2, Whole::new(0, 1000));
         let count = self.count(raw, place, rate);
         let order = self.or(&raw.order, schema::Order::Name);
         let rotation = self.or(&raw.rotation, schema::Rotation::Mean);
@@ -78,7 +77,7 @@ impl Resolver<'_> {
         let curve = self.curve(&raw.curve);
         let literal = self.or(&raw.literal, false);
         Some(Refine {
-            window: u32::try_from(window?).expect("within its range"),
+            window: window?,
             count: count?,
             order: match order? {
                 schema::Order::Name => Order::Name,
@@ -104,26 +103,27 @@ impl Resolver<'_> {
 
     fn count(&self, raw: &schema::Refine, place: Place, rate: Option<Hertz>) -> Option<Count> {
         let given = [!raw.factor.is_absent(), !raw.frames.is_absent(), !raw.duration.is_absent()];
-        if given.iter().filter(|g| **g).count() > 1 {
+        if given.iter().filter(|given| **given).count() > 1 {
             let problem = Problem::of_field("has more than one of factor, frames and duration");
-            return self.refuse(problem.help("each of them alone says how many poses there are").at(place));
+            return self.refuse(problem.help("one of them says how many poses there are").at(place));
         }
         if !raw.frames.is_absent() {
             return self.whole(&raw.frames, 1, Whole::new(1, MAX_FRAMES)).map(Count::Frames);
         }
         if !raw.duration.is_absent() {
-            let seconds = self.ratio(&raw.duration, 1, Range::above(0.0, 86_400.0))?;
-            return self.duration(seconds, rate?, raw.duration.given()?.1);
+            return self.duration(&raw.duration, rate);
         }
         self.ratio(&raw.factor, 5, Range::above(0.0, 1e6)).map(Count::Factor)
     }
 
-    fn duration(&self, seconds: Ratio, rate: Hertz, place: Place) -> Option<Count> {
-        let frames = 1.0 + (seconds.to_f64() * rate.to_f64()).ceil();
+    fn duration(&self, field: &Field<Literal>, rate: Option<Hertz>) -> Option<Count> {
+        const DAY: f64 = 86_400.0;
+        let seconds: Ratio = self.ratio(field, 1, Range::above(0.0, DAY))?;
+        let rate = rate?.to_f64();
+        let frames = 1.0 + (seconds.to_f64() * rate).ceil();
         if frames > MAX_FRAMES as f64 {
-            let message =
-                format!("makes {frames} frames at {} a second, wanted at most {MAX_FRAMES}", rate.to_f64());
-            return self.refuse(Problem::of_field(message).at(place));
+            let problem = Problem::of_field(format!("makes {frames} frames, wanted at most {MAX_FRAMES}"));
+            return self.refuse(problem.help(format!("there are {rate} frames a second")).at(field.place()?));
         }
         Some(Count::Duration(seconds))
     }
@@ -131,16 +131,18 @@ impl Resolver<'_> {
     fn scale(&self, field: &Field<schema::Metric>) -> Option<Scale> {
         let absent = schema::Metric::default();
         let field = &self.section(field, &absent)?.scale;
-        let Some((text, place)) = field.given() else { return field.is_absent().then_some(Scale::Scene) };
+        let Some((Literal(text), place)) = field.given() else {
+            return field.is_absent().then_some(Scale::Scene);
+        };
+        let units = Range::above(0.0, 1e12);
         match text.as_str() {
             "scene" => Some(Scale::Scene),
             "none" => Some(Scale::None),
             number => match number.parse::<f64>() {
-                Ok(units) if units > 0.0 && units <= 1e12 => Some(Scale::Fixed(units)),
+                Ok(number) if units.holds(number) => Some(Scale::Fixed(number)),
                 _ => {
-                    let found = quoted(number);
-                    let wanted = "scene, none, or a number above 0 and at most 1000000000000";
-                    self.refuse(Problem::of_field(format!("is {found}, wanted {wanted}")).at(place))
+                    let message = format!("is {}, wanted scene, none, or {units}", bare(number));
+                    self.refuse(Problem::of_field(message).at(place))
                 }
             },
         }
@@ -168,19 +170,35 @@ impl Resolver<'_> {
             Field::Bad => None,
             Field::Given(schema::Speed::Function(text), _) => {
                 let (text, place) = text.given()?;
-                match Expression::parse(text) {
-                    Ok(law) => Some(Speed::Function(law)),
-                    Err(error) => {
-                        let message = format!("is no speed law: {error}");
-                        let help = "a formula in t from 0 to 1 that stays above 0, such as 0.25*sin(t) + 1.1";
-                        self.refuse(Problem::of_field(message).help(help).at(place))
-                    }
-                }
+                self.law(text, place).map(Speed::Function)
             }
             Field::Given(schema::Speed::List(later) | schema::Speed::Flow(later), _) => {
                 self.later(later, "this gs2e takes a speed as a function");
                 None
             }
         }
+    }
+
+    fn law(&self, text: &str, place: Place) -> Option<Expression> {
+        let error = match Expression::parse(text) {
+            Ok(law) => return Some(law),
+            Err(error) => error,
+        };
+        let help = "a formula in t that stays above 0 for t from 0 to 1, such as 0.25*sin(t) + 1.1";
+        let problem = Problem::of_field(format!("is no speed law: {error}")).help(help).at(place);
+        self.refuse(match seen_at(&error) {
+            Some(bytes) => problem.in_text(place, text, bytes),
+            None => problem,
+        })
+    }
+}
+
+/// The bytes of the formula that an error is about.
+fn seen_at(error: &ExpressionError) -> Option<std::ops::Range<usize>> {
+    match error {
+        ExpressionError::Name { at, name } => Some(*at..*at + name.len()),
+        ExpressionError::Syntax { at, .. } | ExpressionError::TooDeep { at, .. } => Some(*at..*at),
+        // The others are about the formula as a whole.
+        _ => None,
     }
 }

@@ -1,0 +1,53 @@
+//! What lies beside the recipes: `release.yaml`, what the release is called; `sources.yaml`, what may be passed on.
+
+mod release;
+mod sources;
+
+pub use release::ReleaseInfo;
+pub use sources::{Redistribution, SourceTerms};
+
+use super::fault::{Fault, Faults};
+use super::find::{self, RELEASE, SOURCES};
+use super::load::Parts;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Reads the `release.yaml` of the folders that recipes are taken from; defaults where there is none.
+///
+/// # Errors
+/// When it cannot be read, holds a fault, or when two folders have one each.
+pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
+    let read = |path: &Path| Ok(Parts::alone(path)?.resolve(|raw, resolver| release::info(raw, resolver))?.1);
+    one(paths, RELEASE)
+        .and_then(|path| path.map_or_else(|| Ok(ReleaseInfo::default()), |path| read(&path)))
+        .or_else(|faults| Faults::or(ReleaseInfo::default(), faults))
+}
+
+/// Reads the `sources.yaml` of the folders that recipes are taken from; empty where there is none.
+///
+/// # Errors
+/// When it cannot be read, holds a fault, or when two folders have one each.
+pub fn read_sources(paths: &[PathBuf]) -> Result<SourceTerms, Faults> {
+    let read =
+        |path: &Path| Ok(Parts::alone(path)?.resolve(|raw, resolver| sources::terms(raw, resolver))?.1);
+    one(paths, SOURCES)
+        .and_then(|path| path.map_or_else(|| Ok(SourceTerms::default()), |path| read(&path)))
+        .or_else(|faults| Faults::or(SourceTerms::default(), faults))
+}
+
+/// The one file of this name beside the recipes.
+fn one(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
+    let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
+    let mut seen = BTreeSet::new();
+    let mut found: Vec<PathBuf> = paths.iter().map(|path| folder(path).join(name)).collect();
+    found.retain(|path| path.is_file() && seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
+    match found.as_slice() {
+        [] => Ok(None),
+        [path] => Ok(Some(path.clone())),
+        [first, second, ..] => {
+            let message = format!("there is another one: {}", super::fault::shown(first));
+            let help = format!("one release has one {name}: release the folders apart, or keep one of them");
+            Err(vec![Fault::of_file(second, &message, Some(&help))])
+        }
+    }
+}

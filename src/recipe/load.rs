@@ -1,0 +1,186 @@
+//! From one file, and the defaults under it, to one recipe.
+
+use super::fault::{Fault, shown};
+use super::field::Field;
+use super::find::{DEFAULTS, folder};
+use super::merge::merge;
+use super::problem::Problem;
+use super::reader::{Problems, Reader};
+use super::resolve::{Resolved, Resolver};
+use super::text::{Place, Text, Texts};
+use super::tree::{MAX_BYTES, Node};
+use super::{NamedAt, Position, Recipe, canonical, schema};
+use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The version of the schema.
+const VERSION: u64 = 1;
+
+/// A recipe, and what can still be said about its scene id.
+pub(super) struct Read {
+    pub recipe: Recipe,
+    pub texts: Texts,
+    /// Where the scene id stands.
+    pub scene: Place,
+}
+
+/// A file that was read and parsed.
+type Parsed = (Arc<Text>, Node);
+
+/// The files read so far: one of defaults lies under many recipes.
+#[derive(Default)]
+pub(super) struct Library {
+    defaults: BTreeMap<PathBuf, Result<Parsed, Vec<Fault>>>,
+}
+
+impl Library {
+    /// Reads one recipe; its defaults are looked for from its own folder up to `root`.
+    pub(super) fn recipe(&mut self, file: &Path, root: &Path) -> Result<Read, Vec<Fault>> {
+        let (text, own) = parse(file, 0)?;
+        let mut parts = Parts { texts: vec![text], folders: vec![folder(file)], tree: own };
+        let folders = file.ancestors().skip(1).take_while(|folder| folder.starts_with(root));
+        if let Some(path) = folders.map(|folder| folder.join(DEFAULTS)).find(|path| path.is_file()) {
+            let (text, under) = self.defaults(&path)?;
+            parts.texts.push(text);
+            parts.folders.push(folder(&path));
+            parts.tree = merge(parts.tree, &under);
+        }
+        parts.recipe(file)
+    }
+
+    fn defaults(&mut self, path: &Path) -> Result<Parsed, Vec<Fault>> {
+        self.defaults.entry(path.to_owned()).or_insert_with(|| parse(path, 1)).clone()
+    }
+}
+
+/// The files that something is made from, and their merged tree.
+pub(super) struct Parts {
+    texts: Texts,
+    folders: Vec<PathBuf>,
+    tree: Node,
+}
+
+impl Parts {
+    /// One file, with nothing merged under it.
+    pub(super) fn alone(file: &Path) -> Result<Self, Vec<Fault>> {
+        let (text, tree) = parse(file, 0)?;
+        Ok(Self { texts: vec![text], folders: vec![folder(file)], tree })
+    }
+
+    /// Reads the tree as `T`, then lets `resolve` make something of it; every fault of both, in the order of the file.
+    pub(super) fn resolve<T: DeserializeOwned + Default, R>(
+        &self,
+        resolve: impl FnOnce(&T, &Resolver<'_>) -> Option<R>,
+    ) -> Result<(T, R), Vec<Fault>> {
+        let problems = Problems::default();
+        let raw = T::deserialize(Reader::new(&self.tree, &problems));
+        let raw = raw.map_err(|problem| problems.borrow_mut().push(problem)).unwrap_or_default();
+        let resolver = Resolver { problems: &problems, folders: &self.folders, root: self.tree.place };
+        let resolved = resolve(&raw, &resolver);
+        let mut problems = problems.into_inner();
+        problems.sort_by_key(Problem::order);
+        match resolved {
+            Some(resolved) if problems.is_empty() => Ok((raw, resolved)),
+            _ => Err(problems.into_iter().map(|p| p.fault(&self.texts, Some(&self.tree))).collect()),
+        }
+    }
+
+    fn recipe(self, file: &Path) -> Result<Read, Vec<Fault>> {
+        let (raw, resolved) = self
+            .resolve(|raw: &schema::Recipe, resolver| resolver.recipe(raw))
+            .map_err(|faults| self.other_version().map_or(faults, |fault| vec![fault]))?;
+        let at = |field: Option<Place>| field.map(|place| self.position(place));
+        let named_at = NamedAt {
+            scene: at(raw.scene.place()),
+            source: at(raw.source.place()),
+            reconstruct: at(raw.reconstruct.place()),
+        };
+        let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
+        let merged = canonical::merged(&raw, &resolved);
+        Ok(Read { recipe: assemble(file, named_at, resolved, merged), texts: self.texts, scene })
+    }
+
+    /// What is wrong with a recipe of another version is its version, whatever else is seen.
+    fn other_version(&self) -> Option<Fault> {
+        #[derive(Default, serde::Deserialize)]
+        #[serde(default)]
+        struct Versioned {
+            version: Field<u64>,
+        }
+
+        let ignored = Problems::default();
+        let raw = <Versioned as serde::Deserialize>::deserialize(Reader::new(&self.tree, &ignored)).ok()?;
+        let (version, place) = raw.version.given().filter(|(version, _)| **version != VERSION)?;
+        let problem = Problem::of_field(format!("is {version}, and this gs2e reads {VERSION}"));
+        Some(
+            problem
+                .help("use another gs2e, or write version: 1")
+                .at(place)
+                .fault(&self.texts, Some(&self.tree)),
+        )
+    }
+
+    fn position(&self, place: Place) -> Position {
+        let text = &self.texts[place.file as usize];
+        let (line, column) = text.position(place.start as usize);
+        Position { file: shown(&text.path), line, column }
+    }
+}
+
+fn assemble(file: &Path, named_at: NamedAt, resolved: Resolved, merged: serde_json::Value) -> Recipe {
+    Recipe {
+        file: file.to_owned(),
+        named_at,
+        scene: resolved.scene,
+        seed: resolved.seed,
+        source: resolved.source,
+        reconstruct: resolved.reconstruct,
+        camera: resolved.camera,
+        trajectories: resolved.trajectories,
+        rate: resolved.rate,
+        render: resolved.render,
+        sensor: resolved.sensor,
+        outputs: resolved.outputs,
+        sharp_every: resolved.sharp_every,
+        checks: resolved.checks,
+        licence: resolved.licence,
+        merged,
+    }
+}
+
+/// Reads and parses a file, whose places carry the number `index`.
+fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
+    let text = Arc::new(Text { path: file.to_owned(), body: read(file).map_err(|fault| vec![fault])? });
+    match Node::parse(&text, index) {
+        Ok(node) => Ok((text, node)),
+        Err(problems) => {
+            let texts = vec![text; index as usize + 1];
+            Err(problems.into_iter().map(|problem| problem.fault(&texts, None)).collect())
+        }
+    }
+}
+
+fn read(file: &Path) -> Result<String, Fault> {
+    let unreadable = |error| Fault::of_file(file, &format!("cannot be read: {}", words(&error)), None);
+    let about = std::fs::metadata(file).map_err(unreadable)?;
+    if about.len() > MAX_BYTES as u64 {
+        let message = format!("the file has {} bytes, wanted at most {MAX_BYTES}", about.len());
+        return Err(Fault::of_file(file, &message, Some("is it a recipe?")));
+    }
+    String::from_utf8(std::fs::read(file).map_err(unreadable)?).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let start = u32::try_from(valid).unwrap_or(u32::MAX);
+        let text =
+            Text { path: file.to_owned(), body: String::from_utf8_lossy(error.as_bytes()).into_owned() };
+        let problem = Problem::new("a byte that is not UTF-8").help("save the file as UTF-8");
+        problem.at(Place { file: 0, start, end: start + 1 }).fault(&vec![Arc::new(text)], None)
+    })
+}
+
+/// What the system says, without its error number.
+pub(super) fn words(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
+}

@@ -1,0 +1,141 @@
+//! The parts of a value, handed to serde one by one.
+
+use super::Reader;
+use crate::recipe::problem::Problem;
+use crate::recipe::text::Place;
+use crate::recipe::tree::{Entry, Kind, Node};
+use serde::de::value::StrDeserializer;
+use serde::de::{
+    DeserializeSeed, Deserializer, EnumAccess, IntoDeserializer, MapAccess, SeqAccess, VariantAccess, Visitor,
+};
+use std::cell::Cell;
+
+/// A [`crate::recipe::field::Field`]: its place in three numbers, then its value, or nothing where the value is faulty.
+pub(super) struct FieldAccess<'a> {
+    pub(super) reader: Reader<'a>,
+    /// How many parts were handed over.
+    pub(super) step: usize,
+}
+
+impl<'de> SeqAccess<'de> for FieldAccess<'_> {
+    type Error = Problem;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Problem> {
+        let Place { file, start, end } = self.reader.node.place;
+        self.step += 1;
+        if let Some(number) = [file, start, end].get(self.step - 1) {
+            return seed.deserialize(number.into_deserializer()).map(Some);
+        }
+        if self.reader.node.kind == Kind::Null {
+            self.reader.report(Problem::of_key("has no value").help("give it one, or remove the key"));
+            return Ok(None);
+        }
+        Ok(seed.deserialize(self.reader).map_err(|problem| self.reader.report(problem)).ok())
+    }
+}
+
+/// The items of a list.
+pub(super) struct Items<'a> {
+    pub(super) reader: Reader<'a>,
+    pub(super) items: std::slice::Iter<'a, Node>,
+}
+
+impl<'de> SeqAccess<'de> for Items<'_> {
+    type Error = Problem;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Problem> {
+        let Some(item) = self.items.next() else { return Ok(None) };
+        let reader = self.reader.of(item);
+        seed.deserialize(reader).map(Some).map_err(reader.here())
+    }
+}
+
+/// The entries of a mapping.
+pub(super) struct Entries<'a> {
+    pub(super) reader: Reader<'a>,
+    pub(super) rest: &'a [Entry],
+    /// Of a structure: the fields that it has; others were reported before.
+    pub(super) fields: Option<&'static [&'static str]>,
+    /// The value of the key that was handed over last.
+    pub(super) value: Option<&'a Node>,
+    /// Where a problem lies that serde finds now: at the last key, or in the mapping as a whole.
+    pub(super) last: &'a Cell<Place>,
+}
+
+impl<'de> MapAccess<'de> for Entries<'_> {
+    type Error = Problem;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Problem> {
+        while let [entry, rest @ ..] = self.rest {
+            self.rest = rest;
+            if self.fields.is_none_or(|fields| fields.contains(&entry.key.as_str())) {
+                self.value = Some(&entry.value);
+                self.last.set(entry.place);
+                let key: StrDeserializer<'_, Problem> = entry.key.as_str().into_deserializer();
+                return seed.deserialize(key).map(Some);
+            }
+        }
+        Ok(None)
+    }
+
+    fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, Problem> {
+        let reader = self.reader.of(self.value.take().expect("serde asks for a value after its key"));
+        let value = seed.deserialize(reader).map_err(reader.here())?;
+        self.last.set(self.reader.node.place);
+        Ok(value)
+    }
+}
+
+/// The one choice of an enumeration.
+pub(super) struct Choice<'a> {
+    pub(super) reader: Reader<'a>,
+    pub(super) name: &'a str,
+    /// Nothing where it is a bare word.
+    pub(super) value: Option<&'a Node>,
+}
+
+impl<'a> Choice<'a> {
+    fn body(&self) -> Result<Reader<'a>, Problem> {
+        self.value.map(|value| self.reader.of(value)).ok_or_else(|| {
+            let name = self.name;
+            Problem::of_field(format!("is {name} alone, wanted a mapping"))
+                .help(format!("write {name}: {{ … }}"))
+        })
+    }
+}
+
+impl<'de> EnumAccess<'de> for Choice<'_> {
+    type Error = Problem;
+    type Variant = Self;
+
+    fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Self), Problem> {
+        let name: StrDeserializer<'_, Problem> = self.name.into_deserializer();
+        Ok((seed.deserialize(name)?, self))
+    }
+}
+
+impl<'de> VariantAccess<'de> for Choice<'_> {
+    type Error = Problem;
+
+    fn unit_variant(self) -> Result<(), Problem> {
+        let Some(value) = self.value else { return Ok(()) };
+        Err(Problem::of_key("takes no value").help(format!("write {}", self.name)).at(value.place))
+    }
+
+    fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Problem> {
+        let body = self.body()?;
+        seed.deserialize(body).map_err(body.here())
+    }
+
+    fn tuple_variant<V: Visitor<'de>>(self, len: usize, visitor: V) -> Result<V::Value, Problem> {
+        self.body()?.deserialize_tuple(len, visitor)
+    }
+
+    fn struct_variant<V: Visitor<'de>>(
+        self,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Problem> {
+        self.body()?.deserialize_struct("", fields, visitor)
+    }
+}

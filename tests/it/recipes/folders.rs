@@ -1,0 +1,147 @@
+//! Which files are read, in which order, and with which defaults.
+
+use gs2e::recipe::{Recipe, read_all, read_release, read_sources};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+fn folder(files: &[(&str, &str)]) -> TempDir {
+    let root = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        let file = root.path().join(name);
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(file, text).unwrap();
+    }
+    root
+}
+
+fn scene(id: &str) -> String {
+    format!(
+        "version: 1\nscene: {id}\nsource: {{ procedural: {{}} }}\ntrajectories: [{{ name: base, refine: {{}} }}]\n"
+    )
+}
+
+fn read(root: &Path, names: &[&str]) -> Vec<Recipe> {
+    let paths: Vec<PathBuf> = names.iter().map(|name| root.join(name)).collect();
+    read_all(&paths).unwrap_or_else(|faults| panic!("{}", faults.render_text()))
+}
+
+/// Scene ids and seeds, by which defaults show.
+fn seeds(recipes: &[Recipe]) -> Vec<(&str, u64)> {
+    recipes.iter().map(|r| (r.scene.as_str(), r.seed)).collect()
+}
+
+#[test]
+fn the_nearest_defaults_within_the_folder_given_lie_under_a_recipe() {
+    let root = folder(&[
+        ("defaults.yaml", "seed: 1\n"),
+        ("x.yaml", &scene("x")),
+        ("sub/defaults.yaml", "sharp: { every: 2 }\n"),
+        ("sub/y.yaml", &scene("y")),
+        ("sub/deep/z.yaml", &scene("z")),
+        ("other/w.yaml", &scene("w")),
+    ]);
+    let all = read(root.path(), &[""]);
+    assert_eq!(seeds(&all), [("w", 1), ("x", 1), ("y", 0), ("z", 0)]);
+    let every: Vec<u32> = all.iter().map(|r| r.sharp_every).collect();
+    assert_eq!(every, [1, 1, 2, 2]);
+    // Above the folder given nothing is looked for, and beside a file its own folder alone.
+    assert_eq!(seeds(&read(root.path(), &["other"])), [("w", 0)]);
+    assert_eq!(seeds(&read(root.path(), &["x.yaml", "other/w.yaml"])), [("w", 0), ("x", 1)]);
+    assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].sharp_every, 1);
+}
+
+#[test]
+fn order_and_names_of_files_do_not_matter() {
+    let root = folder(&[("a.yaml", &scene("2")), ("b.yml", &scene("1")), ("c/d.yaml", &scene("3"))]);
+    let wanted = [("1", 0), ("2", 0), ("3", 0)];
+    for names in [&[""][..], &["c", "b.yml", "a.yaml"], &["a.yaml", "", "./a.yaml", "c/../c"]] {
+        assert_eq!(seeds(&read(root.path(), names)), wanted, "{names:?}");
+    }
+}
+
+#[test]
+fn other_files_are_passed_over() {
+    let root = folder(&[
+        ("a.yaml", &scene("a")),
+        ("defaults.yaml", "seed: 5\n"),
+        ("release.yaml", "name: x\n"),
+        ("sources.yaml", "{}\n"),
+        ("sub/release.yaml", "nonsense"),
+        (".hidden.yaml", "nonsense"),
+        (".git/config.yaml", "nonsense"),
+        ("notes.txt", "nonsense"),
+        ("x.yaml.bak", "nonsense"),
+    ]);
+    assert_eq!(seeds(&read(root.path(), &[""])), [("a", 5)]);
+}
+
+#[test]
+fn what_is_not_there_is_said() {
+    let root = folder(&[("empty/notes.txt", ""), ("defaults.yaml", "seed: 1\n"), ("folder.yaml/x.txt", "")]);
+    let t = |name: &str, wanted: &str| {
+        let faults = read_all(&[root.path().join(name)]).unwrap_err();
+        let text = faults.render_text();
+        assert!(text.contains(wanted) && text.contains(name), "{name}: {text}");
+        assert_eq!(faults.listed()[0].position(), None);
+    };
+    t("absent.yaml", "cannot be read: no such file or directory");
+    t("absent", "cannot be read: no such file or directory");
+    t("empty", "no recipe is in this folder");
+    t("folder.yaml", "no recipe is in this folder");
+    t("defaults.yaml", "this file is no recipe");
+}
+
+#[test]
+fn a_file_too_large_is_not_read() {
+    let large = format!("{}# {}\n", scene("a"), "x".repeat(1 << 20));
+    let root = folder(&[("a.yaml", &large)]);
+    let text = read_all(&[root.path().to_owned()]).unwrap_err().render_text();
+    assert!(text.contains("wanted at most 1048576"), "{text}");
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_loops_are_told() {
+    let root = folder(&[("real/a.yaml", &scene("a"))]);
+    std::os::unix::fs::symlink(root.path().join("real"), root.path().join("link")).unwrap();
+    assert_eq!(seeds(&read(root.path(), &["link"])), [("a", 0)]);
+    // Once, although two ways lead to it.
+    assert_eq!(seeds(&read(root.path(), &[""])), [("a", 0)]);
+    std::os::unix::fs::symlink(root.path(), root.path().join("real/up")).unwrap();
+    let text = read_all(&[root.path().to_owned()]).unwrap_err().render_text();
+    assert!(text.contains("a link leads back"), "{text}");
+}
+
+#[test]
+fn what_lies_beside_the_recipes_is_read() {
+    let release = "name: Example\nversion: 1.2.0\nurl: https://example.org/data\ncreator: Example Lab\n\
+                   date_published: 2025-05-21\ncite_as: Example (2025)\ndescription: Events.\n";
+    let sources = "mvimgnet: { redistribute: allowed, because: a letter of 2025-01-01 }\n";
+    let root = folder(&[("a.yaml", &scene("a")), ("release.yaml", release), ("sources.yaml", sources)]);
+    for name in ["", "a.yaml"] {
+        let paths = [root.path().join(name)];
+        let info = read_release(&paths).unwrap();
+        assert_eq!((info.name.as_str(), info.version.as_str()), ("Example", "1.2.0"));
+        assert_eq!((info.creator.as_str(), info.date_published.as_str()), ("Example Lab", "2025-05-21"));
+        let terms = read_sources(&paths).unwrap();
+        assert_eq!(terms["mvimgnet"].because, "a letter of 2025-01-01");
+        assert_eq!(terms.len(), 1);
+    }
+}
+
+#[test]
+fn a_release_has_a_name_where_none_is_given() {
+    let root = folder(&[("a.yaml", &scene("a"))]);
+    let info = read_release(&[root.path().to_owned()]).unwrap();
+    assert_eq!((info.version.as_str(), info.date_published.as_str()), ("0.0.0", "1970-01-01"));
+    assert!(read_sources(&[root.path().to_owned()]).unwrap().is_empty());
+}
+
+#[test]
+fn one_release_has_one_name() {
+    let root = folder(&[("a/release.yaml", "name: A\n"), ("b/release.yaml", "name: B\n")]);
+    let paths = [root.path().join("a"), root.path().join("b")];
+    let text = read_release(&paths).unwrap_err().render_text();
+    assert!(text.contains("there is another one") && text.contains("a/release.yaml"), "{text}");
+    assert_eq!(read_release(&[paths[0].clone(), paths[0].clone()]).unwrap().name, "A");
+}

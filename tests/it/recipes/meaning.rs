@@ -1,0 +1,189 @@
+//! One meaning, many spellings; and numbers that are exactly what is written.
+
+use super::{read, recipe, said, snapshot, sound};
+use gs2e::recipe::{Output, Reconstruct, Source};
+use gs2e::sensor::Sensor;
+use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::trajectory::refine::{Count, Scale};
+use gs2e::units::Ratio;
+use std::path::Path;
+
+fn voltmeter(recipe: gs2e::recipe::Recipe) -> Voltmeter {
+    let Sensor::Voltmeter(voltmeter) = recipe.sensor;
+    voltmeter
+}
+
+#[test]
+fn the_bundled_recipes_mean_what_they_say() {
+    let recipes = read("recipes").unwrap_or_else(|faults| panic!("{}", faults.render_text()));
+    for recipe in &recipes {
+        let name = recipe.scene.replace('/', "-");
+        snapshot(&format!("merged-{name}"), &serde_json::to_string_pretty(&recipe.merged).unwrap());
+    }
+    let scenes: Vec<&str> = recipes.iter().map(|r| r.scene.as_str()).collect();
+    assert_eq!(scenes, ["procedural/paper-scale", "procedural/still-life"]);
+    let [paper, demo] = recipes.try_into().unwrap();
+    assert_eq!(paper.trajectories, demo.trajectories);
+    assert_eq!((&paper.sensor, paper.rate, &paper.licence), (&demo.sensor, demo.rate, &demo.licence));
+}
+
+#[test]
+fn spelling_changes_nothing() {
+    let plain = "version: 1\nscene: a/b\nseed: 7\nsource:\n  procedural:\n    kind: still-life\n    arc: 20\n\
+                 trajectories:\n  - name: base\n    refine:\n      window: 2\n      factor: 1.1\n    speed:\n      \
+                 function: 1 + t\nsampling:\n  rate: 2400\nsensor:\n  voltmeter:\n    threshold:\n      on: 0.5\n\
+                 outputs:\n  - events\n  - sharp\nlicence:\n  expression: CC0-1.0\n  holder: Example Lab\n";
+    let wanted = said(recipe(plain).unwrap());
+    let t = |yaml: &str| {
+        let found = recipe(yaml).unwrap_or_else(|faults| panic!("{yaml}\n{}", faults.render_text()));
+        assert_eq!(said(found), wanted, "{yaml}");
+    };
+    t(&plain.replace('\n', "\r\n"));
+    t(&format!("\u{feff}---\n# a comment\n{plain}...\n"));
+    t(&plain.replace("rate: 2400", "rate: 24e2  # frames").replace("seed: 7", "seed: 7.0"));
+    t(&plain.replace("on: 0.5", "on: +.50").replace("arc: 20", "arc: 2.0e1"));
+    t(&plain.replace("factor: 1.1", "factor: 11/10").replace("scene: a/b", "scene: 'a/b'"));
+    t(&plain
+        .replace("factor: 1.1", "factor: \"1.10\"")
+        .replace("function: 1 + t", "function: |-\n        1 + t"));
+    t(&plain.replace("- events\n  - sharp", "- sharp\n  - events"));
+    t(
+        "licence: { holder: \"Example Lab\", expression: 'CC0-1.0' }\nsensor: { voltmeter: { threshold: { on: 5e-1 } } }\n\
+       outputs: [sharp, events]\nsampling: { rate: 2400.000 }\nseed: 0x7\ntrajectories: [{ speed: { function: \"1 + t\" }, \
+       refine: { factor: 1.1, window: 2.0 }, name: base }]\nsource: { procedural: { arc: 20 } }\nscene: a/b\nversion: 1.0\n",
+    );
+    t(
+        "{\"version\": 1, \"scene\": \"a/b\", \"seed\": 7, \"source\": {\"procedural\": {}}, \"trajectories\": [{\"name\": \
+       \"base\", \"refine\": {\"factor\": \"11/10\"}, \"speed\": {\"function\": \"1 + t\"}}], \"sensor\": {\"voltmeter\": \
+       {\"threshold\": {\"on\": 0.5}}}, \"licence\": {\"expression\": \"CC0-1.0\", \"holder\": \"Example Lab\"}}",
+    );
+}
+
+#[test]
+fn what_is_left_out_is_what_the_paper_does() {
+    let recipe = sound("");
+    assert_eq!(recipe.seed, 0);
+    assert_eq!(recipe.rate.0, Ratio::new(2400, 1).unwrap());
+    assert_eq!(recipe.outputs, [Output::Events, Output::Sharp].into());
+    let (refine, speed) = (&recipe.trajectories[0].refine, &recipe.trajectories[0].speed);
+    assert_eq!((refine.window, refine.count), (2, Count::Factor(Ratio::new(5, 1).unwrap())));
+    // A.1: the speed at both ends of the sequence.
+    let law = speed.as_law();
+    assert!((law.speed(0.0) - 1.1).abs() < 1e-15, "{}", law.speed(0.0));
+    assert!((law.speed(1.0) - 1.310_367_746_201_974).abs() < 1e-15, "{}", law.speed(1.0));
+    assert_eq!(voltmeter(recipe), Voltmeter::new(Preset::Dvs346.k()));
+}
+
+#[test]
+fn ratios_are_exactly_what_is_written() {
+    let rate = |text: &str| sound(&format!("sampling: {{ rate: {text} }}")).rate.0;
+    let t = |text: &str, n, d| assert_eq!(rate(text), Ratio::new(n, d).unwrap(), "{text}");
+    t("2400", 2400, 1);
+    t("23.976", 2997, 125);
+    t("30000/1001", 30_000, 1001);
+    t("'30000/1001'", 30_000, 1001);
+    t("59.94", 2997, 50);
+    // As floats both are 0.1.
+    t("0.1", 1, 10);
+    t("0.10000000000000001", 10_000_000_000_000_001, 100_000_000_000_000_000);
+}
+
+#[test]
+fn units_are_converted_and_presets_are_numbers() {
+    let t = |yaml: &str, wanted: [f64; 6]| {
+        let found = voltmeter(sound(&format!("sensor: {{ voltmeter: {{ {yaml} }} }}"))).k;
+        for (found, wanted) in found.into_iter().zip(wanted) {
+            assert!((found - wanted).abs() <= 1e-6 * wanted, "{yaml}: {found:e}, wanted {wanted:e}");
+        }
+    };
+    // The table of numerics 1.1, in official units.
+    let dvs240 = [4.42411, 23.0, 2e-4, 1e-7, 5e-8, 1e-5];
+    let gs2e_si = [0.5, 0.255, 1.596_872e-3, 1e-8, 3.921_569e-10, 1e-8];
+    t("preset: dvs240", dvs240);
+    t("k: [4.42411, 23, 2e-4, 1e-7, 5e-8, 1e-5], units: { time: us, brightness: 255 }", dvs240);
+    t("preset: gs2e-si", gs2e_si);
+    t("k: [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5], units: { time: s, brightness: 1 }", gs2e_si);
+}
+
+#[test]
+fn a_value_may_be_named_and_used_again() {
+    let found = voltmeter(sound("sensor: { voltmeter: { threshold: { on: &theta 0.7, off: *theta } } }"));
+    assert_eq!(
+        (found.threshold_on.to_bits(), found.threshold_off.to_bits()),
+        (0.7_f64.to_bits(), 0.7_f64.to_bits())
+    );
+}
+
+#[test]
+fn names_that_look_like_numbers_are_names() {
+    // Instances of MVImgNet have names such as these.
+    for name in ["11/16009258", "12/0e12", "13/1.10"] {
+        let yaml =
+            "version: 1\nscene: NAME\nsource: { procedural: {} }\ntrajectories: [{ name: 007, refine: {} }]";
+        let recipe = recipe(&yaml.replace("NAME", name)).unwrap();
+        assert_eq!((recipe.scene.as_str(), recipe.trajectories[0].name.as_str()), (name, "007"));
+    }
+}
+
+#[test]
+fn paths_start_at_the_file_that_names_them() {
+    let root = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let file = root.path().join(name);
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(file, text).unwrap();
+    };
+    write(
+        "defaults.yaml",
+        "reconstruct: { given: { path: scenes/a.ply } }\ntrajectories: [{ name: base, refine: {} }]\n",
+    );
+    write("sub/a.yaml", "version: 1\nscene: a\nsource: { colmap: { path: ../capture } }\n");
+    write("sub/b.yaml", "version: 1\nscene: b\nsource: { nerfstudio: { path: /abs/transforms.json } }\n");
+    let recipes = gs2e::recipe::read_all(&[root.path().to_owned()]).unwrap();
+    assert_eq!(recipes[0].source, Source::Colmap(root.path().join("sub/../capture")));
+    assert_eq!(recipes[1].source, Source::Nerfstudio(Path::new("/abs/transforms.json").to_owned()));
+    assert_eq!(recipes[0].reconstruct, Some(Reconstruct::Given(root.path().join("scenes/a.ply"))));
+    // As written, so that a release says the same wherever it is made.
+    assert_eq!(recipes[0].merged["source"]["colmap"]["path"], "../capture");
+    assert_eq!(recipes[0].merged["reconstruct"]["given"]["path"], "scenes/a.ply");
+    let named = recipes[0].named_at.reconstruct.as_ref().unwrap();
+    assert!(named.file.ends_with("/defaults.yaml"), "{named}");
+    assert_eq!((named.line, named.column), (1, 14));
+}
+
+#[test]
+fn the_merged_form_is_a_recipe_that_means_the_same() {
+    let everything = "seed: 18446744073709551615\ncamera: { width: 640, height: 360, fx: 500, fy: 500.5, cx: 320, cy: 180 }\n\
+        sampling: { rate: 30000/1001 }\nrender: { rules: exact, antialiased: true, background: [0.1, 0.2, 0.3] }\n\
+        sensor: { voltmeter: { k: [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5], units: { time: s, brightness: 1 }, gain: midpoint, \
+        threshold: { on: 0.3, off: 0.4 }, max_events_per_pixel_frame: 5 } }\noutputs: [sharp]\nsharp: { every: 3 }\n\
+        checks: { waive: [{ check: sampling, because: a test }] }\n\
+        licence: { expression: MIT OR LicenseRef-Own, holder: Example Lab }\n";
+    for more in ["", everything] {
+        let first = sound(more);
+        let again = recipe(&serde_json::to_string_pretty(&first.merged).unwrap())
+            .unwrap_or_else(|faults| panic!("{}", faults.render_text()));
+        assert_eq!(said(again), said(first));
+    }
+}
+
+#[test]
+fn all_ways_of_refining_are_read() {
+    let refine = |text: &str| {
+        let yaml = "version: 1\nscene: a\nsource: { procedural: {} }\ntrajectories: [{ name: b, refine: { REFINE } }]";
+        let recipe = recipe(&yaml.replace("REFINE", text)).unwrap_or_else(|f| panic!("{}", f.render_text()));
+        let text = serde_json::to_string(&recipe.merged).unwrap();
+        assert_eq!(said(super::recipe(&text).unwrap()), said(recipe.clone()), "{text}");
+        recipe.trajectories[0].refine.clone()
+    };
+    assert_eq!(refine("frames: 150").count, Count::Frames(150));
+    assert_eq!(refine("duration: 0.0625").count, Count::Duration(Ratio::new(1, 16).unwrap()));
+    assert_eq!(refine("metric: { scale: none }").scale, Scale::None);
+    assert_eq!(refine("metric: { scale: 2.5 }").scale, Scale::Fixed(2.5));
+    let other = refine(
+        "window: 0, order: nearest, rotation: slerp-midpoint, ends: pinned, gaps: refuse, literal: true",
+    );
+    let usual = refine("");
+    assert!(other.window != usual.window && other.order != usual.order && other.rotation != usual.rotation);
+    assert!(other.ends != usual.ends && other.gaps != usual.gaps && other.literal != usual.literal);
+}

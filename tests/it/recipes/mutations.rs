@@ -1,0 +1,108 @@
+//! Whatever bytes a recipe is made of, it is read or refused with a place; nothing panics.
+
+use gs2e::recipe::{Faults, read_all};
+use proptest::prelude::{Just, Strategy, any, prop, prop_oneof};
+use proptest::test_runner::{Config, TestRunner};
+use std::path::PathBuf;
+
+const DEMO: &str = include_str!("../../../recipes/demo.yaml");
+
+/// Texts that have upset YAML readers and number parsers.
+const NASTY: [&str; 36] = [
+    "",
+    "~",
+    "\t",
+    "\n",
+    "\r",
+    " ",
+    ":",
+    ": ",
+    "- ",
+    "{",
+    "}",
+    "[",
+    "]",
+    ",",
+    "&a ",
+    "*a",
+    "!t ",
+    "|",
+    ">",
+    "'",
+    "\"",
+    "%",
+    "@",
+    "`",
+    "#",
+    "?",
+    "<<: ",
+    "---\n",
+    "...\n",
+    ".nan",
+    "1e999",
+    "0x",
+    "\u{feff}",
+    "\u{0}",
+    "é",
+    "\u{1f980}",
+];
+
+/// Replaces `len` bytes at `at` (both taken modulo what there is) by `with`.
+type Edit = (usize, usize, Vec<u8>);
+
+fn edits() -> impl Strategy<Value = Vec<Edit>> {
+    let with = prop_oneof![
+        any::<u8>().prop_map(|b| vec![b]),
+        (0..NASTY.len()).prop_map(|i| NASTY[i].as_bytes().to_vec()),
+        // A piece of the recipe itself: keys come twice, values stand in the wrong place.
+        (0..DEMO.len(), 1..60_usize)
+            .prop_map(|(at, n)| DEMO.as_bytes()[at..(at + n).min(DEMO.len())].to_vec()),
+        Just(Vec::new()),
+    ];
+    prop::collection::vec((any::<usize>(), 0..20_usize, with), 1..6)
+}
+
+fn edited(edits: &[Edit]) -> Vec<u8> {
+    let mut bytes = DEMO.as_bytes().to_vec();
+    for (at, len, with) in edits {
+        let start = at % (bytes.len() + 1);
+        let end = (start + len).min(bytes.len());
+        bytes.splice(start..end, with.iter().copied());
+    }
+    bytes
+}
+
+fn has_places(faults: &Faults, bytes: &[u8]) {
+    let lines = bytes.split(|b| matches!(b, b'\n' | b'\r')).count();
+    assert!(!faults.listed().is_empty() && faults.listed().len() <= 20);
+    assert_eq!(faults.to_json().len(), faults.listed().len());
+    assert!(faults.render_text().starts_with("error: "));
+    for fault in faults.listed() {
+        let about_the_file = matches!(fault.message(), "the file is empty");
+        let Some((line, column)) = fault.position() else {
+            assert!(about_the_file, "no place: {fault}");
+            continue;
+        };
+        assert!((1..=lines).contains(&line) && column >= 1, "{fault} of {lines} lines");
+        assert!(!fault.render_text().contains(|c: char| c.is_control() && c != '\n'), "{fault}");
+    }
+}
+
+#[test]
+fn mutated_recipes_are_read_or_refused_with_a_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("recipe.yaml");
+    let mut runner = TestRunner::new_with_rng(
+        Config { cases: 1000, failure_persistence: None, ..Config::default() },
+        proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
+    );
+    let result = runner.run(&edits(), |edits| {
+        let bytes = edited(&edits);
+        std::fs::write(&file, &bytes).unwrap();
+        if let Err(faults) = read_all(&[PathBuf::from(&file)]) {
+            has_places(&faults, &bytes);
+        }
+        Ok(())
+    });
+    result.unwrap_or_else(|failure| panic!("{failure}"));
+}
