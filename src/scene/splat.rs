@@ -51,3 +51,65 @@ fn log_scale(deviation: f32) -> f32 {
 fn coefficient(byte: u8) -> f32 {
     ((f64::from(byte) / 255.0 - 0.5) / sh::C0) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(floats: [f32; 6], rgba: [u8; 4], rotation: [u8; 4]) -> Vec<u8> {
+        let mut bytes: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
+        bytes.extend(rgba);
+        bytes.extend(rotation);
+        bytes
+    }
+
+    fn two() -> Vec<u8> {
+        [
+            record([1.0, -2.0, 0.5, 1.0, std::f32::consts::E, 0.0], [255, 0, 51, 255], [255, 128, 0, 64]),
+            record([0.0, 0.25, 8.0, 0.1, 0.1, 0.1], [128, 128, 128, 0], [128, 128, 128, 128]),
+        ]
+        .concat()
+    }
+
+    #[test]
+    fn records_are_read_field_by_field() {
+        let scene = read_splat(&two()).unwrap();
+        assert_eq!(scene.positions, [[1.0, -2.0, 0.5], [0.0, 0.25, 8.0]]);
+        assert_eq!(scene.rotations, [[0.992_187_5, 0.0, -1.0, -0.5], [0.0; 4]]);
+        assert_eq!((scene.sh_degree, scene.antialiased), (0, None));
+        assert_eq!((scene.screening.read, scene.screening.zero_quaternions), (2, 1));
+        let near = |got: f32, wanted: f32| assert!((got - wanted).abs() <= 1e-6 * wanted.abs(), "{got}");
+        near(scene.log_scales[0][1], 1.0);
+        near(scene.log_scales[0][2], -87.336_54); // ln of 2^-126
+        near(scene.log_scales[1][0], -std::f32::consts::LN_10);
+        near(scene.sh[0][0], 1.772_453_9); // sqrt(pi): 0.5 / C0
+        near(scene.sh[0][2], -1.063_472_3); // (0.2 - 0.5) / C0
+        near(scene.opacity_logits[0], 6.232_448); // ln 509
+        near(scene.opacity_logits[1], -6.232_448);
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let whole = two();
+        for len in (0..whole.len()).filter(|len| len % 32 != 0) {
+            let error = read_splat(&whole[..len]).unwrap_err().to_string();
+            let wanted = format!(
+                "read .splat at byte {}: found {} bytes before the end, wanted 32 bytes of a record",
+                len / 32 * 32,
+                len % 32
+            );
+            assert_eq!(error, wanted);
+        }
+        assert!(read_splat(&[]).is_err());
+    }
+
+    #[test]
+    fn gaussians_that_are_not_finite_are_dropped_and_counted() {
+        for (field, bad) in [(0, f32::NAN), (2, f32::INFINITY), (3, f32::NAN), (5, -1.0)] {
+            let mut bytes = two();
+            bytes[4 * field..4 * field + 4].copy_from_slice(&bad.to_le_bytes());
+            let scene = read_splat(&bytes).unwrap();
+            assert_eq!((scene.len(), scene.screening.non_finite), (1, 1), "{bad} in field {field}");
+        }
+    }
+}

@@ -95,3 +95,185 @@ fn read_layout(cursor: &mut Cursor) -> Result<(u8, u8), SceneError> {
     }
     Ok((sh_degree, bits))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::FRAC_1_SQRT_2;
+    use std::io::Write;
+
+    /// Two Gaussians of degree 1 as planes of bytes; `rotations` holds those of the version.
+    fn planes(rotations: &[u8]) -> [Vec<u8>; planes::COUNT] {
+        [
+            // 1, -0.5, 2.25 and 0, 0, -2048 in units of 2^-12
+            vec![0x00, 0x10, 0x00, 0x00, 0xf8, 0xff, 0x00, 0x24, 0x00, 0, 0, 0, 0, 0, 0, 0x00, 0x00, 0x80],
+            vec![255, 51],
+            vec![0, 255, 128, 102, 153, 204],
+            vec![160, 0, 255, 16, 32, 48],
+            rotations.to_vec(),
+            vec![192, 128, 64, 0, 160, 128, 255, 128, 96, 128, 128, 128, 128, 128, 128, 128, 128, 128],
+        ]
+    }
+
+    /// `x` of 3/5 and `y` of -3/5; then `z` of -1.
+    const ROTATIONS_2: [u8; 6] = [204, 51, 127, 127, 127, 0];
+    /// `w` largest, `x` of 511, `y` of -256; then `x` largest, `y` of 0, `z` of -1 and `w` of 511.
+    const ROTATIONS_3: [u32; 2] = [3 << 30 | 511 << 20 | (512 | 256) << 10, (512 | 1) << 10 | 511];
+
+    fn rotations_3() -> Vec<u8> {
+        ROTATIONS_3.iter().flat_map(|r| r.to_le_bytes()).collect()
+    }
+
+    fn header(version: u8, count: u32, degree: u8, last: [u8; 2]) -> Vec<u8> {
+        let mut bytes = b"NGSP".to_vec();
+        bytes.extend([version, 0, 0, 0]);
+        bytes.extend(count.to_le_bytes());
+        bytes.extend([degree, 12]);
+        bytes.extend(last);
+        bytes
+    }
+
+    fn gzip(content: &[u8]) -> Vec<u8> {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(content).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    fn legacy(version: u8, rotations: &[u8]) -> Vec<u8> {
+        gzip(&[header(version, 2, 1, [1, 0]), planes(rotations).concat()].concat())
+    }
+
+    fn zstd_file(degree: u8, flags: u8, extensions: &[u8], planes: &[Vec<u8>]) -> Vec<u8> {
+        let mut bytes = header(4, 2, degree, [flags, u8::try_from(planes.len()).unwrap()]);
+        bytes.extend(u32::try_from(32 + extensions.len()).unwrap().to_le_bytes());
+        bytes.extend([0; 12]);
+        bytes.extend(extensions);
+        let streams: Vec<Vec<u8>> = planes.iter().map(|p| zstd::encode_all(&p[..], 3).unwrap()).collect();
+        for (plane, stream) in planes.iter().zip(&streams) {
+            bytes.extend((stream.len() as u64).to_le_bytes());
+            bytes.extend((plane.len() as u64).to_le_bytes());
+        }
+        bytes.extend(streams.concat());
+        bytes
+    }
+
+    fn near(got: &[f32], wanted: &[f32]) {
+        for (g, w) in got.iter().zip(wanted) {
+            // wanted values carry seven digits
+            assert!((g - w).abs() <= 2e-6 * w.abs().max(0.1), "{got:?} for {wanted:?}");
+        }
+    }
+
+    fn check_all_but_rotations(scene: &Gaussians) {
+        assert_eq!(scene.positions, [[1.0, 0.5, -2.25], [0.0, -0.0, 2048.0]]);
+        assert_eq!(scene.log_scales, [[0.0, -10.0, 5.9375], [-9.0, -8.0, -7.0]]);
+        near(&scene.opacity_logits, &[6.232_448, -1.386_294_4]); // ln 509, ln 1/4
+        near(&scene.sh[0], &[-3.333_333_3, 3.333_333_3, 0.013_071_9]);
+        near(&scene.sh[4], &[-0.666_666_7, 0.666_666_7, 2.0]);
+        // The functions in y and z flip, the one in x stays.
+        assert_eq!(scene.sh[1..4], [[-0.5, 0.0, 0.5], [1.0, -0.25, 0.0], [0.992_187_5, 0.0, -0.25]]);
+        assert_eq!((scene.sh_degree, scene.antialiased, scene.screening.read), (1, Some(true), 2));
+    }
+
+    #[test]
+    fn version_2_is_read() {
+        let scene = read_spz(&legacy(2, &ROTATIONS_2)).unwrap();
+        check_all_but_rotations(&scene);
+        // y and z turn; 127 stands for -1/255; w = sqrt(1 - 0.36 - 0.36 - 1/65025)
+        near(&scene.rotations[0], &[0.529_135_9, 0.6, 0.6, 0.003_921_57]);
+        near(&scene.rotations[1], &[0.0, -0.003_921_57, 0.003_921_57, 1.0]);
+    }
+
+    #[test]
+    fn versions_3_and_4_are_read() {
+        let files = [legacy(3, &rotations_3()), zstd_file(1, 1, &[], &planes(&rotations_3()))];
+        for scene in files.map(|bytes| read_spz(&bytes).unwrap()) {
+            check_all_but_rotations(&scene);
+            // 256/511 sqrt(1/2) = 0.3542454; sqrt(1 - 1/2 - 0.1254898) = 0.6119724
+            near(&scene.rotations[0], &[0.611_972_4, FRAC_1_SQRT_2, 0.354_245_4, 0.0]);
+            // 1/511 sqrt(1/2) = 0.0013837708; sqrt(1/2 - 1.9148e-6) = 0.7071054
+            near(&scene.rotations[1], &[FRAC_1_SQRT_2, 0.707_105_4, 0.0, 0.001_383_770_8]);
+        }
+    }
+
+    #[test]
+    fn harmonics_of_degree_0_have_no_stream() {
+        let scene = read_spz(&zstd_file(0, 0, &[], &planes(&rotations_3())[..5])).unwrap();
+        assert_eq!((scene.sh_degree, scene.sh.len(), scene.antialiased), (0, 2, Some(false)));
+    }
+
+    #[test]
+    fn an_extension_may_name_other_axes() {
+        let mut extension = 0xADBE_0003_u32.to_le_bytes().to_vec();
+        extension.extend([4, 0, 0, 0, 6, 0, 0, 0]);
+        let v4 = zstd_file(1, 2, &extension, &planes(&rotations_3()));
+        let content = [header(3, 2, 1, [2, 0]), planes(&rotations_3()).concat(), extension];
+        for bytes in [v4, gzip(&content.concat())] {
+            let scene = read_spz(&bytes).unwrap();
+            assert_eq!(scene.positions[..1], [[1.0, -0.5, 2.25]]);
+            near(&scene.rotations[0], &[0.611_972_4, FRAC_1_SQRT_2, -0.354_245_4, 0.0]);
+        }
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        for whole in [legacy(2, &ROTATIONS_2), zstd_file(1, 1, &[], &planes(&rotations_3()))] {
+            for len in 0..whole.len() {
+                assert!(read_spz(&whole[..len]).is_err(), "{len} of {} bytes", whole.len());
+            }
+        }
+    }
+
+    #[test]
+    fn errors_say_what_was_found_and_wanted() {
+        let t = |bytes: &[u8], message: &str| {
+            let error = read_spz(bytes).unwrap_err().to_string();
+            assert!(error.contains(message), "{error}");
+        };
+        let content = |version, degree, last| [header(version, 2, degree, last), vec![0; 99]].concat();
+        t(&gzip(&content(1, 0, [0, 0])), "at byte 4: version 1 (half floats) is not supported");
+        t(&gzip(&content(5, 0, [0, 0])), "at byte 4: found version 5, wanted version 2, 3 or 4");
+        t(&gzip(&content(4, 0, [0, 0])), "found version 4 within gzip");
+        t(&gzip(&content(2, 4, [0, 0])), "at byte 12: spherical harmonics of degree 4 is not supported");
+        t(&gzip(&content(2, 7, [0, 0])), "at byte 12: found degree 7");
+        t(&gzip(&content(2, 0, [0x80, 0])), "at byte 14: the flags 0x80 is not supported");
+        t(&gzip(&content(2, 0, [0, 0])), "at byte 54: found more bytes, wanted the end of the data");
+        t(&gzip(b"ply\n............"), "found the bytes [70, 6c, 79, 0a], wanted the signature `NGSP`");
+        t(&content(2, 0, [0, 0]), "found version 2 without gzip");
+        let good = zstd_file(1, 1, &[], &planes(&rotations_3()));
+        let changed = |at: usize, byte: u8| {
+            let mut bytes = good.clone();
+            bytes[at] = byte;
+            bytes
+        };
+        t(&changed(15, 5), "found 5 streams, wanted 6 streams at degree 1");
+        t(&changed(16, 31), "at byte 16: found a table at byte 31, wanted a table after the header");
+        t(&changed(40, 19), "at byte 40: found 19 bytes of positions, wanted 18 bytes");
+        t(&changed(11, 1), "found 16777218 Gaussians in");
+        t(&changed(13, 25), "at byte 13: found 25 fractional bits");
+        t(&[&good[..], &[0]].concat(), "found 1 more bytes, wanted the end of the data");
+        let mut short = planes(&rotations_3());
+        short[0].push(0);
+        let mut long = zstd_file(1, 1, &[], &short);
+        long[40] = 18;
+        t(&long, "found more than 18 bytes of positions");
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig {
+            failure_persistence: None, ..proptest::prelude::ProptestConfig::with_cases(500)
+        })]
+
+        #[test]
+        fn damage_never_panics(at in 0_usize..1000, byte: u8, version in 2_u8..=4) {
+            let mut bytes = match version {
+                2 => legacy(2, &ROTATIONS_2),
+                3 => legacy(3, &rotations_3()),
+                _ => zstd_file(1, 1, &[], &planes(&rotations_3())),
+            };
+            let at = at % bytes.len();
+            bytes[at] = byte;
+            let _ = read_spz(&bytes);
+        }
+    }
+}

@@ -9,3 +9,4 @@ mod store;
 mod support;
 mod tidy;
 mod trajectories;
+mod scenes;

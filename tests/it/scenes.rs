@@ -1,0 +1,107 @@
+//! Real scene files, of which `../shared/data/README.md` says what they hold.
+
+#![expect(
+    clippy::print_stderr,
+    clippy::unwrap_used,
+    reason = "a test says why it is not run, and panics to fail"
+)]
+
+use gs2e::scene::{self, Gaussians};
+use std::path::{Path, PathBuf};
+
+fn data(name: &str) -> Option<PathBuf> {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    if shared.exists() {
+        return Some(shared.join(name));
+    }
+    eprintln!("not run: ../shared is absent");
+    None
+}
+
+/// Reads a scene of `count` Gaussians of this degree, nine tenths of which lie within `radius` of the origin along
+/// each axis, and whose scales and quaternions are those of a trained scene.
+fn check(name: &str, count: usize, degree: u8, radius: f32) -> Option<Gaussians> {
+    let scene = scene::read(&data(name)?).unwrap();
+    assert_eq!((scene.len(), scene.sh_degree), (count, degree), "{name}");
+    assert_eq!((scene.screening.read, scene.screening.non_finite), (count as u64, 0), "{name}");
+    for axis in 0..3 {
+        let (low, high) = (quantile(&scene, axis, 0.05), quantile(&scene, axis, 0.95));
+        let within = -radius < low && high < radius && high - low > radius / 2.0;
+        assert!(within, "{name}: axis {axis}, {low} to {high}");
+    }
+    assert!(scene.sh.as_flattened().iter().all(|c| c.abs() < 20.0), "{name}");
+    assert!(scene.opacity_logits.iter().all(|o| o.abs() < 25.0), "{name}");
+    let norms = scene.rotations.iter().map(|q| q.iter().map(|c| c * c).sum::<f32>());
+    // Quaternions of 8 bits are off by up to half a step, 1/256, in each of four components.
+    assert!(norms.into_iter().all(|n| (n - 1.0).abs() < 0.05), "{name}");
+    Some(scene)
+}
+
+fn quantile(scene: &Gaussians, axis: usize, share: f64) -> f32 {
+    let mut values: Vec<f32> = scene.positions.iter().map(|p| p[axis]).collect();
+    values.sort_by(f32::total_cmp);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of an index")]
+    let index = (share * (values.len() - 1) as f64) as usize;
+    values[index]
+}
+
+/// Mean coefficient of a basis function over all Gaussians and channels.
+fn mean_harmonic(scene: &Gaussians, function: usize) -> f64 {
+    let sum: f64 = (0..scene.len()).flat_map(|i| scene.sh_of(i)[function]).map(f64::from).sum();
+    sum / (3 * scene.len()) as f64
+}
+
+#[test]
+fn a_splat_file_is_read() {
+    check("scenes/plant.splat", 113_648, 0, 0.5);
+}
+
+#[test]
+fn an_spz_file_of_a_garden_is_read() {
+    check("scenes/flowers.spz", 542_104, 2, 0.35);
+}
+
+/// The same scene as `.ply` at a coarse level and as `.spz`, each in its own axes: positions and the harmonic that is
+/// odd in y must agree in value and sign.
+#[test]
+fn ply_and_spz_agree_on_axes() {
+    let Some(ply) = check("scenes/playbot_lod3.ply", 31_000, 2, 1.0) else { return };
+    let Some(spz) = check("scenes/playbot.spz", 500_000, 2, 1.0) else { return };
+    for axis in 0..3 {
+        let (a, b) = (quantile(&ply, axis, 0.5), quantile(&spz, axis, 0.5));
+        assert!((a - b).abs() < 0.01, "axis {axis}: median {a} and {b}");
+    }
+    // Up is -y: the ground is near 0, the robot reaches to about -1.
+    for (share, tolerance) in [(0.001, 0.05), (0.98, 0.01)] {
+        let (a, b) = (quantile(&ply, 1, share), quantile(&spz, 1, share));
+        assert!((a - b).abs() < tolerance, "height at {share}: {a} and {b}");
+    }
+    let (a, b) = (mean_harmonic(&ply, 1), mean_harmonic(&spz, 1));
+    assert!(a < -0.02 && (a - b).abs() < 0.02, "harmonic in y: {a} and {b}");
+}
+
+/// Positions of 32 bits stay as they are, a million units away, too: the twin's lie on a grid that both can hold.
+#[test]
+fn a_far_scene_of_32_bits_is_not_recentred() {
+    let (Some(near), Some(far)) =
+        (data("golden/render/s_offset0.ply"), data("golden/render/s_offset1e6.ply"))
+    else {
+        return;
+    };
+    let (near, far) = (scene::read(&near).unwrap(), scene::read(&far).unwrap());
+    assert_eq!((near.origin, far.origin), (glam::DVec3::ZERO, glam::DVec3::ZERO));
+    let moved: Vec<[f32; 3]> = near.positions.iter().map(|p| p.map(|x| x + 1e6)).collect();
+    assert_eq!(far.positions, moved);
+}
+
+/// NaN fields are dropped; what is left is the twin without them.
+#[test]
+fn a_scene_with_nan_equals_its_twin() {
+    let (Some(nan), Some(twin)) = (data("golden/render/s_nan.ply"), data("golden/render/s_nan_twin.ply"))
+    else {
+        return;
+    };
+    let (nan, twin) = (scene::read(&nan).unwrap(), scene::read(&twin).unwrap());
+    assert_eq!(nan.screening.non_finite, 12);
+    assert_eq!(Gaussians { screening: twin.screening, ..nan }, twin);
+}
