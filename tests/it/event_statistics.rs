@@ -1,78 +1,74 @@
-//! Events against statistics that other programs measured, and against closed forms.
+//! Events against closed forms, against statistics that other programs measured, and against themselves.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+mod golden;
+mod identity;
+mod interval_law;
+mod renewal;
 
 use gs2e::event::{Event, Polarity};
-use gs2e::frames::array::{ArrayFrames, Samples};
+use gs2e::frames::array::{ArrayFrames, FullScale, Samples};
 use gs2e::image::Size;
 use gs2e::seed::Seed;
-use gs2e::sensor::voltmeter::{Gain, Preset, Voltmeter};
+use gs2e::sensor::voltmeter::Voltmeter;
 use gs2e::sensor::{Account, simulate};
-use std::fs::File;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 
-fn goldens() -> Option<PathBuf> {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data/golden/events");
-    if !folder.exists() {
-        eprintln!("not run: ../shared is absent");
-        return None;
-    }
-    Some(folder)
-}
-
-fn npy<T: npyz::Deserialize>(path: PathBuf) -> Vec<T> {
-    npyz::NpyFile::new(File::open(path).unwrap()).unwrap().into_vec().unwrap()
-}
-
+/// Simulates a sequence from its beginning.
 fn run(sensor: &Voltmeter, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
-    let mut events = Vec::new();
-    let mut frames = frames.clone();
-    let account =
-        simulate(&mut frames, sensor, Seed(seed), &mut events, &mut |_| ControlFlow::Continue(())).unwrap();
+    let (mut events, mut frames) = (Vec::new(), frames.clone());
+    let mut go_on = |_: &_| ControlFlow::Continue(());
+    let account = simulate(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
     (events, account)
 }
 
-#[test]
-fn golden_counts() {
-    let Some(folder) = goldens() else { return };
-    for clip in ["edge", "grating"] {
-        let samples = Samples::Bytes(npy(folder.join(format!("{clip}_frames.npy"))));
-        let stamps: Vec<i64> = npy(folder.join(format!("{clip}_ts_us.npy")));
-        let frames = ArrayFrames::new(Size { width: 64, height: 48 }, samples, &stamps).unwrap();
-        for preset in [Preset::Dvs346, Preset::Gs2eSi] {
-            for gain in [Gain::Midpoint, Gain::Log] {
-                let sensor = Voltmeter { gain, ..Voltmeter::new(preset.k()) };
-                let t = std::time::Instant::now();
-                let mut on = Vec::new();
-                let mut off = Vec::new();
-                let mut worst: f64 = 0.0;
-                let mut last = Account::default();
-                for seed in 0..24 {
-                    let (events, account) = run(&sensor, &frames, seed);
-                    assert_eq!(events.len() as u64, account.events);
-                    assert_eq!(
-                        events.iter().filter(|e| e.polarity == Polarity::On).count() as u64,
-                        account.on
-                    );
-                    assert!(events.is_sorted_by_key(Event::file_order));
-                    on.push(account.on as f64);
-                    off.push(account.off as f64);
-                    worst = worst.max(account.drift_worst);
-                    last = account;
-                }
-                let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-                let sd = |v: &[f64]| {
-                    (v.iter().map(|x| (x - mean(v)).powi(2)).sum::<f64>() / (v.len() as f64 - 1.0)).sqrt()
-                };
-                println!(
-                    "{clip} {} {gain:?}: on {:.1} sd {:.1} off {:.1} sd {:.1} worst {worst:.3} {last:?} {:?}",
-                    preset.name(),
-                    mean(&on),
-                    sd(&on),
-                    mean(&off),
-                    sd(&off),
-                    t.elapsed()
-                );
-            }
+/// Frames of this luminance, 0..255, as a function of column, row and time in us.
+fn frames(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f64) -> ArrayFrames {
+    let mut samples = Vec::with_capacity(size.pixels() * stamps_us.len());
+    for &t in stamps_us {
+        for y in 0..size.height {
+            samples.extend((0..size.width).map(|x| luminance(x, y, t) as f32));
         }
     }
+    ArrayFrames::new(size, Samples::Floats(samples, FullScale::Grey255), stamps_us).unwrap()
+}
+
+/// Each pixel's events in order of time: nanoseconds and polarity.
+fn by_pixel(size: Size, events: &[Event]) -> Vec<Vec<(i64, Polarity)>> {
+    let mut pixels = vec![Vec::new(); size.pixels()];
+    for event in events {
+        pixels[usize::from(event.y) * size.width as usize + usize::from(event.x)]
+            .push((event.t.0, event.polarity));
+    }
+    // Within a microsecond a stream is ordered by pixel and polarity.
+    pixels.iter_mut().for_each(|events| events.sort_unstable_by_key(|event| event.0));
+    pixels
+}
+
+/// Largest distance between the distribution function of a sorted sample and `cdf`, times the square root of its size.
+/// Critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at 1e-6.
+fn ks(sorted: &[f64], cdf: impl Fn(f64) -> f64) -> f64 {
+    let n = sorted.len() as f64;
+    let distance = |(i, x): (usize, &f64)| {
+        let p = cdf(*x);
+        (p - i as f64 / n).max((i + 1) as f64 / n - p)
+    };
+    sorted.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt()
+}
+
+/// The same between two sorted samples, with the same critical values.
+fn ks_of_two(a: &[f64], b: &[f64]) -> f64 {
+    let (n, m) = (a.len() as f64, b.len() as f64);
+    let distance = |x: &f64| {
+        let share = |sample: &[f64]| sample.partition_point(|y| y <= x) as f64 / sample.len() as f64;
+        (share(a) - share(b)).abs()
+    };
+    a.iter().chain(b).map(distance).fold(0.0, f64::max) * (n * m / (n + m)).sqrt()
+}
+
+/// Mean and standard deviation (divisor n-1).
+fn mean_and_deviation(sample: &[f64]) -> [f64; 2] {
+    let n = sample.len() as f64;
+    let mean = sample.iter().sum::<f64>() / n;
+    [mean, (sample.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt()]
 }

@@ -1,0 +1,200 @@
+//! One sequence of luminance makes one stream, however it is sampled, cut or scheduled (O6, O8, O9, O10).
+
+use super::{by_pixel, frames, run};
+use gs2e::event::{Event, Polarity};
+use gs2e::frames::Frames;
+use gs2e::frames::array::{ArrayFrames, FullScale, Samples};
+use gs2e::image::{Image, Size};
+use gs2e::seed::Seed;
+use gs2e::sensor::Model;
+use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+
+const SIZE: Size = Size { width: 24, height: 10 };
+
+/// Stamps of a clip that ends at `end_us`, at this frame rate as far as it goes.
+fn stamps(rate: f64, end_us: i64) -> Vec<i64> {
+    let regular = (0..).map(|i| (f64::from(i) * 1e6 / rate).round() as i64);
+    regular.take_while(|&t| t < end_us).chain([end_us]).collect()
+}
+
+/// Same events in every pixel, times within `tolerance_ns`.
+fn same_events(size: Size, a: &[Event], b: &[Event], tolerance_ns: i64) {
+    for (pixel, (a, b)) in by_pixel(size, a).into_iter().zip(by_pixel(size, b)).enumerate() {
+        assert_eq!(a.len(), b.len(), "events of pixel {pixel}");
+        for (a, b) in a.into_iter().zip(b) {
+            let same = a.1 == b.1 && (a.0 - b.0).abs() <= tolerance_ns;
+            assert!(same, "pixel {pixel}: {a:?} and {b:?}");
+        }
+    }
+}
+
+/// A sensor noisy enough that every pixel fires now and then, static or not.
+fn noisy() -> Voltmeter {
+    Voltmeter::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
+}
+
+#[test]
+fn static_pixels_do_not_know_the_frame_rate() {
+    let grey = |x: u32, y: u32, _| f64::from(x * 10 + y);
+    let at = |rate| run(&noisy(), &frames(SIZE, &stamps(rate, 300_000), grey), 5).0;
+    let coarse = at(10.0);
+    assert!(coarse.len() > 1000, "{}", coarse.len());
+    for rate in [37.3, 240.0, 2400.0] {
+        same_events(SIZE, &coarse, &at(rate), 1);
+    }
+}
+
+#[test]
+fn a_signal_that_stays_the_same_can_be_sampled_finer() {
+    // L + 16 runs from 16 to 256 in four octaves, so a frame at each octave holds it exactly.
+    let octaves = |t: i64, end: i64| 16.0 * (4.0 * t as f64 / end as f64).exp2() - 16.0;
+    let end = 80_000;
+    let ramp = |stamps: &[i64]| run(&noisy(), &frames(SIZE, stamps, |_, _, t| octaves(t, end)), 6).0;
+    let coarse = ramp(&[0, end]);
+    assert!(coarse.len() > 3000, "{}", coarse.len());
+    same_events(SIZE, &coarse, &ramp(&[0, 20_000, 40_000, 60_000, end]), 1);
+    // Elsewhere a frame rounds L to 24 bits, the drift by 3e-7 thresholds. The signal drifts by 1.7e-4 a us, so events
+    // move by 2 ns; where noise makes the path flat at the barrier, by some hundred times that.
+    for rate in [240.0, 1429.0, 2400.0] {
+        same_events(SIZE, &coarse, &ramp(&stamps(rate, end)), 500);
+    }
+}
+
+#[test]
+fn without_noise_events_divide_the_signal_evenly() {
+    let end = 1_000_000;
+    let [k1, k2, ..] = Preset::Dvs346.k();
+    let sensor = Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+    let white = |x: u32| f64::from(10 * x + 1);
+    let clip = frames(SIZE, &[0, end], |x, _, t| if t == 0 { 0.0 } else { white(x) });
+    let (events, account) = run(&sensor, &clip, 1);
+    for (pixel, events) in by_pixel(SIZE, &events).into_iter().enumerate() {
+        let rise = k1 * ((white(pixel as u32 % SIZE.width) + k2) / k2).ln();
+        assert_eq!(events.len(), rise as usize);
+        for (j, (t, polarity)) in events.into_iter().enumerate() {
+            let wanted = end as f64 * 1e3 * (j + 1) as f64 / rise;
+            // Times are floored to ns.
+            assert!((-1e-3..1.001).contains(&(wanted - t as f64)), "{t} {wanted}");
+            assert_eq!(polarity, Polarity::On);
+        }
+    }
+    assert_eq!(run(&sensor, &clip, 2), (events, account), "the seed has no part in it");
+}
+
+#[test]
+fn without_noise_leaks_are_clocks() {
+    let sensor = Voltmeter::new([5.0, 20.0, 0.0, 1.003e-4, 1e-6, 0.0]);
+    for rate in [3.0, 700.0] {
+        let clip = frames(SIZE, &stamps(rate, 2_000_000), |x, _, _| f64::from(x));
+        let (events, _) = run(&sensor, &clip, 1);
+        for (pixel, events) in by_pixel(SIZE, &events).into_iter().enumerate() {
+            let period_ns = 1e3 / (1.003e-4 + 1e-6 * (pixel % 24) as f64);
+            assert_eq!(events.len(), (2e9 / period_ns) as usize);
+            for (j, event) in events.iter().enumerate() {
+                let wanted = period_ns * (j + 1) as f64;
+                assert!((event.0 as f64 - wanted).abs() < 1.01, "{} {wanted}", event.0);
+            }
+        }
+    }
+}
+
+/// A clip that moves, with dark, bright and static parts.
+fn moving(size: Size) -> ArrayFrames {
+    frames(size, &stamps(2400.0, 12_000), |x, y, t| {
+        let phase = f64::from(x) * 0.4 + f64::from(y) * 0.2 - t as f64 * 5e-4;
+        if x < 4 { f64::from(y) } else { 120.0 + 120.0 * phase.sin() }
+    })
+}
+
+#[test]
+fn threads_do_not_show() {
+    let clip = moving(SIZE);
+    let in_pool = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(&noisy(), &clip, 3))
+    };
+    let one = in_pool(1);
+    assert!(one.0.len() > 2000, "{}", one.0.len());
+    for threads in [2, 3, 64] {
+        assert_eq!(in_pool(threads), one);
+    }
+}
+
+/// Events of the part of the clip that begins at `origin`, in the coordinates of the part.
+fn of_crop(clip: &ArrayFrames, [x0, y0]: [u16; 2], size: Size, origin: [u16; 2]) -> Vec<Event> {
+    let mut pixels = noisy().start(size, origin, Seed(4)).unwrap();
+    let (mut clip, mut events) = (clip.clone(), Vec::new());
+    while let Some(mut frame) = clip.next().unwrap() {
+        let row = |y: u32| {
+            let from = ((u32::from(y0) + y) * SIZE.width + u32::from(x0)) as usize;
+            frame.luminance.pixels()[from..from + size.width as usize].to_vec()
+        };
+        let part = (0..size.height).flat_map(row).collect();
+        frame.luminance = Image::from_vec(size, part);
+        pixels.advance(&frame, &mut events).unwrap();
+    }
+    pixels.finish(&mut events).unwrap();
+    events
+}
+
+#[test]
+fn crops_and_tiles_are_parts_of_the_whole() {
+    let clip = moving(SIZE);
+    let [left, top] = [600, 400];
+    let whole = of_crop(&clip, [0, 0], SIZE, [left, top]);
+    for (x0, y0, width, height) in [(0, 0, 24, 10), (3, 2, 7, 5), (23, 9, 1, 1), (0, 4, 24, 1), (5, 0, 1, 10)]
+    {
+        let size = Size { width, height };
+        let inside =
+            |e: &&Event| (x0..x0 + width as u16).contains(&e.x) && (y0..y0 + height as u16).contains(&e.y);
+        let wanted: Vec<Event> =
+            whole.iter().filter(inside).map(|e| Event { x: e.x - x0, y: e.y - y0, ..*e }).collect();
+        assert!(!wanted.is_empty());
+        assert_eq!(of_crop(&clip, [x0, y0], size, [left + x0, top + y0]), wanted);
+    }
+}
+
+#[test]
+fn what_is_handed_over_early_is_the_beginning_of_the_whole() {
+    let mut clip = moving(SIZE);
+    let whole = run(&noisy(), &clip, 4).0;
+    let mut pixels = noisy().start(SIZE, [0, 0], Seed(4)).unwrap();
+    let mut events = Vec::new();
+    while let Some(frame) = clip.next().unwrap() {
+        pixels.advance(&frame, &mut events).unwrap();
+        assert_eq!(events[..], whole[..events.len()]);
+        // A root cell and the microsecond that it ends in may be waiting.
+        let certain = whole.partition_point(|event| event.t.0 < frame.t.0 - (1 << 20) - 1000);
+        assert!(events.len() >= certain, "{} of {certain} events are out at {:?}", events.len(), frame.t);
+    }
+    pixels.finish(&mut events).unwrap();
+    assert_eq!(events, whole);
+}
+
+#[test]
+fn a_longer_clip_begins_as_the_shorter_one() {
+    let all = stamps(2400.0, 12_000);
+    let sensor = noisy();
+    let grey = |x: u32, y: u32, t: i64| 100.0 + f64::from(x + y) + 90.0 * (t as f64 * 1e-3).sin();
+    let long = run(&sensor, &frames(SIZE, &all, grey), 8).0;
+    let short = run(&sensor, &frames(SIZE, &all[..20], grey), 8).0;
+    // Up to the leaf that holds the last stamp.
+    let end = all[19] * 1000 - (1 << 13);
+    let part = |events: &[Event]| events.iter().copied().filter(|e| e.t.0 < end).collect::<Vec<_>>();
+    assert!(short.len() > 100);
+    assert_eq!(part(&long), part(&short));
+}
+
+#[test]
+fn stamps_that_begin_elsewhere_change_nothing() {
+    let greys: Vec<f32> = (0..5 * SIZE.pixels()).map(|i| (i * 37 % 256) as f32).collect();
+    let at = |first: i64| {
+        let stamps: Vec<i64> = [0, 300, 1700, 1701, 9000].map(|t| first + t).to_vec();
+        let samples = Samples::Floats(greys.clone(), FullScale::Grey255);
+        run(&noisy(), &ArrayFrames::new(SIZE, samples, &stamps).unwrap(), 1)
+    };
+    let wanted = at(0);
+    for first in [16_800_000, 1 << 31, 1_000_000_000_000_000, -5] {
+        assert_eq!(at(first), wanted);
+    }
+}

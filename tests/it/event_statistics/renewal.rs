@@ -1,0 +1,204 @@
+//! Static pixels make a renewal process whose rates, polarities and intervals are known (O2 to O5).
+
+use super::interval_law::Exit;
+use super::{by_pixel, frames, ks, ks_of_two, run};
+use gs2e::event::Polarity;
+use gs2e::image::Size;
+use gs2e::sensor::statistics::Renewal;
+use gs2e::sensor::voltmeter::Voltmeter;
+
+const SIZE: Size = Size { width: 40, height: 25 };
+/// Intervals taken of each pixel.
+const TAKEN: usize = 8;
+/// Alpha 1e-6 for each of some thirty statistics: 3e-5 over the family.
+const KS_LIMIT: f64 = 2.69;
+const Z_LIMIT: f64 = 5.0;
+
+/// What 1000 pixels of one constant brightness did, watched for 32 mean intervals.
+struct Watched {
+    process: Renewal,
+    /// Mean intervals they were watched for.
+    duration: f64,
+    pixels: Vec<Vec<(i64, Polarity)>>,
+}
+
+/// Time in us; the simulated noise is `distortion` times what it should be.
+fn watch(process: Renewal, distortion: f64, seed: u64) -> Watched {
+    let sigma = process.variance.sqrt() * distortion;
+    let sensor = Voltmeter {
+        threshold_on: process.up,
+        threshold_off: process.down,
+        max_events_per_pixel_frame: u32::MAX,
+        ..Voltmeter::new([1.0, 1.0, 0.0, process.drift, 0.0, sigma])
+    };
+    let duration = (32.0 * process.mean_interval()).ceil();
+    let (events, account) = run(&sensor, &frames(SIZE, &[0, duration as i64], |_, _, _| 77.0), seed);
+    assert_eq!(account.drift_violations, 0, "worst {}", account.drift_worst);
+    Watched { process, duration, pixels: by_pixel(SIZE, &events) }
+}
+
+impl Watched {
+    /// The first intervals of every pixel, in us, sorted, with those of one polarity only where asked.
+    fn intervals(&self, only: Option<Polarity>) -> Vec<f64> {
+        let mut intervals = Vec::new();
+        for events in &self.pixels {
+            // 32 intervals are expected, with a deviation of at most sqrt(32 2/3): 8 are 5.2 of those away.
+            assert!(events.len() >= TAKEN, "a pixel made only {} events", events.len());
+            let mut before = 0;
+            for &(t, polarity) in &events[..TAKEN] {
+                if only.is_none_or(|only| only == polarity) {
+                    intervals.push((t - before) as f64 * 1e-3);
+                }
+                before = t;
+            }
+        }
+        intervals.sort_unstable_by(f64::total_cmp);
+        intervals
+    }
+
+    /// KS distance of the intervals from their law (O4).
+    fn interval_distance(&self) -> f64 {
+        let Renewal { drift, variance, up, down } = self.process;
+        ks(&self.intervals(None), |t| Exit { drift, variance, up, down }.by(t))
+    }
+
+    /// ON share of the first events in standard errors (O3).
+    fn polarity_score(&self) -> f64 {
+        let taken = self.pixels.iter().flat_map(|events| &events[..TAKEN]);
+        let (n, share) = ((TAKEN * self.pixels.len()) as f64, self.process.on_share());
+        let on = taken.filter(|event| event.1 == Polarity::On).count() as f64;
+        let deviation = (n * share * (1.0 - share)).sqrt();
+        (on - n * share) / deviation.max(1.0)
+    }
+
+    /// Balance of the two polarities in standard errors: drift, noise and the voltages at the end, each below 1 (O2).
+    fn net_score(&self) -> f64 {
+        let Renewal { drift, variance, up, down } = self.process;
+        let balance: f64 =
+            self.pixels.iter().flatten().map(|e| if e.1 == Polarity::On { up } else { -down }).sum();
+        let n = self.pixels.len() as f64;
+        // A renewal process from 0 ends with a voltage of its stationary law's mean.
+        let left_over = stationary_mean(self.process);
+        let spread = variance * self.duration + up.max(down).powi(2);
+        (balance - n * (drift * self.duration - left_over)) / (n * spread).sqrt()
+    }
+
+    /// Events after five mean intervals in standard errors (O2); thresholds must be equal.
+    fn rate_score(&self) -> f64 {
+        let mean = self.process.mean_interval();
+        let from = 5.0 * mean;
+        let n = self.pixels.len() as f64;
+        let events = self.pixels.iter().flatten().filter(|event| event.0 as f64 * 1e-3 > from).count() as f64;
+        let expected = n * (self.duration - from) / mean;
+        let variance = expected * self.process.symmetric_interval_variance() / (mean * mean);
+        (events - expected) / variance.sqrt()
+    }
+}
+
+/// Mean voltage of a pixel long after its first frame, by integrating the Green's function of the exit problem: the
+/// mean time spent at each voltage, by Simpson's rule over the occupation density of numerics.md 8.3.
+fn stationary_mean(process: Renewal) -> f64 {
+    let Renewal { drift, variance, up, down } = process;
+    let q = 2.0 * drift / variance;
+    let share = process.on_share();
+    let mass = drift * process.mean_interval();
+    let density = |v: f64| {
+        if drift == 0.0 {
+            let reach = if v >= 0.0 { (up - v) / up } else { (down + v) / down };
+            return 2.0 * reach / (up + down);
+        }
+        let side = if v >= 0.0 {
+            -share * (-q * (up - v)).exp_m1()
+        } else {
+            (1.0 - share) * (q * (down + v)).exp_m1()
+        };
+        side / mass
+    };
+    let simpson = |from: f64, to: f64, f: &dyn Fn(f64) -> f64| {
+        let n = 20_000;
+        let h = (to - from) / f64::from(n);
+        let weight = |i| if i == 0 || i == n { 1.0 } else { 2.0 + 2.0 * f64::from(i % 2) };
+        (0..=n).map(|i| weight(i) * f(from + f64::from(i) * h)).sum::<f64>() * h / 3.0
+    };
+    let (below, above) = (simpson(-down, -1e-12, &density), simpson(0.0, up, &density));
+    assert!((below + above - 1.0).abs() < 1e-6, "the stationary density has mass {}", below + above);
+    simpson(-down, -1e-12, &|v| v * density(v)) + simpson(0.0, up, &|v| v * density(v))
+}
+
+/// A process of drift over noise `nu = drift up/variance`, whose mean interval is about this many us.
+fn process(nu: f64, mean_us: f64, [up, down]: [f64; 2]) -> Renewal {
+    let unit = Renewal { drift: nu / up, variance: 1.0, up, down };
+    let speed = unit.mean_interval() / mean_us;
+    Renewal { drift: nu / up * speed, variance: speed, up, down }
+}
+
+/// Whether all that is known of a static pixel holds.
+fn check(nu: f64, mean_us: f64, thresholds: [f64; 2], seed: u64) {
+    let watched = watch(process(nu, mean_us, thresholds), 1.0, seed);
+    let interval = watched.interval_distance();
+    let (polarity, net) = (watched.polarity_score(), watched.net_score());
+    println!(
+        "nu {nu} mean {mean_us} us thresholds {thresholds:?}: intervals KS {interval:.2} (limit {KS_LIMIT}), \
+         polarity z {polarity:.2}, net z {net:.2} (limit {Z_LIMIT})"
+    );
+    assert!(interval < KS_LIMIT && polarity.abs() < Z_LIMIT && net.abs() < Z_LIMIT);
+    if thresholds[0] == thresholds[1] {
+        let rate = watched.rate_score();
+        println!("  rate z {rate:.2}");
+        assert!(rate.abs() < Z_LIMIT);
+    }
+}
+
+#[test]
+fn pure_noise() {
+    check(0.0, 4000.0, [1.0, 1.0], 1);
+}
+
+#[test]
+fn noise_with_some_drift() {
+    check(0.3, 4000.0, [1.0, 1.0], 2);
+    check(-1.0, 4000.0, [1.0, 1.0], 3);
+}
+
+#[test]
+fn drift_with_some_noise() {
+    check(10.0, 4000.0, [1.0, 1.0], 4);
+    check(-100.0, 700.0, [1.0, 1.0], 5);
+}
+
+#[test]
+fn many_events_in_a_leaf_of_the_clock() {
+    check(0.5, 3.0, [1.0, 1.0], 6);
+}
+
+#[test]
+fn few_events_in_many_root_cells() {
+    check(0.5, 30_000.0, [1.0, 1.0], 7);
+}
+
+#[test]
+fn unequal_thresholds() {
+    check(0.4, 4000.0, [1.2, 0.7], 8);
+    check(0.0, 1000.0, [0.7, 1.2], 9);
+    check(0.1, 2000.0, [1e-3, 1e-3], 10);
+    check(0.1, 2000.0, [1e3, 1e3], 11);
+}
+
+/// With equal thresholds an interval says nothing about the polarity of the event that ends it (O5).
+#[test]
+fn intervals_and_polarities_are_independent() {
+    let watched = watch(process(0.3, 2000.0, [1.0, 1.0]), 1.0, 12);
+    let (on, off) = (watched.intervals(Some(Polarity::On)), watched.intervals(Some(Polarity::Off)));
+    let distance = ks_of_two(&on, &off);
+    println!("{} ON and {} OFF: KS {distance:.2} (limit {KS_LIMIT})", on.len(), off.len());
+    assert!(distance < KS_LIMIT);
+}
+
+/// Planted defects: noise that is 5 % too strong is noticed by what the tests above look at.
+#[test]
+fn five_percent_of_noise_are_noticed() {
+    let watched = watch(process(0.0, 4000.0, [1.0, 1.0]), 1.05, 13);
+    let (interval, rate) = (watched.interval_distance(), watched.rate_score());
+    println!("intervals KS {interval:.2} (limit {KS_LIMIT}), rate z {rate:.2} (limit {Z_LIMIT})");
+    assert!(interval > KS_LIMIT && rate.abs() > Z_LIMIT);
+}
