@@ -202,17 +202,31 @@ impl Artifact for Pictures {
     }
 }
 
-/// The verdicts on a trajectory.
-#[derive(Debug)]
+/// The verdicts on a trajectory: `verdicts.json`.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Verdicts {
-    /// One record a statement.
+    /// One record a statement; the subjects are empty but for a statement's own suffix.
     pub findings: Vec<Finding>,
+    /// Most events in one millisecond.
+    pub peak_ev_per_ms: Option<u64>,
+}
+
+impl Verdicts {
+    /// The findings, with the trajectory that they are about.
+    #[must_use]
+    pub fn findings_of(mut self, scene: &str, trajectory: &str) -> Vec<Finding> {
+        for finding in &mut self.findings {
+            finding.subject.insert_str(0, &format!("{scene}/{trajectory}"));
+        }
+        self.findings
+    }
 }
 
 impl Artifact for Verdicts {
     const KIND: &'static str = "checks";
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
-        Ok(Self { findings: files.json("checks.json")? })
+        files.json("verdicts.json")
     }
 }

@@ -43,6 +43,20 @@ pub enum Verdict {
     NotRun,
 }
 
+impl Verdict {
+    /// Its name in records.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Warn => "warn",
+            Self::Fail => "fail",
+            Self::Waived => "waived",
+            Self::NotRun => "not-run",
+        }
+    }
+}
+
 /// The check record of every report and of `checks.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -166,6 +180,13 @@ mod tests {
             // The usual rate per flow is that of scenes, which these waves are not.
             world.flow = None;
             assert_eq!(world.faults(), [""; 0], "{setting:?}: {:#?}", world.findings());
+        }
+    }
+
+    #[test]
+    fn verdicts_have_one_name() {
+        for verdict in [Verdict::Pass, Verdict::Warn, Verdict::Fail, Verdict::Waived, Verdict::NotRun] {
+            assert_eq!(serde_json::to_value(verdict).unwrap(), verdict.name());
         }
     }
 

@@ -3,12 +3,14 @@
 //! The only room that prints, reads the environment, or looks at a clock for people. Text for people goes to
 //! stderr, results for programs to stdout.
 
+mod audit;
 mod build;
 mod check;
 mod console;
 mod plan;
 mod problem;
 mod progress;
+mod release;
 
 mod why;
 
@@ -41,6 +43,10 @@ enum Verb {
     Why(why::Why),
     /// Show the verdicts of the validation passes over what is built
     Check(check::Check),
+    /// Build what is stale, check it, and write the release tree
+    Release(release::Release),
+    /// Read every byte of a release tree and say whether it is whole and consistent
+    Audit(audit::Audit),
 }
 
 /// Options of every verb.
@@ -135,6 +141,8 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Plan(verb) => verb.run(common, console),
         Verb::Why(verb) => verb.run(common, console),
         Verb::Check(verb) => verb.run(common, console),
+        Verb::Release(verb) => verb.run(common, console),
+        Verb::Audit(verb) => verb.run(console),
     }
 }
 

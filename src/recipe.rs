@@ -106,6 +106,24 @@ pub enum Source {
     Nerfstudio(PathBuf),
 }
 
+impl Source {
+    /// Its name in recipes.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Procedural(_) => "procedural",
+            Self::Colmap(_) => "colmap",
+            Self::Nerfstudio(_) => "nerfstudio",
+        }
+    }
+
+    /// Whether its views are of photos.
+    #[must_use]
+    pub fn has_photos(&self) -> bool {
+        !matches!(self, Self::Procedural(_))
+    }
+}
+
 /// Where the Gaussians come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reconstruct {

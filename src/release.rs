@@ -183,8 +183,7 @@ fn trajectory_files(
     files.extend(events.filter(|o| o.name == "events.h5").map(|o| (o.name.clone(), blob(o))));
     let pictures = trajectory.sharp.iter().flatten().filter(|o| o.name.ends_with(".png"));
     files.extend(pictures.map(|o| (format!("sharp/{}", o.name), blob(o))));
-    let checks = trajectory.checks_files.iter().filter(|o| o.name == "checks.json");
-    files.extend(checks.map(|o| (o.name.clone(), blob(o))));
+    files.insert("checks.json".into(), Content::json(&trajectory.findings));
     let transforms = transforms::compose(&scene.camera(), trajectory);
     files.insert("transforms.json".into(), Content::json(&transforms));
     files

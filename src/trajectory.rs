@@ -9,6 +9,7 @@ pub mod curve;
 pub mod knots;
 pub mod metric;
 pub mod order;
+pub mod picture;
 pub mod refine;
 pub mod report;
 pub mod sample;

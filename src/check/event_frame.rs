@@ -69,7 +69,7 @@ impl Check for EventFrame {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        let law = match super::drift::DriftLaw::of(subject.sensor) {
+        let law = match subject.drift_law() {
             Ok(law) => law,
             Err(because) => return vec![subject.not_run(NAME, "", because)],
         };

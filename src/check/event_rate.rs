@@ -55,7 +55,7 @@ fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let limits = subject.limits.event_rate.unwrap_or_default();
     let least = Bound::of(limits.min, Bound::warning(0.0));
     let most = Bound::of(limits.max, Bound::warning(f64::INFINITY));
-    let pixels = subject.size.pixels() as f64;
+    let pixels = tally.size.pixels() as f64;
     let measured = tally.events as f64 / (pixels * seconds);
     let (verdict, limit) = within(measured, least, most);
     let because = format!(
@@ -72,7 +72,7 @@ fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
 }
 
 fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
-    let (Some(flow), Ok(law)) = (subject.flow, DriftLaw::of(subject.sensor)) else {
+    let (Some(flow), Ok(law)) = (subject.flow, subject.drift_law()) else {
         return subject.not_run(
             NAME,
             "flow",
@@ -93,7 +93,7 @@ fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let noise = GREYS.map(|grey| law.most_noise_events(grey, subject.seconds() * 1e6));
     let noise = noise.into_iter().fold(0.0, f64::max) / moved;
     let [least, most] = [PER_FLOW[0] * sensitivity, PER_FLOW[1] * sensitivity + noise];
-    let measured = tally.events as f64 / subject.size.pixels() as f64 / moved;
+    let measured = tally.events as f64 / tally.size.pixels() as f64 / moved;
     let (verdict, limit) = within(measured, Bound::warning(least), Bound::warning(most));
     let because = format!(
         "{measured:.4} events per pixel for each of {moved:.1} px of median flow; {least:.3} to {most:.3} are usual"

@@ -103,11 +103,10 @@ impl World {
         let tally = observer.finish();
         judge(&Subject {
             name: "world/base",
-            size: SIZE,
             rate: rate(),
             trajectory: &self.trajectory,
             speed: Some(&self.report),
-            sensor: &sensor,
+            sensor: Some(&sensor),
             account: Some(&self.account),
             tally: Some(&tally),
             flow: self.flow,

@@ -71,7 +71,7 @@ fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
 
 /// The share of ON events that the frames and the number of events predict.
 fn predicted(subject: &Subject<'_>, tally: &Tally) -> Option<f64> {
-    let [a, b] = DriftLaw::of(subject.sensor).ok()?.thresholds;
+    let [a, b] = subject.drift_law().ok()?.thresholds;
     let Fit { expected, events, .. } = tally.fits.last()?;
     Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))
 }

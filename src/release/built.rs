@@ -45,7 +45,6 @@ pub(super) struct BuiltTrajectory {
     pub(super) sharp: Option<Vec<Output>>,
     pub(super) findings: Vec<Finding>,
     pub(super) peak_ev_per_ms: Option<u64>,
-    pub(super) checks_files: Vec<Output>,
 }
 
 impl BuiltTrajectory {
@@ -144,7 +143,8 @@ pub(super) fn gather<'a>(
     };
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
-    let licence = crate::licence::compose(recipe.source.kind(), recipe.licence.as_ref());
+    let owner = recipe.licence.as_ref().map(|l| l.expression.as_str());
+    let licence = crate::licence::compose(recipe.source.kind(), owner);
     Ok(BuiltScene { recipe, capture, gaussians, licence, trajectories, steps: shelf.steps })
 }
 
@@ -155,16 +155,15 @@ fn made(summary: &Summary, id: StepId) -> Option<(Key, Vec<Output>)> {
 fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
     let step = |step: &str| format!("{name}/{step}");
     let (motion, motion_files) = shelf.open(&step("trajectory"))?;
-    let (verdicts, checks_files): (Verdicts, _) = shelf.open(&step("checks"))?;
+    let (verdicts, _): (Verdicts, _) = shelf.open(&step("checks"))?;
     Ok(BuiltTrajectory {
         name: name.to_owned(),
         motion,
         motion_files,
         events: shelf.open_optional(&step("events"))?,
         sharp: shelf.find(&step("sharp")).map(<[Output]>::to_vec),
-        findings: verdicts.findings,
         peak_ev_per_ms: verdicts.peak_ev_per_ms,
-        checks_files,
+        findings: verdicts.findings_of(shelf.scene, name),
     })
 }
 

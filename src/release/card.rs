@@ -85,6 +85,7 @@ const FILES: &str = "\
 | `transforms.json` | the same poses and the camera in nerfstudio's form |
 | `timestamps_us.txt` | a stamp a line, microseconds |
 | `speed.json` | asked and achieved speed of the camera |
+| `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
 | `checks.json` | verdicts of the validation passes |
 | `manifest.json` | every step with its key, every file with size and BLAKE3 |

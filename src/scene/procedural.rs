@@ -14,6 +14,7 @@ mod light;
 mod object;
 mod room;
 mod shape;
+mod texture;
 
 use super::Gaussians;
 use super::collector::{Collector, Gaussian};
@@ -90,7 +91,7 @@ pub fn gaussians(life: &StillLife) -> Gaussians {
         let mut draws = Draws::new(life.seed, stream);
         part.shape.spots(count, &mut draws, |spot| paint(part, spot, &arrangement, &mut collector));
     }
-    collector.finish(DVec3::ZERO, None).expect("a valid still life has Gaussians, all of them finite")
+    collector.finish(DVec3::ZERO, Some(false)).expect("a valid still life has Gaussians, all of them finite")
 }
 
 /// The capture: `views` poses along an arc about the table, 640x360 pixels, not distorted.
@@ -147,4 +148,124 @@ fn paint(part: &Part, spot: &Spot, arrangement: &Arrangement, collector: &mut Co
 
 fn narrow(v: DVec3) -> [f32; 3] {
     v.to_array().map(sh::Scalar::nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::se3::Se3;
+    use crate::source::Lens;
+
+    fn life(gaussians: u32) -> StillLife {
+        StillLife { gaussians, ..StillLife::default() }
+    }
+
+    #[test]
+    fn parameters_have_ranges() {
+        let t = |change: fn(&mut StillLife), message: &str| {
+            let mut life = StillLife::default();
+            change(&mut life);
+            assert_eq!(life.validate().unwrap_err().to_string(), message);
+        };
+        assert_eq!(StillLife::default().validate(), Ok(()));
+        t(|l| l.gaussians = 99, "`gaussians` is 99, wanted 100 to 10,000,000");
+        t(|l| l.gaussians = 10_000_001, "`gaussians` is 10000001, wanted 100 to 10,000,000");
+        t(|l| l.views = 1, "`views` is 1, wanted 2 to 10,000");
+        t(|l| l.arc = 0.0, "`arc` is 0, wanted above 0 and at most 360 degrees");
+        t(|l| l.arc = f64::NAN, "`arc` is NaN, wanted above 0 and at most 360 degrees");
+        t(|l| l.arc = 360.5, "`arc` is 360.5, wanted above 0 and at most 360 degrees");
+    }
+
+    #[test]
+    fn there_are_as_many_gaussians_as_asked_for() {
+        for count in [100, 101, 317, 1_000, 12_345] {
+            let scene = gaussians(&life(count));
+            assert_eq!(scene.len(), count as usize);
+            assert_eq!(
+                scene.screening,
+                crate::scene::Screening { read: u64::from(count), ..Default::default() }
+            );
+        }
+    }
+
+    /// Frozen: a change of these bits changes every release that has a procedural scene.
+    #[test]
+    fn the_scene_is_frozen() {
+        let mut bytes = Vec::new();
+        crate::scene::ply::write_ply(&gaussians(&life(2_000)), &mut bytes).unwrap();
+        let wanted = "6fdbcd12826d8be36a7ddf3e2a51ae425d196451e12617d2e21bce4453e42365";
+        assert_eq!(blake3::hash(&bytes).to_hex().as_str(), wanted);
+        let other = gaussians(&StillLife { seed: 2, ..life(2_000) });
+        assert_ne!(other, gaussians(&life(2_000)));
+    }
+
+    #[test]
+    fn colours_lie_between_black_and_white_from_the_middle_of_the_arc() {
+        let scene = gaussians(&life(5_000));
+        let eye = capture(&life(5_000)).views[15].world_from_camera.translation;
+        for i in 0..scene.len() {
+            let to = DVec3::from_array(scene.positions[i].map(f64::from)) - eye;
+            let basis = sh::basis(scene.sh_degree, narrow(to.normalize()));
+            let colour = sh::colour(scene.sh_of(i), &basis);
+            // The lobe's series may dip below zero beside its peak and lift highlights above one.
+            assert!(colour.iter().all(|c| (0.0..1.3).contains(c)), "{i}: {colour:?}");
+        }
+    }
+
+    #[test]
+    fn the_capture_is_an_uneven_arc_about_the_table() {
+        let views = capture(&StillLife::default()).views;
+        assert_eq!(views.len(), 30);
+        assert_eq!((views[0].name.as_str(), views[29].name.as_str()), ("001.jpg", "030.jpg"));
+        let middle = DVec3::new(0.1, -0.5, 0.1);
+        let mut angles = Vec::new();
+        for view in &views {
+            let pose = view.world_from_camera;
+            let [x, y] = project(&pose.inverse(), &view.camera, middle).unwrap();
+            assert!((x - 320.0).abs() < 40.0 && (y - 180.0).abs() < 40.0, "{}: {x}, {y}", view.name);
+            assert!((pose.rotation.length() - 1.0).abs() < 1e-15);
+            assert!((pose.rotation * DVec3::Y).y > 0.9, "down is down");
+            assert_eq!((&view.lens, &view.sha256), (&Lens::Pinhole, &None));
+            let from = pose.translation - middle;
+            angles.push(from.x.atan2(-from.z).to_degrees());
+        }
+        let steps: Vec<f64> = angles.windows(2).map(|w| w[1] - w[0]).collect();
+        let (least, most) = steps.iter().fold((f64::MAX, f64::MIN), |(l, m), &s| (l.min(s), m.max(s)));
+        assert!(least > 0.2 && most > 1.3 * least, "{least} to {most}");
+        assert!((angles[29] - angles[0] - 20.0).abs() < 0.5);
+    }
+
+    /// A trajectory resamples the arc to 150 poses; between two of them, of each view's visible pixels 95 % may move
+    /// by 0.85 px. Measured at the key views: the sum of the quantiles over the steps bounds what 149 steps share.
+    #[test]
+    fn the_default_arc_moves_slowly() {
+        let life = StillLife::default();
+        let (scene, views) = (gaussians(&life), capture(&life).views);
+        let total: f64 = views.windows(2).map(|pair| flow_quantile(&scene, &pair[0], &pair[1])).sum();
+        assert!(total / 149.0 < 0.85, "{} px a pose", total / 149.0);
+    }
+
+    fn flow_quantile(scene: &Gaussians, a: &crate::source::View, b: &crate::source::View) -> f64 {
+        let (pose_a, pose_b) = (a.world_from_camera.inverse(), b.world_from_camera.inverse());
+        let mut flow: Vec<f64> = scene
+            .positions
+            .iter()
+            .filter_map(|p| {
+                let p = DVec3::from_array(p.map(f64::from));
+                let [xa, ya] = project(&pose_a, &a.camera, p)?;
+                let [xb, yb] = project(&pose_b, &b.camera, p)?;
+                Some((xb - xa).hypot(yb - ya))
+            })
+            .collect();
+        flow.sort_by(f64::total_cmp);
+        flow[flow.len() * 95 / 100]
+    }
+
+    /// Where a point is seen, unless it is behind the camera or outside the image.
+    fn project(camera_from_world: &Se3, camera: &Camera, point: DVec3) -> Option<[f64; 2]> {
+        let q = camera_from_world.rotation * point + camera_from_world.translation;
+        let (x, y) = (camera.fx * q.x / q.z + camera.cx, camera.fy * q.y / q.z + camera.cy);
+        (q.z > 0.2 && (0.0..640.0).contains(&x) && (0.0..360.0).contains(&y)).then_some([x, y])
+    }
 }

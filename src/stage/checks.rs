@@ -1,8 +1,15 @@
 //! Stage `checks`: hands what was made of a trajectory to the validation passes.
+//!
+//! Neither the scene's id nor the trajectory's name is part of what is checked, so findings are stored with an empty
+//! subject; whoever shows them says whose they are.
 
 use super::{Context, Stage, StageError, Target};
 use crate::artifact::{EventStream, Motion, Verdicts, write_json};
-use crate::check::{Finding, Limits};
+use crate::check::drift::DriftLaw;
+use crate::check::tally::Observer;
+use crate::check::{Limits, Subject, Tally, judge};
+use crate::event::{EventSource, h5};
+use crate::units::{Hertz, Ratio};
 use serde::Serialize;
 
 /// Name of the stage.
@@ -23,11 +30,41 @@ impl Stage for Checking {
 
     fn run(
         &self,
-        (_motion, _events): (Motion, Option<EventStream>),
+        (motion, events): (Motion, Option<EventStream>),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
-        let findings: Vec<Finding> = Vec::new();
-        let out = cx.out.join("checks.json");
-        write_json(&out, &findings).map_err(StageError::io(&out))
+        let rate: Ratio = motion.report.rate.parse().map_err(StageError::work("read the frame rate"))?;
+        let rate = Hertz(rate);
+        let tally = events.as_ref().map(|stream| count(stream, &motion, rate, cx)).transpose()?;
+        let simulation = events.as_ref().map(|stream| &stream.simulation);
+        let findings = judge(&Subject {
+            name: "",
+            rate,
+            trajectory: &motion.trajectory,
+            speed: Some(&motion.report),
+            sensor: simulation.map(|s| &s.sensor),
+            account: simulation.map(|s| &s.account),
+            tally: tally.as_ref(),
+            flow: simulation.and_then(|s| s.flow_px),
+            limits: &self.limits,
+        });
+        let verdicts = Verdicts { findings, peak_ev_per_ms: tally.map(|t| t.peak_per_ms) };
+        let out = cx.out.join("verdicts.json");
+        write_json(&out, &verdicts).map_err(StageError::io(&out))
     }
+}
+
+/// Counts the stream in one pass.
+fn count(stream: &EventStream, motion: &Motion, rate: Hertz, cx: &Context<'_>) -> Result<Tally, StageError> {
+    let simulation = &stream.simulation;
+    let seen = DriftLaw::of(&simulation.sensor).ok().map(|law| (law, &stream.anchors));
+    let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
+    let mut observer = Observer::new(simulation.camera.size, rate, end_us, seen);
+    let mut reader = h5::Reader::open(&stream.events).map_err(StageError::work("read events.h5"))?;
+    let mut chunk = Vec::new();
+    while reader.next_chunk(&mut chunk).map_err(StageError::work("read events.h5"))? {
+        cx.go_on()?;
+        observer.append(&chunk);
+    }
+    Ok(observer.finish())
 }

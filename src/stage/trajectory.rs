@@ -4,7 +4,7 @@ use super::{Context, Stage, StageError, Target};
 use crate::artifact::{Motion, write_json};
 use crate::source::Capture;
 use crate::speed::Speed;
-use crate::trajectory::NamedPose;
+use crate::trajectory::{NamedPose, picture};
 use crate::trajectory::refine::{Refine, refine};
 use crate::units::Hertz;
 use serde::Serialize;
@@ -47,6 +47,9 @@ impl Stage for Moving {
         };
         write("poses.txt", &|mut file| refined.trajectory.write_poses(&mut file))?;
         write("timestamps_us.txt", &|mut file| refined.trajectory.write_stamps(&mut file))?;
+        write("trajectory.svg", &|file| {
+            file.write_all(picture::svg(&refined.trajectory, &refined.report).as_bytes())
+        })?;
         let out = cx.out.join("speed.json");
         write_json(&out, &refined.report).map_err(StageError::io(&out))
     }

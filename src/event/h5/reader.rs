@@ -11,7 +11,7 @@ use std::path::Path;
 /// More elements of a dataset for each byte of the file than zlib can compress into it (its ratio is below 1,032).
 const MOST_PER_BYTE: u64 = 1_040;
 
-/// Most elements read at once.
+/// Most elements read at once, and most of a chunk: the library allocates a whole chunk on the file's word.
 const MOST_AT_ONCE: usize = 1 << 20;
 
 /// Reads one stream.
@@ -185,7 +185,11 @@ fn column<T: H5Type>(file: &H5File, name: &'static str) -> Result<(H5Dataset, us
     if found != wanted {
         return Err(refusal(format!("its type is {found}, wanted {wanted}")));
     }
+    let chunk = dataset.chunk_dims().unwrap_or_default().iter().fold(1, |n: usize, &d| n.saturating_mul(d));
     match *dataset.shape() {
+        _ if chunk > MOST_AT_ONCE => {
+            Err(refusal(format!("its chunks have {chunk} elements, wanted at most {MOST_AT_ONCE}")))
+        }
         [len] => Ok((dataset, len)),
         ref shape => Err(refusal(format!("its shape is {shape:?}, wanted one dimension"))),
     }

@@ -1,11 +1,10 @@
 //! A stack of books and, on top of it, an armillary sphere of brass.
 
-use super::draw::{clouds, mix, noise, step, stripes};
-use super::light::blend;
-use super::object::{Arrangement, Finish, Look, Part, at, ball, rgb, turn};
-use super::shape::Spot;
+use super::object::{Arrangement, Finish, Look, Part, at, ball, revolved, rgb, turn};
+use super::shape::{Sheet, Spot};
+use super::texture::{blend, clouds, mix, noise, step, stripes};
 use glam::DVec3;
-use std::f64::consts::TAU;
+use std::f64::consts::PI;
 
 /// Middle of the stack's foot.
 const STACK: DVec3 = DVec3::new(1.32, 0.0, 0.42);
@@ -69,54 +68,81 @@ impl Book {
     }
 
     fn add(self, seed: u64, into: &mut Arrangement) {
-        let (cover, foil) = (rgb(self.cover), rgb(self.foil));
-        let leather = move |s: &Spot| cover * mix(0.75, 1.2, clouds(seed, 14.0 * s.u, 10.0 * s.v));
-        let top: Look = Box::new(move |s| {
+        let mut side = |sheet: Sheet, look: Look| {
+            into.parts.push(Part::sheet("books", sheet, look).detail(1.9));
+        };
+        let (left_right, right_left) = (|u| mix(-1.0, 1.0, u), |u| mix(1.0, -1.0, u));
+        side(Box::new(move |u, v| self.point(left_right(u), left_right(v), 1.0)), self.lid(seed));
+        let bulge = |v: f64| -1.0 - 0.06 * libm::sin(v * PI);
+        side(Box::new(move |u, v| self.point(left_right(u), bulge(v), v)), self.spine(seed));
+        side(Box::new(move |u, v| self.point(1.0, left_right(u), v)), pages());
+        side(Box::new(move |u, v| self.point(-1.0, right_left(u), v)), pages());
+        side(Box::new(move |u, v| self.point(right_left(u), 1.0, v)), pages());
+    }
+
+    fn leather(self, seed: u64, s: &Spot) -> DVec3 {
+        rgb(self.cover) * mix(0.75, 1.2, clouds(seed, 14.0 * s.u, 10.0 * s.v))
+    }
+
+    /// Leather with a frame of foil.
+    fn lid(self, seed: u64) -> Look {
+        Box::new(move |s| {
             let edge = (s.u - 0.5).abs().max((s.v - 0.5).abs());
             let frame = step(0.40, 0.415, edge) * (1.0 - step(0.435, 0.45, edge));
-            Finish::glossy(blend(leather(s), foil, frame), 0.12)
-        });
-        let spine: Look = Box::new(move |s| {
-            let (blur, across) = (s.spacing[0] / 1.0, step(0.28, 0.34, s.v) * (1.0 - step(0.66, 0.72, s.v)));
-            let title = across * step(0.34, 0.36, s.u) * (1.0 - step(0.64, 0.66, s.u));
-            let letters = title * step(0.42, 0.5, noise(seed.wrapping_add(40), 60.0 * s.u, 2.0));
-            let bands = stripes(s.u - 0.08, 0.21, 0.018, blur);
-            Finish::glossy(blend(leather(s), foil, bands.max(letters)), 0.12)
-        });
-        let pages: fn() -> Look = || {
-            Box::new(|s| {
-                let leaves = noise(5, 4.0 * s.u, 40.0 * s.v);
-                let board = 1.0 - step(0.07, 0.10, s.v.min(1.0 - s.v));
-                Finish::matt(blend(rgb(0xdc_cfae) * mix(0.7, 1.0, leaves), rgb(0x3a_2c20), board))
-            })
-        };
-        let sides: [(super::shape::Sheet, Look); 5] = [
-            (Box::new(move |u, v| self.point(mix(-1.0, 1.0, u), mix(-1.0, 1.0, v), 1.0)), top),
-            (
-                Box::new(move |u, v| {
-                    self.point(mix(-1.0, 1.0, u), -1.0 - 0.06 * libm::sin(v * TAU / 2.0), v)
-                }),
-                spine,
-            ),
-            (Box::new(move |u, v| self.point(1.0, mix(-1.0, 1.0, u), v)), pages()),
-            (Box::new(move |u, v| self.point(-1.0, mix(1.0, -1.0, u), v)), pages()),
-            (Box::new(move |u, v| self.point(mix(1.0, -1.0, u), 1.0, v)), pages()),
-        ];
-        for (sheet, look) in sides {
-            into.parts.push(Part::sheet("books", sheet, look).detail(1.5));
-        }
+            Finish::glossy(blend(self.leather(seed, s), rgb(self.foil), frame), 0.12)
+        })
     }
+
+    /// Leather with bands and a title in foil.
+    fn spine(self, seed: u64) -> Look {
+        Box::new(move |s| {
+            let line = step(0.28, 0.34, s.v) * (1.0 - step(0.66, 0.72, s.v));
+            let title = line * step(0.34, 0.36, s.u) * (1.0 - step(0.64, 0.66, s.u));
+            let letters = title * step(0.42, 0.5, noise(seed.wrapping_add(40), 60.0 * s.u, 2.0));
+            let bands = stripes(s.u - 0.08, 0.21, 0.018, s.spacing[0] / (2.0 * self.size[0]));
+            Finish::glossy(blend(self.leather(seed, s), rgb(self.foil), bands.max(letters)), 0.12)
+        })
+    }
+}
+
+/// The edges of the leaves between two boards.
+fn pages() -> Look {
+    Box::new(|s| {
+        let leaves = noise(5, 4.0 * s.u, 40.0 * s.v);
+        let board = 1.0 - step(0.07, 0.10, s.v.min(1.0 - s.v));
+        Finish::matt(blend(rgb(0xdc_cfae) * mix(0.7, 1.0, leaves), rgb(0x3a_2c20), board))
+    })
 }
 
 /// Rings about a globe, on a turned stand.
 fn armillary(foot: DVec3, into: &mut Arrangement) {
-    let brass: fn() -> Look = || {
-        Box::new(|s| {
-            let marks = stripes(s.u, 1.0 / 48.0, 0.3 / 48.0, s.spacing[0] / 2.0);
-            Finish::glossy(blend(rgb(0xb0_8436), rgb(0x5a_3c14), 0.7 * marks), 0.4)
-        })
-    };
     let middle = foot + at(0.0, 0.52, 0.0);
+    rings(middle, into);
+    let land = |s: &Spot| {
+        let shore = step(0.48, 0.54, clouds(31, 5.0 * s.u, 3.0 * s.v));
+        Finish::glossy(blend(rgb(0x2a_5a7e), rgb(0xb8_a468), shore), 0.4)
+    };
+    into.parts.push(Part::sheet("armillary", ball(middle, 0.10, |_, _| 1.0), Box::new(land)).detail(2.2));
+    let axis = Box::new(move |t: f64| middle + at(0.16, 0.36, 0.0) * mix(-1.0, 1.0, t));
+    into.parts.push(Part::strand("armillary", axis, 0.008, brass()).detail(1.5));
+    let stand = |v: f64| {
+        let knob = step(0.45, 0.55, v) * (1.0 - step(0.6, 0.7, v));
+        (0.14 * (1.0 - step(0.05, 0.25, v)) + 0.022 + 0.028 * knob, 0.18 * v)
+    };
+    into.parts.push(Part::sheet("armillary", revolved(foot, stand), brass()).detail(2.5));
+    into.shadow("armillary", middle, 0.1);
+}
+
+/// Brass with degree marks.
+fn brass() -> Look {
+    Box::new(|s| {
+        let marks = stripes(s.u, 1.0 / 120.0, 0.3 / 120.0, s.spacing[0] / 2.0);
+        Finish::glossy(blend(rgb(0xb0_8436), rgb(0x5a_3c14), 0.4 * marks), 0.4)
+    })
+}
+
+fn rings(middle: DVec3, into: &mut Arrangement) {
+    // tilt and heading in turns, radius
     let rings =
         [(0.0, 0.0, 0.34), (0.25, 0.02, 0.33), (0.065, 0.10, 0.31), (-0.11, 0.30, 0.29), (0.19, 0.62, 0.30)];
     for (tilt, heading, radius) in rings {
@@ -125,22 +151,8 @@ fn armillary(foot: DVec3, into: &mut Arrangement) {
             let (sin, cos) = turn(t);
             middle + radius * (a * cos + b * sin)
         });
-        into.parts.push(Part::strand("armillary", ring, 0.0125, brass()).detail(4.0));
+        into.parts.push(Part::strand("armillary", ring, 0.0125, brass()).detail(1.8));
     }
-    let land = |s: &Spot| {
-        let shore = step(0.48, 0.54, clouds(31, 5.0 * s.u, 3.0 * s.v));
-        Finish::glossy(blend(rgb(0x2a_5a7e), rgb(0xb8_a468), shore), 0.4)
-    };
-    into.parts.push(Part::sheet("armillary", ball(middle, 0.10, |_, _| 1.0), Box::new(land)).detail(2.2));
-    let axis = Box::new(move |t: f64| middle + at(0.16, 0.36, 0.0) * mix(-1.0, 1.0, t));
-    into.parts.push(Part::strand("armillary", axis, 0.008, brass()).detail(5.0));
-    let stand = |v: f64| {
-        let knob = step(0.45, 0.55, v) * (1.0 - step(0.6, 0.7, v));
-        (0.14 * (1.0 - step(0.05, 0.25, v)) + 0.022 + 0.028 * knob, 0.18 * v)
-    };
-    let stand = super::object::revolved(foot, stand);
-    into.parts.push(Part::sheet("armillary", stand, brass()).detail(2.5));
-    into.shadow("armillary", middle, 0.1);
 }
 
 /// Two unit vectors that span a ring's plane: level, then tilted and turned about the vertical (in turns).

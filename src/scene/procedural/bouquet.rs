@@ -1,12 +1,12 @@
 //! A striped vase with flowers, leaves and bare twigs.
 
-use super::draw::{Draws, mix, noise, step, stripes};
-use super::light::blend;
+use super::draw::Draws;
 use super::object::{Arrangement, Finish, Part, at, ball, revolved, rgb, through, turn};
 use super::shape::Spot;
+use super::texture::{blend, mix, noise, step, stripes};
 use glam::DVec3;
 
-/// Where the vase stands, and the middle of its mouth.
+/// Where the vase stands, and how high it is.
 const FOOT: DVec3 = DVec3::new(-0.98, 0.0, 0.30);
 const HEIGHT: f64 = 0.78;
 
@@ -18,9 +18,9 @@ pub(super) fn add(seed: u64, into: &mut Arrangement) {
     let mut draws = Draws::new(seed, STREAM);
     let heads = [
         (-0.42, 1.18, -0.06),
-        (-0.16, 1.40, 0.10),
+        (-0.16, 1.36, 0.10),
         (0.12, 1.22, -0.16),
-        (0.36, 1.34, 0.06),
+        (0.36, 1.30, 0.06),
         (-0.62, 0.98, 0.10),
         (0.50, 1.04, -0.10),
         (-0.05, 1.06, -0.30),
@@ -28,7 +28,7 @@ pub(super) fn add(seed: u64, into: &mut Arrangement) {
     for (k, (x, h, z)) in heads.into_iter().enumerate() {
         let head = FOOT + at(x, h, z);
         let lean = DVec3::new(0.5 * x, -0.45, -0.75).normalize();
-        stalk(head, 0.010, into);
+        stalk(head, into);
         if k % 3 == 1 { poppy(head, lean, &mut draws, into) } else { daisy(head, lean, &mut draws, into) }
     }
     for (x, h, z) in [(-0.74, 1.24, 0.16), (0.62, 1.44, 0.14), (0.10, 1.52, 0.2), (-0.40, 1.48, 0.16)] {
@@ -59,14 +59,14 @@ fn profile(v: f64) -> (f64, f64) {
 fn vase(into: &mut Arrangement) {
     let glaze = |s: &Spot| {
         let blur = s.spacing[1] / HEIGHT;
-        let bands = stripes(s.v, 0.125, 0.045, blur);
-        let zigzag = (s.u * 14.0 - (s.u * 14.0).round()).abs() * 2.0;
+        let bands = stripes(s.v, 0.16, 0.065, blur);
+        let zigzag = (s.u * 10.0 - (s.u * 10.0).round()).abs() * 2.0;
         let middle = step(0.38, 0.40, s.v) * (1.0 - step(0.60, 0.62, s.v));
         let tooth = middle * step(-0.08, 0.08, (s.v - 0.39) / 0.22 - 0.15 - 0.7 * zigzag);
         let clay = blend(rgb(0xd9_d3c6), rgb(0x1e_5a5e), mix(bands, tooth, middle));
         Finish::glossy(clay, 0.36)
     };
-    into.parts.push(Part::sheet("vase", revolved(FOOT, profile), Box::new(glaze)).detail(1.6));
+    into.parts.push(Part::sheet("vase", revolved(FOOT, profile), Box::new(glaze)).detail(2.4));
     let dark = |_: &Spot| Finish::matt(rgb(0x2a_2622));
     let inside = revolved(FOOT, |v| (0.13 + 0.03 * v, HEIGHT - 0.12 * (1.0 - v) - 0.01));
     into.parts.push(Part::sheet("vase", inside, Box::new(dark)).detail(0.5));
@@ -76,39 +76,40 @@ fn vase(into: &mut Arrangement) {
 }
 
 /// A stalk from the vase's mouth to a flower's head.
-fn stalk(head: DVec3, radius: f64, into: &mut Arrangement) {
+fn stalk(head: DVec3, into: &mut Arrangement) {
     let mouth = FOOT + at(0.0, HEIGHT - 0.05, 0.0);
     let way = head - mouth;
     let points = vec![
-        mouth + way * at(0.10, -0.0, 0.10),
+        mouth + way * DVec3::new(0.10, 0.0, 0.10),
         mouth + way * DVec3::new(0.22, 0.36, 0.22),
         mouth + way * DVec3::new(0.58, 0.72, 0.58),
         head,
     ];
     let green = |s: &Spot| Finish::matt(blend(rgb(0x3c_5a26), rgb(0x6d_8f3c), s.u));
-    into.parts.push(Part::strand("flowers", through(points), radius, Box::new(green)).detail(3.0));
+    into.parts.push(Part::strand("flowers", through(points), 0.010, Box::new(green)).detail(1.5));
 }
 
-/// A frame about the direction that a flower looks: two directions across it.
-fn across(lean: DVec3) -> (DVec3, DVec3) {
+/// The axes along and across a petal of a flower that looks along `lean`, `turns` round it.
+fn petal_axes(lean: DVec3, turns: f64) -> (DVec3, DVec3) {
     let a = lean.cross(DVec3::Y).normalize_or(DVec3::X);
-    (a, lean.cross(a))
+    let (sin, cos) = turn(turns);
+    let out = a * cos + lean.cross(a) * sin;
+    (out, lean.cross(out))
 }
 
 fn daisy(head: DVec3, lean: DVec3, draws: &mut Draws, into: &mut Arrangement) {
-    let (a, b) = across(lean);
     let (size, phase) = (draws.uniform(0.15, 0.19), draws.uniform(0.0, 1.0));
     for k in 0..13 {
-        let (sin, cos) = turn((f64::from(k) + phase + draws.bell(0.1)) / 13.0);
-        let out = a * cos + b * sin;
-        let side = lean.cross(out);
+        let (out, side) = petal_axes(lean, (f64::from(k) + phase + draws.bell(0.1)) / 13.0);
         let length = size * draws.uniform(0.9, 1.05);
         let petal = Box::new(move |u: f64, v: f64| {
-            let width = 0.036 * libm::sqrt(v * (1.25 - v)) * 1.6;
+            let width = 0.058 * (v * (1.25 - v)).sqrt();
             let droop = 0.25 * length * v * v - 0.04 * v;
             head + out * (0.03 + length * v) + side * (width * (2.0 * u - 1.0)) - lean * droop
         });
-        let white = |s: &Spot| Finish::matt(blend(rgb(0xd8_c890), rgb(0xee_ece6), step(0.0, 0.4, s.v)));
+        let tone = draws.uniform(0.72, 1.0);
+        let white =
+            move |s: &Spot| Finish::matt(tone * blend(rgb(0xb8_a870), rgb(0xe0_ded6), step(0.0, 0.45, s.v)));
         into.parts.push(Part::sheet("flowers", petal, Box::new(white)).detail(2.2).thin());
     }
     let yolk = |s: &Spot| Finish::matt(rgb(0xd8_9a14) * mix(0.6, 1.1, noise(3, 20.0 * s.u, 9.0 * s.v)));
@@ -118,21 +119,17 @@ fn daisy(head: DVec3, lean: DVec3, draws: &mut Draws, into: &mut Arrangement) {
 
 /// Five wide petals as a cup, dark in the middle.
 fn poppy(head: DVec3, lean: DVec3, draws: &mut Draws, into: &mut Arrangement) {
-    let (a, b) = across(lean);
     let phase = draws.uniform(0.0, 1.0);
-    let seed = 77;
     for k in 0..5 {
-        let (sin, cos) = turn((f64::from(k) + phase) / 5.0);
-        let out = a * cos + b * sin;
-        let side = lean.cross(out);
+        let (out, side) = petal_axes(lean, (f64::from(k) + phase) / 5.0);
         let petal = Box::new(move |u: f64, v: f64| {
             let w = 2.0 * u - 1.0;
-            let width = 0.15 * libm::sqrt((v * (1.15 - v)).max(0.0)) * 1.7;
+            let width = 0.255 * (v * (1.15 - v)).sqrt();
             let wave = 0.018 * libm::sin(9.0 * w + 2.0 * phase) * v;
             head + out * (0.02 + 0.17 * v) + side * (width * w) + lean * (0.11 * v * v + wave - 0.03 * w * w)
         });
-        let silk = move |s: &Spot| {
-            let veins = noise(seed, 16.0 * s.u, 2.0 * s.v);
+        let silk = |s: &Spot| {
+            let veins = noise(77, 16.0 * s.u, 2.0 * s.v);
             let red = blend(rgb(0xc8_2f12), rgb(0xe0_5a1e), veins);
             Finish::matt(blend(rgb(0x20_1018), red, step(0.10, 0.34, s.v)))
         };
@@ -155,14 +152,14 @@ fn twig(tip: DVec3, draws: &mut Draws, into: &mut Arrangement) {
     }
     points.push(tip);
     let bark = |_: &Spot| Finish::matt(rgb(0x5a_4230));
-    for k in 2..5 {
-        let bud = points[k] + DVec3::new(draws.bell(0.03), -0.03 + draws.bell(0.02), draws.bell(0.03));
-        let twiglet = through(vec![points[k], (points[k] + bud) * 0.5 + at(0.01, 0.01, 0.0), bud]);
-        into.parts.push(Part::strand("flowers", twiglet, 0.005, Box::new(bark)).detail(5.0));
+    for &fork in &points[2..5] {
+        let bud = fork + DVec3::new(draws.bell(0.03), -0.03 + draws.bell(0.02), draws.bell(0.03));
+        let twiglet = through(vec![fork, (fork + bud) * 0.5 + at(0.01, 0.01, 0.0), bud]);
+        into.parts.push(Part::strand("flowers", twiglet, 0.005, Box::new(bark)).detail(2.0));
         let red = |_: &Spot| Finish::matt(rgb(0x9c_3a3a));
         into.parts.push(Part::sheet("flowers", ball(bud, 0.017, |_, _| 1.0), Box::new(red)).detail(4.0));
     }
-    into.parts.push(Part::strand("flowers", through(points), 0.007, Box::new(bark)).detail(5.0));
+    into.parts.push(Part::strand("flowers", through(points), 0.007, Box::new(bark)).detail(2.0));
 }
 
 /// A long leaf that bends from the vase's mouth to its tip.

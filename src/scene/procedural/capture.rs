@@ -13,11 +13,11 @@ use glam::{DMat3, DQuat, DVec3};
 const SIZE: Size = Size { width: 640, height: 360 };
 const FOCAL: f64 = 653.0;
 /// What the photographer looks at, and from how far and high up.
-const TARGET: DVec3 = DVec3::new(0.12, -0.52, 0.12);
+const TARGET: DVec3 = DVec3::new(0.12, -0.56, 0.12);
 const DISTANCE: f64 = 4.25;
 const RISE: f64 = 15.5 / 360.0;
 /// Standard deviations of the hand: place in units, direction in turns.
-const SHAKE: f64 = 0.005;
+const SHAKE: f64 = 0.0035;
 const TREMBLE: f64 = 0.05 / 360.0;
 
 /// Streams of the draws for the arc and for the hand.

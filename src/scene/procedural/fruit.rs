@@ -1,9 +1,8 @@
 //! A bowl of fruit, and what has rolled out of it.
 
-use super::draw::{clouds, mix, noise, step, stripes};
-use super::light::blend;
 use super::object::{Arrangement, Finish, Part, at, ball, revolved, rgb, through, turn};
 use super::shape::Spot;
+use super::texture::{blend, clouds, mix, noise, step, stripes};
 use glam::DVec3;
 
 /// Where the bowl stands.
@@ -51,7 +50,7 @@ fn bowl(into: &mut Arrangement) {
         BOWL + at(0.98 * BOWL_RADIUS * cos, BOWL_HEIGHT + 0.005, 0.98 * BOWL_RADIUS * sin)
     };
     let gold = |_: &Spot| Finish::glossy(rgb(0xb0_8a4a), 0.3);
-    into.parts.push(Part::strand("bowl", Box::new(rim), 0.018, Box::new(gold)).detail(3.0));
+    into.parts.push(Part::strand("bowl", Box::new(rim), 0.018, Box::new(gold)).detail(1.2));
     for k in 0..6 {
         let (sin, cos) = turn(f64::from(k) / 6.0);
         into.shadow("bowl", BOWL + at(0.36 * cos, 0.2, 0.36 * sin), 0.24);
@@ -60,7 +59,7 @@ fn bowl(into: &mut Arrangement) {
 
 fn stem(object: &'static str, points: Vec<DVec3>, radius: f64, into: &mut Arrangement) {
     let wood = |_: &Spot| Finish::matt(rgb(0x4a_3218));
-    into.parts.push(Part::strand(object, through(points), radius, Box::new(wood)).detail(4.0));
+    into.parts.push(Part::strand(object, through(points), radius, Box::new(wood)).detail(2.5));
 }
 
 fn apple(object: &'static str, centre: DVec3, radius: f64, seed: u64, into: &mut Arrangement) {
@@ -167,7 +166,7 @@ fn cherries(into: &mut Arrangement) {
         let top = centre + at(0.0, 0.07, 0.0);
         let points = vec![top, top + at(0.4 * lean, 0.10, 0.02), top + at(lean, 0.21, 0.08)];
         let green = |_: &Spot| Finish::matt(rgb(0x5c_7a2c));
-        into.parts.push(Part::strand("cherry", through(points), 0.008, Box::new(green)).detail(5.0));
+        into.parts.push(Part::strand("cherry", through(points), 0.008, Box::new(green)).detail(2.5));
         into.shadow("cherry", centre, 0.072);
     }
 }

@@ -1,6 +1,6 @@
 //! Light on the still life: a lamp, a sky, shadows of spheres, and gloss as harmonics.
 
-use super::draw::{mix, step};
+use super::texture::step;
 use crate::scene::sh;
 use glam::DVec3;
 
@@ -22,9 +22,9 @@ pub(super) struct Lit {
 }
 
 /// Linear light of the lamp and the sky (above) and the table's reflection (below).
-const LAMP: DVec3 = DVec3::new(1.75, 1.55, 1.25);
-const SKY: DVec3 = DVec3::new(0.50, 0.56, 0.66);
-const BOUNCE: DVec3 = DVec3::new(0.22, 0.16, 0.11);
+const LAMP: DVec3 = DVec3::new(1.95, 1.72, 1.38);
+const SKY: DVec3 = DVec3::new(0.36, 0.41, 0.49);
+const BOUNCE: DVec3 = DVec3::new(0.20, 0.14, 0.10);
 /// Where the lamp hangs: above, left of and before the table.
 const LAMP_PLACE: DVec3 = DVec3::new(-2.6, -4.2, -2.6);
 /// Apparent size of the lamp, which softens its shadows: radius over distance.
@@ -117,11 +117,6 @@ fn lobe(axis: [f64; 3]) -> [f64; sh::MAX_LEN] {
         functions[from..sh::len(l)].iter_mut().for_each(|y| *y *= k);
     }
     functions
-}
-
-/// A colour between two.
-pub(super) fn blend(a: DVec3, b: DVec3, t: f64) -> DVec3 {
-    DVec3::new(mix(a.x, b.x, t), mix(a.y, b.y, t), mix(a.z, b.z, t))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What the still life's objects are made of.
 
 use super::light::Occluder;
-use super::shape::{Path, Shape, Sheet, Spot};
+use super::shape::{Cover, Path, Shape, Sheet, Spot};
 use glam::DVec3;
 use std::fmt;
 
@@ -50,11 +50,15 @@ impl fmt::Debug for Part {
 
 impl Part {
     pub(super) fn sheet(object: &'static str, sheet: Sheet, look: Look) -> Self {
-        Self { object, shape: Shape::Sheet(sheet), look, detail: 1.0, thin: false }
+        Self::covered(object, sheet, Cover::CLOSED, look)
+    }
+
+    pub(super) fn covered(object: &'static str, sheet: Sheet, how: Cover, look: Look) -> Self {
+        Self { object, shape: Shape::Sheet(sheet, how), look, detail: 1.0, thin: false }
     }
 
     pub(super) fn strand(object: &'static str, path: Path, radius: f64, look: Look) -> Self {
-        Self { object, shape: Shape::Strand(path, Box::new(move |_| radius)), look, detail: 1.0, thin: false }
+        Self { object, shape: Shape::Strand(path, radius), look, detail: 1.0, thin: false }
     }
 
     pub(super) fn detail(self, detail: f64) -> Self {
@@ -119,6 +123,7 @@ pub(super) fn ball(centre: DVec3, radius: f64, swell: impl Fn(f64, f64) -> f64 +
 }
 
 /// A smooth curve through points that are equally far apart in the parameter (Catmull-Rom).
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the points' indices")]
 pub(super) fn through(points: Vec<DVec3>) -> Path {
     Box::new(move |t| {
         let last = points.len() - 1;

@@ -1,15 +1,20 @@
 //! The room: a tiled wall, a table of planks, and a chequered cloth.
 
-use super::draw::{clouds, lattice, mix, noise, step, stripes};
-use super::light::blend;
-use super::object::{Arrangement, Finish, Part, at, rgb};
-use super::shape::Spot;
-use glam::DVec2;
+use super::object::{Arrangement, Finish, Part, at, rgb, turn};
+use super::shape::{Cover, Spot};
+use super::texture::{blend, clouds, lattice, mix, noise, step, stripes};
+use glam::{DVec2, DVec3};
 
 /// Side of a wall tile.
-const TILE: f64 = 0.46;
+const TILE: f64 = 0.52;
+/// Radius of the rings on the tiles, in tiles.
+const RING: f64 = 0.35;
 /// Where the wall stands.
 const WALL_Z: f64 = 1.55;
+/// Width of the table's planks.
+const PLANK: f64 = 0.45;
+/// How high the wall is.
+const TOP: f64 = 2.4;
 
 pub(super) fn add(seed: u64, into: &mut Arrangement) {
     wall(seed, into);
@@ -17,22 +22,54 @@ pub(super) fn add(seed: u64, into: &mut Arrangement) {
     cloth(into);
 }
 
+/// Half the width that the default arc sees, and that wide arcs do; the wings begin behind the crisp middle's edge.
+const NEAR: f64 = 3.4;
+const INNER: f64 = 3.0;
+const FAR: f64 = 9.0;
+
+/// Crisp tiles where the default arc looks, a backing, coarse wings beyond; rings and grout as strands.
+///
+/// Surfels are blended in the order of their middles: a backing has to lie so deep that none of its wide ones comes
+/// before the crisp ones.
 fn wall(seed: u64, into: &mut Arrangement) {
-    let face = Box::new(|u: f64, v: f64| at(mix(-4.6, 4.6, u), mix(-0.1, 2.5, v), WALL_Z));
-    into.parts.push(Part::sheet("wall", face, Box::new(move |s| tile(seed, s))).detail(0.62));
-    let grout = rgb(0x4a_4640);
-    for k in -10..=10 {
+    let face = |left: f64, right: f64, z: f64| {
+        Box::new(move |u: f64, v: f64| at(mix(left, right, u), mix(-0.06, TOP, v), z))
+    };
+    let look = move || Box::new(move |s: &Spot| tile(seed, s));
+    into.parts.push(Part::covered("wall", face(-NEAR, NEAR, WALL_Z), Cover::CRISP, look()).detail(0.8));
+    into.parts.push(Part::sheet("wall", face(-NEAR, NEAR, WALL_Z + 0.1), look()).detail(0.08));
+    for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
+        into.parts.push(Part::sheet("wall", face(left, right, WALL_Z + 0.3), look()).detail(0.02));
+    }
+    for i in -6..=6 {
+        for j in 0..=4 {
+            ring(at(f64::from(i) * TILE, f64::from(j) * TILE, WALL_Z - 0.005), into);
+        }
+    }
+    for k in -6..=6 {
         let x = f64::from(k) * TILE;
-        let path = Box::new(move |t: f64| at(x, mix(-0.05, 2.5, t), WALL_Z - 0.012));
-        into.parts
-            .push(Part::strand("wall", path, 0.011, Box::new(move |_| Finish::matt(grout))).detail(0.9));
+        grout(at(x, -0.05, WALL_Z - 0.01), at(x, TOP, WALL_Z - 0.01), into);
     }
-    for k in 0..6 {
+    for k in 0..5 {
         let height = f64::from(k) * TILE;
-        let path = Box::new(move |t: f64| at(mix(-4.6, 4.6, t), height, WALL_Z - 0.012));
-        into.parts
-            .push(Part::strand("wall", path, 0.011, Box::new(move |_| Finish::matt(grout))).detail(0.9));
+        grout(at(-NEAR, height, WALL_Z - 0.01), at(NEAR, height, WALL_Z - 0.01), into);
     }
+}
+
+/// The blue ring about a corner of tiles.
+fn ring(centre: DVec3, into: &mut Arrangement) {
+    let circle = Box::new(move |t: f64| {
+        let (sin, cos) = turn(t);
+        centre + RING * TILE * at(cos, sin, 0.0)
+    });
+    let blue = |_: &Spot| Finish::glossy(rgb(0x25_5684), 0.10);
+    into.parts.push(Part::strand("wall", circle, 0.055 * TILE, Box::new(blue)).detail(1.2));
+}
+
+fn grout(from: DVec3, to: DVec3, into: &mut Arrangement) {
+    let line = Box::new(move |t: f64| from.lerp(to, t));
+    let grey = |_: &Spot| Finish::matt(rgb(0x5a_554c));
+    into.parts.push(Part::strand("wall", line, 0.011, Box::new(grey)).detail(0.4));
 }
 
 /// Glazed tiles in the manner of azulejos: a blue ring about each corner, a diamond in each middle.
@@ -43,15 +80,15 @@ fn tile(seed: u64, s: &Spot) -> Finish {
     let (x, y) = (a - i, b - j);
     let blur = s.spacing[0] / TILE;
     let corner = DVec2::new(x - x.round(), y - y.round()).length();
-    let ring = band(corner, 0.30, 0.44, blur);
+    let ring = band(corner, RING - 0.07, RING + 0.07, blur);
     let dot = 1.0 - step(0.13 - blur / 2.0, 0.13 + blur / 2.0, corner);
-    let diamond = 1.0 - step(0.19 - blur / 2.0, 0.19 + blur / 2.0, (x - 0.5).abs() + (y - 0.5).abs());
+    let diamond = 1.0 - step(0.20 - blur / 2.0, 0.20 + blur / 2.0, (x - 0.5).abs() + (y - 0.5).abs());
     let tone = lattice(seed, i as i64, j as i64);
-    let glaze = blend(rgb(0xe6_dcc4), rgb(0xcf_c2a4), 0.7 * tone + 0.3 * clouds(seed, 3.0 * a, 3.0 * b));
-    let blue = blend(rgb(0x2c_5b8c), rgb(0x3f_7a9e), tone);
+    let glaze = blend(rgb(0xe2_d6bc), rgb(0xc8_baa0), 0.6 * tone + 0.4 * clouds(seed, 3.0 * a, 3.0 * b));
+    let blue = blend(rgb(0x1f_4a7c), rgb(0x2f_6a92), tone);
     let painted = blend(glaze, blue, ring);
     let painted = blend(painted, rgb(0xc7_7b2c), dot);
-    Finish::glossy(blend(painted, rgb(0xb5_4a32), diamond), 0.10)
+    Finish::glossy(blend(painted, rgb(0xa8_3c28), diamond), 0.10)
 }
 
 /// One between `low` and `high`, zero outside, with edges as wide as `blur`.
@@ -60,40 +97,60 @@ fn band(x: f64, low: f64, high: f64, blur: f64) -> f64 {
     step(low - h, low + h, x) * (1.0 - step(high - h, high + h, x))
 }
 
+/// Crisp boards where the default arc looks, a backing, coarse wings beyond; seams as strands.
 fn table(seed: u64, into: &mut Arrangement) {
-    let top = Box::new(|u: f64, v: f64| at(mix(-4.2, 4.2, u), 0.0, mix(-1.9, WALL_Z, v)));
-    into.parts.push(Part::sheet("table", top, Box::new(move |s| plank(seed, s))).detail(0.75));
+    let top = |left: f64, right: f64, height: f64| {
+        Box::new(move |u: f64, v: f64| at(mix(left, right, u), height, mix(-1.8, WALL_Z, v)))
+    };
+    let look = move || Box::new(move |s: &Spot| plank(seed, s));
+    let grain = Cover { aspect: 5.0, ..Cover::CRISP };
+    into.parts.push(Part::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
+    into.parts.push(Part::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
+    for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
+        into.parts.push(Part::sheet("table", top(left, right, -0.2), look()).detail(0.02));
+    }
+    for k in -4..=3 {
+        let z = f64::from(k) * PLANK;
+        let seam = Box::new(move |t: f64| at(mix(-NEAR, NEAR, t), 0.004, z));
+        let dark = |_: &Spot| Finish::matt(rgb(0x2c_180c));
+        into.parts.push(Part::strand("table", seam, 0.012, Box::new(dark)).detail(0.6));
+    }
 }
 
 /// Planks along x, each with its own tone and grain.
 #[expect(clippy::cast_possible_truncation, reason = "a table of a dozen planks")]
 fn plank(seed: u64, s: &Spot) -> Finish {
-    const WIDTH: f64 = 0.5;
-    let (x, z) = (s.position.x, s.position.z / WIDTH);
+    let (x, z) = (s.position.x, s.position.z / PLANK);
     let board = z.floor();
     let own = seed.wrapping_add(1000).wrapping_add((board as i64).cast_unsigned());
     let tone = lattice(own, 0, 0);
     let warp = 2.2 * noise(own, 0.8 * x, 1.5 * z);
-    let grain = clouds(own, 1.1 * x + 7.0 * tone, 9.0 * z + 3.0 * warp);
-    let rings = 0.5 + 0.5 * libm::sin(22.0 * (z + 0.22 * warp) + 9.0 * tone);
-    let wood = blend(rgb(0x9c_6436), rgb(0x5e_3419), 0.55 * grain + 0.30 * rings + 0.25 * tone);
-    let seam = stripes(z + 0.03, 1.0, 0.06, s.spacing[1] / WIDTH);
-    Finish::glossy(blend(wood, rgb(0x24_130a), 0.85 * seam), 0.06)
+    let grain = clouds(own, 0.9 * x + 7.0 * tone, 7.0 * z + 2.0 * warp);
+    let rings = 0.5 + 0.5 * libm::sin(17.0 * (z + 0.25 * warp) + 9.0 * tone);
+    let dark = step(0.2, 0.9, 0.45 * grain + 0.45 * rings + 0.25 * tone);
+    Finish::glossy(blend(rgb(0xb0_7442), rgb(0x55_2d14), dark), 0.06)
 }
 
-/// A cloth under the bowl, turned on the table, with ripples.
+/// A chequered cloth under the bowl, turned on the table, with ripples and a hem.
 fn cloth(into: &mut Arrangement) {
-    let (sin, cos) = super::object::turn(-0.035);
-    let sheet = Box::new(move |u: f64, v: f64| {
-        let (a, b) = (mix(-0.98, 0.98, u), mix(-0.80, 0.62, v));
-        let ripple = 0.011 * libm::sin(5.0 * a + 3.5 * b) + 0.009 * libm::sin(11.0 * b - 4.0 * a);
-        at(0.33 + cos * a - sin * b, 0.03 + ripple, -0.30 + sin * a + cos * b)
-    });
     let look = Box::new(|s: &Spot| {
         let (a, b) = (1.96 * s.u, 1.42 * s.v);
-        let (p, q) = (stripes(a, 0.28, 0.14, s.spacing[0]), stripes(b, 0.28, 0.14, s.spacing[1]));
-        let (linen, red) = (rgb(0xe8_e2d6), rgb(0xa8_2424));
-        Finish::matt(blend(linen, red, 0.5 * (p + q) * 1.0))
+        let (p, q) = (stripes(a, 0.36, 0.18, s.spacing[0]), stripes(b, 0.36, 0.18, s.spacing[1]));
+        Finish::matt(blend(rgb(0xe2_dbcc), rgb(0xa0_1c1e), 0.5 * (p + q)))
     });
-    into.parts.push(Part::sheet("cloth", sheet, look).detail(1.15).thin());
+    into.parts.push(Part::sheet("cloth", Box::new(linen), look).detail(2.4).thin());
+    let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
+    for (from, to) in corners.iter().zip(&corners[1..]).map(|(&a, &b)| (a, b)) {
+        let edge =
+            Box::new(move |t: f64| linen(mix(from.0, to.0, t), mix(from.1, to.1, t)) - at(0.0, 0.01, 0.0));
+        let red = |_: &Spot| Finish::matt(rgb(0x8c_1a1c));
+        into.parts.push(Part::strand("cloth", edge, 0.012, Box::new(red)).detail(1.0));
+    }
+}
+
+fn linen(u: f64, v: f64) -> DVec3 {
+    let (sin, cos) = turn(-0.035);
+    let (a, b) = (mix(-0.98, 0.98, u), mix(-0.80, 0.62, v));
+    let ripple = 0.011 * libm::sin(5.0 * a + 3.5 * b) + 0.009 * libm::sin(11.0 * b - 4.0 * a);
+    at(0.33 + cos * a - sin * b, 0.03 + ripple, -0.30 + sin * a + cos * b)
 }

@@ -1,5 +1,11 @@
 //! Surfaces and strands, and the surfels that cover them: flattened Gaussians whose size follows their number.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts come from rounding shares of counts, which are not negative"
+)]
+
 use super::draw::Draws;
 use glam::{DMat3, DQuat, DVec3};
 use std::fmt;
@@ -11,10 +17,10 @@ pub(super) type Path = Box<dyn Fn(f64) -> DVec3>;
 
 /// What a part of an object looks like.
 pub(super) enum Shape {
-    /// A surface.
-    Sheet(Sheet),
-    /// A thin tube along a curve, of this radius at each parameter.
-    Strand(Path, Box<dyn Fn(f64) -> f64>),
+    /// A surface and how it is covered.
+    Sheet(Sheet, Cover),
+    /// A thin tube along a curve, of this radius.
+    Strand(Path, f64),
     /// Blobs in the air: centres and radii come from the draws.
     Blobs { low: DVec3, high: DVec3, share: f64 },
 }
@@ -22,7 +28,7 @@ pub(super) enum Shape {
 impl fmt::Debug for Shape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Sheet(_) => "Sheet",
+            Self::Sheet(..) => "Sheet",
             Self::Strand(..) => "Strand",
             Self::Blobs { .. } => "Blobs",
         })
@@ -44,19 +50,34 @@ pub(super) struct Spot {
     pub(super) rotation: DQuat,
 }
 
-/// Standard deviation of a surfel over the distance to the next: neighbours overlap at 0.7 of their height.
-const OVERLAP: f64 = 0.62;
+/// How surfels cover a surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cover {
+    /// Standard deviation over the distance to the next surfel. 0.58 closes the surface; less shows a little of what
+    /// lies behind and keeps patterns sharper.
+    pub(super) overlap: f64,
+    /// Distance along `u` over that along `v`: for patterns that run along `u`.
+    pub(super) aspect: f64,
+}
+
+impl Cover {
+    pub(super) const CLOSED: Self = Self { overlap: 0.58, aspect: 1.0 };
+    pub(super) const CRISP: Self = Self { overlap: 0.47, aspect: 1.0 };
+}
+
+/// What a unit of a strand's length counts beyond its area: the thinnest, too, needs pieces to follow its bends.
+const BENDS: f64 = 0.03;
 /// How far surfels are moved from the middle of their cells, in cells.
 const UNREST: f64 = 0.18;
 /// Rows and columns at which areas and lengths are measured.
 const MEASURED: u32 = 48;
 
 impl Shape {
-    /// Area of the surface, or what a strand shows of itself.
+    /// Area of the surface; of a strand, what it shows and [`BENDS`] for each unit of its length.
     pub(super) fn area(&self) -> f64 {
         match self {
-            Self::Sheet(sheet) => Rows::measure(sheet).area(),
-            Self::Strand(path, radius) => lengths(|t| path(t)).iter().sum::<f64>() * 2.0 * radius(0.5),
+            Self::Sheet(sheet, _) => Rows::measure(sheet).area(),
+            Self::Strand(path, radius) => lengths(path).iter().sum::<f64>() * (2.0 * radius + BENDS),
             Self::Blobs { share, .. } => *share,
         }
     }
@@ -64,8 +85,8 @@ impl Shape {
     /// Exactly `count` spots.
     pub(super) fn spots(&self, count: usize, draws: &mut Draws, mut found: impl FnMut(&Spot)) {
         match self {
-            Self::Sheet(sheet) => cover(sheet, count, draws, &mut found),
-            Self::Strand(path, radius) => follow(path, radius, count, &mut found),
+            Self::Sheet(sheet, how) => cover(sheet, *how, count, draws, &mut found),
+            Self::Strand(path, radius) => follow(path, *radius, count, &mut found),
             Self::Blobs { low, high, .. } => {
                 for _ in 0..count {
                     found(&blob(*low, *high, draws));
@@ -123,21 +144,23 @@ impl Rows {
 }
 
 /// Covers a surface by rows of surfels, as many in each row as its length asks for.
-fn cover(sheet: &Sheet, count: usize, draws: &mut Draws, found: &mut impl FnMut(&Spot)) {
+fn cover(sheet: &Sheet, how: Cover, count: usize, draws: &mut Draws, found: &mut impl FnMut(&Spot)) {
     let rows = Rows::measure(sheet);
-    let spacing = (rows.area() / count.max(1) as f64).sqrt();
+    let spacing = (rows.area() / (count.max(1) as f64 * how.aspect)).sqrt();
     let height: f64 = rows.heights.iter().sum();
     let row_count = ((height / spacing).round() as usize).clamp(1, count.max(1));
     let edge = |r: f64| rows.v_at(r / row_count as f64);
     let widths: Vec<f64> = (0..row_count).map(|r| rows.width_at(edge(r as f64 + 0.5))).collect();
     for (r, in_row) in shares(count, &widths).into_iter().enumerate() {
-        let phase = draws.uniform(0.0, 1.0);
+        let phase = if r % 2 == 0 { 0.3 } else { 0.8 };
         let r = r as f64;
         let cell = [1.0 / in_row.max(1) as f64, edge(r + 1.0) - edge(r)];
         for i in 0..in_row {
             let along = (i as f64 + phase + draws.uniform(-UNREST, UNREST)) / in_row as f64;
             let v = edge(r + 0.5 + draws.uniform(-UNREST, UNREST));
-            found(&surfel(sheet, along - along.floor(), v, cell));
+            let mut spot = surfel(sheet, along - along.floor(), v, cell);
+            spot.deviations *= how.overlap;
+            found(&spot);
         }
     }
 }
@@ -159,7 +182,7 @@ pub(super) fn shares(count: usize, weights: &[f64]) -> Vec<usize> {
         .collect()
 }
 
-/// The surfel at `(u, v)` of a cell of this size in the unit square.
+/// The surfel at `(u, v)` of a cell of this size in the unit square; its deviations are the spacing.
 fn surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
     let d = 1e-4;
     let along = |du: f64, dv: f64| {
@@ -171,15 +194,13 @@ fn surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
     let spacing = [du.length() * cell[0], dv.length() * cell[1]];
     let normal = du.cross(dv).normalize_or(DVec3::NEG_Y);
     let tangent = (du - normal * normal.dot(du)).normalize_or(normal.any_orthonormal_vector());
-    let thickness = 0.06 * (spacing[0] + spacing[1]);
-    let [a, b] = spacing.map(|s| OVERLAP * s);
     Spot {
         u,
         v,
         position: sheet(u, v),
         normal,
         spacing,
-        deviations: DVec3::new(a, b, thickness),
+        deviations: DVec3::new(spacing[0], spacing[1], 0.2 * spacing[0].min(spacing[1])),
         rotation: frame(tangent, normal),
     }
 }
@@ -189,24 +210,23 @@ fn frame(tangent: DVec3, normal: DVec3) -> DQuat {
     DQuat::from_mat3(&DMat3::from_cols(tangent, normal.cross(tangent), normal))
 }
 
-/// Long Gaussians along a curve. Their normals lean towards the lamp's side and the viewers.
-fn follow(path: &Path, radius: &dyn Fn(f64) -> f64, count: usize, found: &mut impl FnMut(&Spot)) {
-    let total: f64 = lengths(|t| path(t)).iter().sum();
-    let spacing = total / count.max(1) as f64;
+/// Long Gaussians along the chords of a curve. Their normals lean towards the lamp's side and the viewers.
+fn follow(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&Spot)) {
+    let end = |i: usize| path(i as f64 / count as f64);
     for i in 0..count {
-        let t = (i as f64 + 0.5) / count as f64;
-        let ahead = path((t + 1e-4).min(1.0)) - path((t - 1e-4).max(0.0));
-        let tangent = ahead.normalize_or(DVec3::X);
+        let (from, to) = (end(i), end(i + 1));
+        let spacing = from.distance(to);
+        let tangent = (to - from).normalize_or(DVec3::X);
         let outwards = DVec3::new(-0.3, -0.6, -0.75);
         let normal = (outwards - tangent * tangent.dot(outwards)).normalize_or(DVec3::NEG_Z);
-        let thick = 0.6 * radius(t);
+        let thick = 0.6 * radius;
         found(&Spot {
-            u: t,
+            u: (i as f64 + 0.5) / count as f64,
             v: 0.5,
-            position: path(t),
+            position: (from + to) * 0.5,
             normal,
-            spacing: [spacing, 2.0 * radius(t)],
-            deviations: DVec3::new((OVERLAP * spacing).max(0.2 * thick), thick, thick),
+            spacing: [spacing, 2.0 * radius],
+            deviations: DVec3::new((Cover::CLOSED.overlap * spacing).max(0.2 * thick), thick, thick),
             rotation: frame(tangent, normal),
         });
     }

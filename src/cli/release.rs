@@ -1,0 +1,98 @@
+//! `gs2e release`: the whole job, from recipes to the tree that people download.
+
+use super::build::{build, exit, last_line, open, read_plan};
+use super::console::Console;
+use super::problem::{Exit, Problem};
+use super::{Common, Targets, check};
+use crate::plan::Plan;
+use crate::plan::assess::{Action, assess};
+use crate::recipe;
+use crate::release::{self, GatherError, Options, ReleaseError};
+use crate::store::Store;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Arguments of `release`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Release {
+    #[command(flatten)]
+    targets: Targets,
+    /// Folder of the release
+    #[arg(long, value_name = "DIR")]
+    to: PathBuf,
+    /// Refuse, instead of building what is stale
+    #[arg(long)]
+    no_build: bool,
+    /// Replace a folder that is no release, or holds what its release does not list
+    #[arg(long)]
+    replace: bool,
+    /// Copy files instead of linking them to the store
+    #[arg(long)]
+    copy: bool,
+}
+
+impl Release {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        let plan = read_plan(&self.targets.recipes, console)?;
+        let info = recipe::read_release(&self.targets.recipes)?;
+        let store = open(common, console)?;
+        if self.no_build {
+            refuse_stale(&plan, &store)?;
+        }
+        let (summary, seconds) = build(&plan, &store, common, console)?;
+        console.say(&last_line(&summary, seconds));
+        let built = exit(&summary);
+        if built != Exit::Done {
+            return Ok(built);
+        }
+        let options = Options { replace: self.replace, copy: self.copy };
+        let written = release::write(&self.to, &plan, &summary, &store, &info, options);
+        store.flush()?;
+        let written = written.map_err(|error| problem(error, console))?;
+        for warning in &written.warnings {
+            console.say(&format!("warning: {warning}"));
+        }
+        let to = self.to.display();
+        let [mb, files] = [written.bytes as f64 * 1e-6, written.files as f64];
+        console.say(&format!("released {} scene(s) to {to}: {files} files, {mb:.1} MB", written.scenes));
+        if console.json {
+            console.result(&json!({ "release": self.to, "files": written.files, "bytes": written.bytes }));
+        }
+        Ok(Exit::Done)
+    }
+}
+
+fn refuse_stale(plan: &Plan, store: &Store) -> Result<(), Problem> {
+    let assessed = assess(plan, store)?;
+    let stale: Vec<String> = plan
+        .steps()
+        .iter()
+        .zip(&assessed)
+        .filter(|(_, a)| a.action != Action::Keep)
+        .map(|(step, _)| format!("{}/{}", plan.scene_of(step), step.name))
+        .collect();
+    match stale.first() {
+        None => Ok(()),
+        Some(first) => {
+            let message = format!("{} steps are not up to date, the first is {first}", stale.len());
+            Err(Problem::failed("stale", message).help("gs2e build, or leave out --no-build"))
+        }
+    }
+}
+
+fn problem(error: ReleaseError, console: &Console) -> Problem {
+    let message = error.to_string();
+    match error {
+        ReleaseError::Checks(findings) => {
+            check::show(&findings, console);
+            Problem::fault("check-failed", format!("{message}; nothing was released"))
+                .help("mend it, or accept it in the recipe: checks: { waive: [{ check, because }] }")
+        }
+        ReleaseError::Foreign { .. } => {
+            Problem::usage("foreign-folder", message).help("choose another folder, or say --replace")
+        }
+        ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),
+        ReleaseError::Store(error) => error.into(),
+        _ => Problem::failed("release", message),
+    }
+}

@@ -1,0 +1,192 @@
+//! SPDX licence expressions in one canonical form.
+
+use super::LicenceError;
+use spdx::ParseMode;
+use spdx::expression::{ExprNode, Operator};
+use std::collections::BTreeSet;
+use std::fmt;
+
+/// An expression: operands sorted, without repeats, brackets only where they are needed. Precedence as SPDX has it:
+/// `+`, WITH, AND, OR.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Expression(Term);
+
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+enum Term {
+    /// A licence, with `+` and WITH where it has them.
+    Licence(String),
+    Any(BTreeSet<Term>),
+    All(BTreeSet<Term>),
+}
+
+impl Expression {
+    /// Reads an expression: ids of the SPDX list in their exact spelling, and `LicenseRef-` ids.
+    ///
+    /// # Errors
+    /// When the text is no expression, or names a licence that is neither.
+    pub fn parse(text: &str) -> Result<Self, LicenceError> {
+        let refusal = |because: String| LicenceError { text: text.to_owned(), because };
+        // SPDX keeps deprecated ids valid; the texts are there.
+        let mode = ParseMode { allow_deprecated: true, ..ParseMode::STRICT };
+        let parsed = spdx::Expression::parse_mode(text, mode).map_err(|e| refusal(e.reason.to_string()))?;
+        let mut stack = Vec::new();
+        for node in parsed.iter() {
+            let term = match node {
+                ExprNode::Req(required) => Term::Licence(required.req.to_string()),
+                ExprNode::Op(operator) => {
+                    let (Some(b), Some(a)) = (stack.pop(), stack.pop()) else {
+                        return Err(refusal("an operator lacks an operand".into()));
+                    };
+                    Term::join(*operator, a, b)
+                }
+            };
+            stack.push(term);
+        }
+        let term = stack.pop().ok_or_else(|| refusal("it is empty".into()))?;
+        Ok(Self(term))
+    }
+
+    /// All of these at once.
+    ///
+    /// # Panics
+    /// If there are none: no terms are not the same as free terms.
+    #[must_use]
+    pub fn all(expressions: impl IntoIterator<Item = Self>) -> Self {
+        let terms = expressions.into_iter().map(|e| e.0);
+        let joined = terms.reduce(|a, b| Term::join(Operator::And, a, b));
+        Self(joined.expect("a scene has at least one part"))
+    }
+
+    /// The ids of licences and exceptions in it, sorted: those whose texts must be shipped.
+    #[must_use]
+    pub fn ids(&self) -> BTreeSet<String> {
+        let mut ids = BTreeSet::new();
+        self.0.collect_ids(&mut ids);
+        ids
+    }
+
+    /// Whether every alternative of it holds this id.
+    #[must_use]
+    pub fn demands(&self, id: &str) -> bool {
+        self.0.demands(id)
+    }
+}
+
+impl Term {
+    fn join(operator: Operator, a: Self, b: Self) -> Self {
+        let mut terms = BTreeSet::new();
+        for term in [a, b] {
+            match (operator, term) {
+                (Operator::And, Self::All(inner)) | (Operator::Or, Self::Any(inner)) => terms.extend(inner),
+                (_, term) => {
+                    terms.insert(term);
+                }
+            }
+        }
+        if terms.len() == 1 {
+            return terms.pop_first().expect("it has one element");
+        }
+        match operator {
+            Operator::And => Self::All(terms),
+            Operator::Or => Self::Any(terms),
+        }
+    }
+
+    fn collect_ids(&self, ids: &mut BTreeSet<String>) {
+        match self {
+            Self::Licence(text) => ids.extend(text.split(" WITH ").map(|id| bare(id).to_owned())),
+            Self::Any(terms) | Self::All(terms) => terms.iter().for_each(|t| t.collect_ids(ids)),
+        }
+    }
+
+    fn demands(&self, id: &str) -> bool {
+        match self {
+            Self::Licence(text) => text.split(" WITH ").any(|part| bare(part) == id),
+            Self::All(terms) => terms.iter().any(|t| t.demands(id)),
+            Self::Any(terms) => terms.iter().all(|t| t.demands(id)),
+        }
+    }
+}
+
+/// An id without the `+` that allows later versions.
+fn bare(id: &str) -> &str {
+    id.strip_suffix('+').unwrap_or(id)
+}
+
+impl fmt::Display for Expression {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl fmt::Display for Term {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (terms, operator) = match self {
+            Self::Licence(text) => return f.write_str(text),
+            Self::All(terms) => (terms, " AND "),
+            Self::Any(terms) => (terms, " OR "),
+        };
+        // Sorted as they are written, brackets included.
+        let bracketed = |t: &Term| match (self, t) {
+            (Self::All(_), Self::Any(_)) => format!("({t})"),
+            _ => t.to_string(),
+        };
+        let mut parts: Vec<String> = terms.iter().map(bracketed).collect();
+        parts.sort();
+        f.write_str(&parts.join(operator))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_expression_has_one_form() {
+        let t = |text: &str, wanted: &str| {
+            let found = Expression::parse(text).unwrap();
+            assert_eq!(found.to_string(), wanted, "{text}");
+            assert_eq!(Expression::parse(wanted).unwrap(), found, "{wanted}");
+        };
+        t("MIT", "MIT");
+        t("MIT AND MIT", "MIT");
+        t("MIT AND Apache-2.0 AND MIT", "Apache-2.0 AND MIT");
+        t("MIT OR (Apache-2.0 OR MIT)", "Apache-2.0 OR MIT");
+        t("MIT OR Apache-2.0 AND CC0-1.0", "Apache-2.0 AND CC0-1.0 OR MIT");
+        t("(MIT OR Apache-2.0) AND CC0-1.0", "(Apache-2.0 OR MIT) AND CC0-1.0");
+        t(
+            "GPL-2.0-only WITH Classpath-exception-2.0 AND Apache-2.0+",
+            "Apache-2.0+ AND GPL-2.0-only WITH Classpath-exception-2.0",
+        );
+    }
+
+    #[test]
+    fn what_is_no_licence_is_refused() {
+        for text in ["CC BY MIT", "", "xyz-bad", "MIT AND", "MIT/Apache-2.0", "mit", "(MIT"] {
+            let message = Expression::parse(text).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("`{text}` is no SPDX licence expression: ")), "{message}");
+        }
+    }
+
+    #[test]
+    fn ids_are_those_whose_texts_bind() {
+        let ids = |text: &str| Expression::parse(text).unwrap().ids().into_iter().collect::<Vec<_>>();
+        assert_eq!(ids("MIT AND Apache-2.0+"), ["Apache-2.0", "MIT"]);
+        assert_eq!(
+            ids("GPL-2.0-only WITH Classpath-exception-2.0 OR MIT"),
+            ["Classpath-exception-2.0", "GPL-2.0-only", "MIT"]
+        );
+    }
+
+    #[test]
+    fn an_alternative_does_not_demand() {
+        let t = |text: &str, wanted| {
+            assert_eq!(Expression::parse(text).unwrap().demands("CC-BY-NC-4.0"), wanted, "{text}");
+        };
+        t("CC-BY-NC-4.0", true);
+        t("CC-BY-NC-4.0 AND MIT", true);
+        t("CC-BY-NC-4.0 OR MIT", false);
+        t("(CC-BY-NC-4.0 OR MIT) AND CC0-1.0", false);
+        t("MIT", false);
+    }
+}

@@ -1,0 +1,57 @@
+//! The texts of licences: those of the SPDX list, and of terms that have no id there.
+
+/// Id of the terms of a scene whose owner states none.
+pub(super) const UNSTATED: &str = "LicenseRef-Unstated";
+
+/// Terms without an id of the SPDX list, and what is shipped as their text.
+const OWN: [(&str, &str); 3] = [
+    (UNSTATED, include_str!("texts/LicenseRef-Unstated.txt")),
+    ("LicenseRef-DL3DV-10K-ToU", include_str!("texts/LicenseRef-DL3DV-10K-ToU.txt")),
+    ("LicenseRef-MVImgNet-ToU", include_str!("texts/LicenseRef-MVImgNet-ToU.txt")),
+];
+
+/// The text of a licence or an exception, with a final newline. Of terms that only their holders know, it says just
+/// that, and names the holders.
+#[must_use]
+pub fn text(id: &str, holders: &[String]) -> String {
+    let own = OWN.iter().find(|(own, _)| *own == id).map(|(_, text)| *text);
+    let listed = || spdx::license_id(id).map(spdx::LicenseId::text);
+    let exception = || spdx::exception_id(id).map(spdx::ExceptionId::text);
+    match own.or_else(listed).or_else(exception) {
+        Some(text) => format!("{}\n", text.trim_end()),
+        None => of_holders(id, holders),
+    }
+}
+
+fn of_holders(id: &str, holders: &[String]) -> String {
+    let whom = if holders.is_empty() { "its holder".to_owned() } else { holders.join(", ") };
+    format!(
+        "{id}\n\nThese terms are not on the SPDX list, and their text is not part of this release. Material under \
+         them\nmay be used and passed on only as its holder allows. To be asked: {whom}.\n"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_begin_as_their_licences_do() {
+        let t = |id: &str, start: &str| {
+            let text = text(id, &[]);
+            assert!(text.contains(start), "{id}: {}", &text[..80]);
+            assert!(text.ends_with('\n') && !text.ends_with("\n\n"), "{id}");
+        };
+        t("CC0-1.0", "CC0 1.0 Universal");
+        t("CC-BY-4.0", "Attribution 4.0 International");
+        t("Classpath-exception-2.0", "special exception");
+        t(UNSTATED, "No licence is stated");
+        t("LicenseRef-DL3DV-10K-ToU", "DL3DV");
+        t("LicenseRef-Ours", "not part of this release");
+    }
+
+    #[test]
+    fn terms_of_a_holder_name_the_holder() {
+        assert!(text("LicenseRef-Ours", &["Example Lab".into()]).contains("To be asked: Example Lab."));
+    }
+}

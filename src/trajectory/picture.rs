@@ -1,0 +1,157 @@
+//! The picture of a trajectory: its path from above and from the side with camera frusta coloured by speed, and the
+//! asked against the achieved speed over time. SVG text with fixed decimals, the same on every machine.
+
+mod chart;
+mod path;
+
+use super::Trajectory;
+use super::report::Report;
+use std::fmt::Write as _;
+
+/// Width of the picture, px.
+const WIDTH: f64 = 960.0;
+/// Height of the picture, px.
+const HEIGHT: f64 = 780.0;
+/// Margin between panels, px.
+const MARGIN: f64 = 24.0;
+
+/// A rectangle of the picture, px.
+#[derive(Debug, Clone, Copy)]
+struct Panel {
+    left: f64,
+    top: f64,
+    width: f64,
+    height: f64,
+}
+
+/// The picture as SVG.
+#[must_use]
+pub fn svg(trajectory: &Trajectory, report: &Report) -> String {
+    let half = (WIDTH - 3.0 * MARGIN) / 2.0;
+    let above = Panel { left: MARGIN, top: MARGIN, width: half, height: 440.0 };
+    let side = Panel { left: above.left + half + MARGIN, ..above };
+    let top = above.top + above.height + MARGIN;
+    let chart = Panel { left: MARGIN, top, width: WIDTH - 2.0 * MARGIN, height: HEIGHT - top - MARGIN };
+    let mut out = Svg::new();
+    path::draw(&mut out, [above, side], &trajectory.world_from_camera, &report.linear_unit_s);
+    let seconds = trajectory.stamps_us.last().copied().unwrap_or(0) as f64 * 1e-6;
+    chart::draw(&mut out, chart, seconds, report);
+    out.finish()
+}
+
+/// SVG text under construction. Writing to a string cannot fail.
+struct Svg(String);
+
+impl Svg {
+    fn new() -> Self {
+        let mut svg = Self(String::new());
+        svg.line(&format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" \
+             height=\"{HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"none\" stroke-linejoin=\"round\">"
+        ));
+        svg.line(&format!("<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#ffffff\"/>"));
+        svg
+    }
+
+    fn finish(mut self) -> String {
+        self.line("</svg>");
+        self.0
+    }
+
+    fn line(&mut self, text: &str) {
+        self.0.push_str(text);
+        self.0.push('\n');
+    }
+
+    fn frame(&mut self, panel: Panel) {
+        let Panel { left, top, width, height } = panel;
+        self.line(&format!(
+            "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" stroke=\"#cccccc\"/>"
+        ));
+    }
+
+    /// Text that starts (`anchor` "start"), is centred ("middle") or ends ("end") at a point.
+    fn text(&mut self, [x, y]: [f64; 2], anchor: &str, colour: &str, words: &str) {
+        let words = words.replace('&', "&amp;").replace('<', "&lt;");
+        self.line(&format!(
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{words}</text>"
+        ));
+    }
+
+    /// A line through points; points that are not finite are left out.
+    fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, width: f64) {
+        let mut d = String::new();
+        for [x, y] in points.into_iter().filter(|p| p[0].is_finite() && p[1].is_finite()) {
+            let _ = write!(d, "{}{x:.2} {y:.2}", if d.is_empty() { "M" } else { "L" });
+        }
+        if !d.is_empty() {
+            self.line(&format!("<path d=\"{d}\" stroke=\"{colour}\" stroke-width=\"{width}\"/>"));
+        }
+    }
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is at most `limit > 0`.
+fn round_down(limit: f64) -> f64 {
+    let mut power = 1.0f64;
+    while power > limit && power > f64::MIN_POSITIVE {
+        power /= 10.0;
+    }
+    while power * 10.0 <= limit {
+        power *= 10.0;
+    }
+    [5.0, 2.0].into_iter().map(|k| k * power).find(|step| *step <= limit).unwrap_or(power)
+}
+
+/// A number in four digits or so.
+fn short(number: f64) -> String {
+    let fixed = match number.abs() {
+        n if n != 0.0 && !(1e-3..1e6).contains(&n) => return format!("{number:.2e}"),
+        n if n >= 1000.0 => return format!("{number:.0}"),
+        n if n >= 10.0 => format!("{number:.1}"),
+        _ => format!("{number:.3}"),
+    };
+    fixed.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// At most `count` indices of `0..len`, evenly spread, both ends among them.
+fn spread(len: usize, count: usize) -> impl Iterator<Item = usize> {
+    let shown = len.min(count);
+    (0..shown).map(move |k| if shown < 2 { 0 } else { k * (len - 1) / (shown - 1) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_numbers_are_round() {
+        for (limit, want) in
+            [(1.0, "1"), (1.9, "1"), (2.0, "2"), (0.07, "0.05"), (730.0, "500"), (0.5, "0.5")]
+        {
+            assert_eq!(format!("{}", round_down(limit)), want);
+        }
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        for (number, want) in [
+            (0.0, "0"),
+            (1.2, "1.2"),
+            (62.083, "62.1"),
+            (100.0, "100"),
+            (5432.1, "5432"),
+            (1e9, "1.00e9"),
+            (-0.25, "-0.25"),
+        ] {
+            assert_eq!(short(number), want);
+        }
+    }
+
+    #[test]
+    fn both_ends_are_shown() {
+        assert_eq!(spread(5, 10).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+        assert_eq!(spread(101, 3).collect::<Vec<_>>(), [0, 50, 100]);
+        assert_eq!(spread(1, 3).collect::<Vec<_>>(), [0]);
+        assert_eq!(spread(0, 3).count(), 0);
+    }
+}

@@ -1,0 +1,106 @@
+//! Asked and achieved speed over time, each relative to its mean: where the curves lie on each other, the path follows
+//! its law.
+
+use super::{Panel, Svg, round_down, short, spread};
+use crate::trajectory::report::Report;
+
+/// Steps drawn, at most.
+const STEPS: usize = 1200;
+/// Room for the labels of the axes, px.
+const LEFT: f64 = 56.0;
+const BOTTOM: f64 = 40.0;
+const TOP: f64 = 34.0;
+
+/// A curve of the chart.
+struct Curve {
+    name: &'static str,
+    colour: &'static str,
+    width: f64,
+    values: Vec<f64>,
+}
+
+/// Draws the chart of a trajectory that takes `seconds`.
+pub(super) fn draw(out: &mut Svg, panel: Panel, seconds: f64, report: &Report) {
+    out.frame(panel);
+    let curves = curves(report);
+    let inner = Panel {
+        left: panel.left + LEFT,
+        top: panel.top + TOP,
+        width: panel.width - LEFT - 16.0,
+        height: panel.height - TOP - BOTTOM,
+    };
+    let shown = curves.iter().flat_map(|c| c.values.iter().copied()).filter(|v| v.is_finite());
+    let highest = shown.fold(1.0, f64::max) * 1.08;
+    let top = inner.top + inner.height;
+    let point =
+        |share: f64, value: f64| [inner.left + inner.width * share, top - inner.height * value / highest];
+    grid(out, inner, highest, seconds);
+    for curve in &curves {
+        let steps = curve.values.len();
+        let middle = |j: usize| (j as f64 + 0.5) / steps as f64;
+        out.polyline(
+            spread(steps, STEPS).map(|j| point(middle(j), curve.values[j])),
+            curve.colour,
+            curve.width,
+        );
+    }
+    legend(out, panel, &curves);
+}
+
+fn curves(report: &Report) -> Vec<Curve> {
+    let mixed: Vec<f64> = report
+        .angular_rad_s
+        .iter()
+        .zip(&report.linear_unit_s)
+        .map(|(a, l)| report.alpha * a + report.beta * l / report.scale_distance)
+        .collect();
+    let asked = Curve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative(&report.u) };
+    let achieved = [
+        ("linear", "#2a7fb8", 1.2, &report.linear_unit_s, report.linear_ratio.is_some()),
+        ("angular", "#d1495b", 1.2, &report.angular_rad_s, report.angular_ratio.is_some()),
+        ("mixed", "#111111", 1.4, &mixed, report.mixed_chord_ratio.is_some()),
+    ];
+    let drawn = achieved.into_iter().filter(|(.., moves)| *moves);
+    std::iter::once(asked)
+        .chain(drawn.map(|(name, colour, width, values, _)| Curve {
+            name,
+            colour,
+            width,
+            values: relative(values),
+        }))
+        .collect()
+}
+
+fn relative(values: &[f64]) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    values.iter().map(|v| v / mean).collect()
+}
+
+fn grid(out: &mut Svg, inner: Panel, highest: f64, seconds: f64) {
+    let bottom = inner.top + inner.height;
+    let step = round_down(highest / 3.0);
+    for k in 0..=(0..).take_while(|k| f64::from(*k) * step <= highest).last().unwrap_or(0) {
+        let value = f64::from(k) * step;
+        let y = bottom - inner.height * value / highest;
+        out.polyline([[inner.left, y], [inner.left + inner.width, y]], "#e6e6e6", 1.0);
+        out.text([inner.left - 8.0, y + 4.0], "end", "#333333", &short(value));
+    }
+    let (scale, unit) = if seconds < 1.0 { (1e3, "ms") } else { (1.0, "s") };
+    for k in 0..=4 {
+        let share = f64::from(k) / 4.0;
+        let x = inner.left + inner.width * share;
+        let words = format!("{} {unit}", short(seconds * scale * share));
+        out.text([x, bottom + 18.0], if k == 4 { "end" } else { "middle" }, "#333333", &words);
+    }
+}
+
+fn legend(out: &mut Svg, panel: Panel, curves: &[Curve]) {
+    out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", "speed over its mean");
+    let mut x = panel.left + panel.width - 16.0;
+    for curve in curves.iter().rev() {
+        out.text([x, panel.top + 20.0], "end", "#333333", curve.name);
+        x -= 10.0 + 7.0 * curve.name.len() as f64;
+        out.polyline([[x - 22.0, panel.top + 16.0], [x, panel.top + 16.0]], curve.colour, curve.width);
+        x -= 38.0;
+    }
+}

@@ -1,0 +1,147 @@
+//! The path from above and from the side.
+//!
+//! A capture does not say where up is. The picture takes the mean of the cameras' own up directions for it, and the
+//! line from the first camera to the one farthest from it for its horizontal.
+
+use super::{Panel, Svg, round_down, short, spread};
+use crate::se3::Se3;
+use glam::DVec3;
+
+/// Frusta drawn, at most.
+const FRUSTA: usize = 19;
+/// Points of the path drawn, at most.
+const POINTS: usize = 1500;
+/// Length of a frustum as a share of the panel.
+const FRUSTUM: f64 = 0.07;
+/// Room left around the path, px.
+const INSET: f64 = 48.0;
+
+/// Draws both views and the scale of colours. `speeds` are those of the steps, units per second.
+pub(super) fn draw(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], speeds: &[f64]) {
+    let axes = axes(poses);
+    draw_view(out, above, "from above", (poses, speeds), [axes[0], axes[1]]);
+    draw_view(out, side, "from the side", (poses, speeds), [axes[0], -axes[2]]);
+    if !speeds.is_empty() {
+        colour_scale(out, side, speeds);
+    }
+}
+
+/// Orthonormal axes: along the path, across it, up.
+fn axes(poses: &[Se3]) -> [DVec3; 3] {
+    let up =
+        poses.iter().map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize().unwrap_or(DVec3::Z);
+    let from_first = poses.iter().map(|p| p.translation - poses[0].translation);
+    let along = from_first.fold(DVec3::ZERO, |far, d| if d.length() > far.length() { d } else { far });
+    let level = (along - up * along.dot(up)).try_normalize();
+    let along = level.unwrap_or_else(|| up.any_orthonormal_vector());
+    [along, along.cross(up), up]
+}
+
+fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], &[f64]), plane: [DVec3; 2]) {
+    out.frame(panel);
+    out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", name);
+    let Some(map) = Map::fit(panel, poses, plane) else { return };
+    out.polyline(spread(poses.len(), POINTS).map(|j| map.point(poses[j].translation)), "#999999", 1.0);
+    let range = range(speeds);
+    for j in spread(poses.len(), FRUSTA) {
+        // The last pose has no step of its own.
+        let speed = speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
+        draw_frustum(out, &map, &poses[j], &colour(share(speed, range)));
+    }
+    let [x, y] = map.point(poses[0].translation);
+    out.line(&format!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"3.5\" fill=\"#000000\"/>"));
+    let unit = round_down(panel.width / 4.0 / map.scale);
+    let (left, y) = (panel.left + 12.0, panel.top + panel.height - 14.0);
+    out.polyline([[left, y], [left + unit * map.scale, y]], "#333333", 2.0);
+    out.text(
+        [left, y - 6.0],
+        "start",
+        "#333333",
+        &format!("{} {}", short(unit), if unit > 1.0 { "units" } else { "unit" }),
+    );
+}
+
+/// The pyramid of a camera with a field of view of 53 degrees, as if 4:3.
+fn draw_frustum(out: &mut Svg, map: &Map, pose: &Se3, colour: &str) {
+    let size = map.frustum;
+    let corner =
+        |x: f64, y: f64| map.point(pose.translation + pose.rotation * (DVec3::new(x, y, 1.0) * size));
+    let corners = [corner(-0.5, -0.375), corner(0.5, -0.375), corner(0.5, 0.375), corner(-0.5, 0.375)];
+    let apex = map.point(pose.translation);
+    let [a, b, c, d] = corners;
+    out.polyline([a, b, c, d, a, apex, b, apex, c, apex, d], colour, 1.2);
+}
+
+/// From the world to a panel: a plane seen from the front, to scale.
+struct Map {
+    origin: DVec3,
+    plane: [DVec3; 2],
+    centre: [f64; 2],
+    /// px per unit.
+    scale: f64,
+    /// Length of a frustum, units.
+    frustum: f64,
+}
+
+impl Map {
+    /// The map that shows every pose, `None` where there is none.
+    fn fit(panel: Panel, poses: &[Se3], plane: [DVec3; 2]) -> Option<Self> {
+        let origin = poses.first()?.translation;
+        let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        for pose in poses {
+            for (bound, axis) in bounds.iter_mut().zip(plane) {
+                let at = (pose.translation - origin).dot(axis);
+                *bound = [bound[0].min(at), bound[1].max(at)];
+            }
+        }
+        let extent = |k: usize, room: f64| (bounds[k][1] - bounds[k][0]) / (room - 2.0 * INSET);
+        let units_per_px = extent(0, panel.width).max(extent(1, panel.height));
+        let scale = if units_per_px > f64::MIN_POSITIVE { 1.0 / units_per_px } else { panel.width / 4.0 };
+        let middle = |k: usize| f64::midpoint(bounds[k][0], bounds[k][1]);
+        let centre = [
+            panel.left + panel.width / 2.0 - middle(0) * scale,
+            panel.top + panel.height / 2.0 - middle(1) * scale,
+        ];
+        Some(Self { origin, plane, centre, scale, frustum: FRUSTUM * panel.width / scale })
+    }
+
+    fn point(&self, world: DVec3) -> [f64; 2] {
+        let from_origin = world - self.origin;
+        [0, 1].map(|k| self.centre[k] + from_origin.dot(self.plane[k]) * self.scale)
+    }
+}
+
+fn range(speeds: &[f64]) -> [f64; 2] {
+    [speeds.iter().copied().fold(f64::INFINITY, f64::min), speeds.iter().copied().fold(0.0, f64::max)]
+}
+
+/// Where a speed lies in its range, 0 to 1; 0 in an empty range.
+fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
+    let share = (speed - low) / (high - low);
+    if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// Colours of the scale from slow to fast: viridis at five places, its last one darkened for white paper.
+const COLOURS: [[f64; 3]; 5] =
+    [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 189.0, 80.0], [226.0, 190.0, 20.0]];
+
+fn colour(share: f64) -> String {
+    let at = share * 4.0;
+    let below = [3.0, 2.0, 1.0, 0.0].into_iter().find(|k| at >= *k).unwrap_or(0.0);
+    let k = [0.0, 1.0, 2.0, 3.0].iter().position(|b| *b >= below).unwrap_or(0);
+    let mix = |i: usize| (COLOURS[k][i] + (COLOURS[k + 1][i] - COLOURS[k][i]) * (at - below)).round();
+    format!("rgb({},{},{})", mix(0), mix(1), mix(2))
+}
+
+fn colour_scale(out: &mut Svg, panel: Panel, speeds: &[f64]) {
+    let [low, high] = range(speeds);
+    let (width, y) = (120.0, panel.top + panel.height - 18.0);
+    let left = panel.left + panel.width - width - 14.0;
+    for k in 0..24 {
+        let x = left + width * f64::from(k) / 24.0;
+        let fill = colour((f64::from(k) + 0.5) / 24.0);
+        out.line(&format!("<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"5.1\" height=\"7\" fill=\"{fill}\"/>"));
+    }
+    let words = format!("{} to {} units/s", short(low), short(high));
+    out.text([left + width, y - 6.0], "end", "#333333", &words);
+}
