@@ -7,6 +7,7 @@ use gs2e::camera::Camera;
 use gs2e::image::Size;
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Channels, Rendered, Renderer as _, Rules, Style, View};
+use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{self, Gaussians};
 use gs2e::se3::Se3;
 use std::sync::Arc;
@@ -14,19 +15,30 @@ use std::sync::Arc;
 const STYLE: Style = Style { rules: Rules::Official, antialiased: false, background: [0.0; 3] };
 
 pub(super) fn workloads() -> Vec<Workload> {
-    let Some(path) = shared("playbot.spz") else { return Vec::new() };
-    let playbot = Arc::new(scene::read(&path).expect("the scene is sound"));
-    // The scene's up is -y, its centre (0, -0.5, 0), its radius about 1.
-    let view = |width, height| {
-        look_at(DVec3::new(1.5, -1.1, 2.0), DVec3::new(0.0, -0.5, 0.0), Size { width, height })
-    };
     let luminance = Channels { luminance: true, ..Channels::default() };
     let rgb = Channels { rgb: true, ..Channels::default() };
-    vec![
-        workload("playbot.spz luminance", &playbot, view(1280, 720), luminance),
-        workload("playbot.spz rgb", &playbot, view(1280, 720), rgb),
-        workload("playbot.spz luminance", &playbot, view(640, 360), luminance),
-    ]
+    let mut all = Vec::new();
+    for (name, scene, view) in [Some(still_life()), playbot()].into_iter().flatten() {
+        all.push(workload(&format!("{name}, luminance"), &scene, view, luminance));
+        all.push(workload(&format!("{name}, rgb"), &scene, view, rgb));
+    }
+    all
+}
+
+/// The demo's scene from the middle of its capture.
+fn still_life() -> (&'static str, Arc<Gaussians>, View) {
+    let life = StillLife::default();
+    let photo = &procedural::capture(&life).views[life.views as usize / 2];
+    let view = View { camera: photo.camera, world_from_camera: photo.world_from_camera };
+    ("still-life", Arc::new(procedural::gaussians(&life)), view)
+}
+
+/// A real capture from outside: its up is -y, its centre (0, -0.5, 0), its radius about 1.
+fn playbot() -> Option<(&'static str, Arc<Gaussians>, View)> {
+    let scene = scene::read(&shared("playbot.spz")?).expect("the scene is sound");
+    let size = Size { width: 1280, height: 720 };
+    let view = look_at(DVec3::new(1.5, -1.1, 2.0), DVec3::new(0.0, -0.5, 0.0), size);
+    Some(("playbot.spz", Arc::new(scene), view))
 }
 
 fn workload(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> Workload {

@@ -2,19 +2,26 @@
 
 use super::{amount, shared};
 use crate::measure::{Workload, timed};
+use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{Gaussians, SceneError, ply, spz};
 
 type Reader = fn(&[u8]) -> Result<Gaussians, SceneError>;
 
 pub(super) fn workloads() -> Vec<Workload> {
-    let files: [(&str, Reader); 2] = [("playbot.spz", spz::read_spz), ("playbot_lod3.ply", ply::read_ply)];
-    files.into_iter().filter_map(|(name, read)| workload(name, read)).collect()
+    let mut file = Vec::new();
+    let scene = procedural::gaussians(&StillLife::default());
+    ply::write_ply(&scene, &mut file).expect("memory can be written");
+    let own = workload("the still life as .ply", file, ply::read_ply);
+    let real = shared("playbot.spz").map(|path| {
+        let file = std::fs::read(path).expect("the scene can be read");
+        workload("playbot.spz", file, spz::read_spz)
+    });
+    [Some(own), real].into_iter().flatten().collect()
 }
 
-fn workload(name: &'static str, read: Reader) -> Option<Workload> {
-    let bytes = std::fs::read(shared(name)?).expect("the scene can be read");
+fn workload(name: &str, bytes: Vec<u8>, read: Reader) -> Workload {
     let scene = read(&bytes).expect("the scene is sound");
     let what = format!("read {name}: {} Gaussians, SH degree {}", scene.len(), scene.sh_degree);
     let run = move || timed(|| vec![amount(read(&bytes).expect("it was sound").len(), "MGaussian")]);
-    Some(Workload { part: "scene", what, run: Box::new(run) })
+    Workload { part: "scene", what, run: Box::new(run) }
 }

@@ -26,6 +26,15 @@ impl Source {
         if matches!(path, "lib" | "main") { Vec::new() } else { path.split('/').collect() }
     }
 
+    /// Files of the modules that this one declares as `#[cfg(test)] mod name;`.
+    fn test_modules(&self) -> Vec<String> {
+        let folder = self.modules().iter().fold("src".to_owned(), |path, module| path + "/" + module);
+        let marked = without_literals(&self.text);
+        let items = marked.split(TEST_MARK).skip(1).map(|rest| &rest[..item_length(rest)]);
+        let names = items.filter_map(|item| item.split_once("mod ")?.1.strip_suffix(';'));
+        names.map(|name| format!("{folder}/{name}.rs")).collect()
+    }
+
     /// Whether it is one of these files, or lies in the folder of one: `src/cli.rs` stands for `src/cli/*` too.
     pub(super) fn is_in(&self, files: &[&str]) -> bool {
         files.iter().any(|file| {
@@ -45,9 +54,14 @@ pub(super) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The crate's own files, sorted by path.
+/// The crate's own files, sorted by path, without those that are only compiled for tests.
 pub(super) fn crate_sources() -> Vec<Source> {
-    read_below("src").into_iter().filter(|source| source.path.ends_with(".rs")).collect()
+    let mut sources = read_below("src");
+    sources.retain(|source| source.path.ends_with(".rs"));
+    let for_tests: Vec<String> = sources.iter().flat_map(Source::test_modules).collect();
+    let for_tests: Vec<&str> = for_tests.iter().map(String::as_str).collect();
+    sources.retain(|source| !source.is_in(&for_tests));
+    sources
 }
 
 /// Every text file that is, or is meant to be, committed, sorted by path.
@@ -155,13 +169,14 @@ fn block_comment_end(chars: &[char], mut i: usize) -> usize {
     chars.len()
 }
 
+const TEST_MARK: &str = "#[cfg(test)]";
+
 /// The same code with each item behind `#[cfg(test)]` blanked; literals are blank already, so braces balance.
 fn without_tests(code: &str) -> String {
-    const MARK: &str = "#[cfg(test)]";
     let mut rest = code;
     let mut out = String::with_capacity(code.len());
-    while let Some(start) = rest.find(MARK) {
-        let length = item_length(&rest[start + MARK.len()..]) + MARK.len();
+    while let Some(start) = rest.find(TEST_MARK) {
+        let length = item_length(&rest[start + TEST_MARK.len()..]) + TEST_MARK.len();
         out.push_str(&rest[..start]);
         out.extend(rest[start..start + length].chars().map(|c| if c == '\n' { '\n' } else { ' ' }));
         rest = &rest[start + length..];
@@ -199,4 +214,11 @@ fn after() {}
     assert_eq!(source.code.lines().count(), text.lines().count());
     let words: Vec<&str> = source.code.split_whitespace().collect();
     assert_eq!(words.join(" "), "use x; let s = ; let r = ; let c = ; let l: &'a str; fn after() {}");
+}
+
+#[test]
+fn files_of_test_modules_are_known() {
+    let text = "#[cfg(test)]\nmod planted;\n#[cfg(test)]\nmod tests { mod not_a_file; }\nmod code;";
+    assert_eq!(Source::new("src/check.rs", text).test_modules(), ["src/check/planted.rs"]);
+    assert_eq!(Source::new("src/lib.rs", text).test_modules(), ["src/planted.rs"]);
 }
