@@ -4,7 +4,6 @@
 //! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
 //! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems.
 
-use super::drift::DriftLaw;
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};
 use serde::{Deserialize, Serialize};

@@ -5,7 +5,6 @@
 //! balanced scene gives one half, a leaking sensor on a still scene gives 1, and the usual 0.35 to 0.65 become 0.15
 //! to either side of what is predicted.
 
-use super::drift::DriftLaw;
 use super::event_frame::fit::Fit;
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, limits};

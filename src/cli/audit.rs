@@ -34,7 +34,9 @@ impl Audit {
         console.say(&format!("{count} faults in {files} files, {mb:.1} MB"));
         console.say(&format!("this audit covers: {}", report.covers.join("; ")));
         if console.json {
-            console.result(&json!({ "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers }));
+            console.result(
+                &json!({ "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers }),
+            );
         }
         Ok(if count == 0 { Exit::Done } else { Exit::Fault })
     }

@@ -103,10 +103,9 @@ impl Shelf<'_> {
             step: name.to_owned(),
             because,
         };
-        let outputs = self.find(name).ok_or_else(|| GatherError::NotBuilt {
-            scene: self.scene.to_owned(),
-            step: name.to_owned(),
-        })?;
+        let outputs = self
+            .find(name)
+            .ok_or_else(|| GatherError::NotBuilt { scene: self.scene.to_owned(), step: name.to_owned() })?;
         let artifact = A::open(&Files::of(outputs, self.store)).map_err(|e| unreadable(e.to_string()))?;
         Ok((artifact, outputs.to_vec()))
     }

@@ -39,7 +39,11 @@ fn head(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> St
     let mut text = String::from("---\nlanguage: en\n");
     let quoted = |s: &str| serde_json::Value::from(s).to_string();
     // A hub knows few licences by name; an expression is told as another licence with a link.
-    let _ = writeln!(text, "license: other\nlicense_name: {}\nlicense_link: LICENSES", quoted(&licence.expression));
+    let _ = writeln!(
+        text,
+        "license: other\nlicense_name: {}\nlicense_link: LICENSES",
+        quoted(&licence.expression)
+    );
     let _ = writeln!(text, "pretty_name: {}", quoted(&info.name));
     let rows = trajectories(scenes).count();
     let size = [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K")];
@@ -47,7 +51,9 @@ fn head(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> St
     let _ = writeln!(text, "size_categories: [{}]", quoted(size));
     text.push_str("tags: [event-camera, 3d-gaussian-splatting, synthetic]\n");
     if licence.gated {
-        text.push_str("extra_gated_prompt: Access needs your acceptance of the upstream terms in LICENSES.\n");
+        text.push_str(
+            "extra_gated_prompt: Access needs your acceptance of the upstream terms in LICENSES.\n",
+        );
     }
     text.push_str("---\n");
     text
@@ -59,7 +65,8 @@ fn introduction(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> String {
         let _ = writeln!(text, "{}\n", info.description);
     }
     let (count, paths) = (scenes.len(), trajectories(scenes).count());
-    let frames: usize = trajectories(scenes).map(|t| t.sharp.iter().flatten().filter(|o| is_png(&o.name)).count()).sum();
+    let frames: usize =
+        trajectories(scenes).map(|t| t.sharp.iter().flatten().filter(|o| is_png(&o.name)).count()).sum();
     let _ = writeln!(
         text,
         "Synthetic event-camera streams with exact poses: {count} scene(s), {paths} trajectory(ies), {} events, \
@@ -154,7 +161,14 @@ fn checks(scenes: &[BuiltScene<'_>]) -> String {
         count(Verdict::NotRun)
     );
     for finding in findings.iter().filter(|f| f.verdict != Verdict::Pass) {
-        let _ = writeln!(text, "- {} `{}` {}: {}", finding.verdict.name(), finding.check, finding.subject, finding.because);
+        let _ = writeln!(
+            text,
+            "- {} `{}` {}: {}",
+            finding.verdict.name(),
+            finding.check,
+            finding.subject,
+            finding.because
+        );
     }
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {
         text.push_str("- nothing\n");
@@ -172,7 +186,8 @@ between pixels.
 ";
 
 fn licences(scenes: &[BuiltScene<'_>], licence: &Composed) -> String {
-    let mut text = format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", licence.expression);
+    let mut text =
+        format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", licence.expression);
     for scene in scenes {
         let holder = scene.recipe.licence.as_ref().map_or("not stated", |l| l.holder.as_str());
         let _ = writeln!(text, "- {}: `{}`, holder: {holder}", scene.recipe.scene, scene.licence.expression);

@@ -8,7 +8,6 @@ use crate::recipe::{Recipe, Source};
 use crate::render::RenderChoice;
 use crate::render::flow::Quantiles;
 use crate::sensor::Sensor;
-use crate::store::Digest;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -268,7 +267,8 @@ pub struct Range {
 
 impl Range {
     fn of(values: &[f64]) -> Option<Self> {
-        let (min, max) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        let (min, max) =
+            values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (!values.is_empty()).then_some(Self { min, mean, max })
     }
@@ -358,7 +358,8 @@ fn images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
 
 fn camera(scene: &BuiltScene<'_>) -> CameraPart {
     let Camera { size, fx, fy, cx, cy } = scene.camera();
-    let lens = scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::Lens::Pinhole);
+    let lens =
+        scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::Lens::Pinhole);
     let undistorted_from = lens.map(|lens| json!(lens));
     CameraPart { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
 }
@@ -463,9 +464,10 @@ fn statistics(built: &BuiltTrajectory) -> Statistics {
 
 fn attributes(scene: &BuiltScene<'_>) -> Attributes {
     let sharp = scene.trajectories.iter().any(|t| t.sharp.is_some());
-    let uniform = scene.trajectories.iter().all(|t| {
-        Range::of(&t.motion.report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
-    });
+    let uniform = scene
+        .trajectories
+        .iter()
+        .all(|t| Range::of(&t.motion.report.u).is_none_or(|range| range.max <= UNIFORM * range.min));
     Attributes {
         data_type: if sharp { vec!["sharp".into()] } else { Vec::new() },
         scene_scale: "unknown".into(),
@@ -479,11 +481,3 @@ fn attributes(scene: &BuiltScene<'_>) -> Attributes {
 
 /// Speeds whose extremes differ by no more than this factor are called uniform.
 const UNIFORM: f64 = 1.01;
-
-/// The digest of a scene file's bytes, as the manifest lists it.
-pub(super) fn bytes(file: &SceneFile) -> (Vec<u8>, Digest) {
-    let mut bytes = serde_json::to_vec_pretty(file).expect("a scene file is plain data");
-    bytes.push(b'\n');
-    let digest = Digest::of(&bytes);
-    (bytes, digest)
-}

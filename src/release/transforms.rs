@@ -53,6 +53,9 @@ mod tests {
     fn an_opencv_camera_without_turn_looks_along_minus_z_of_opengl() {
         let pose = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::new(1.0, 2.0, 3.0) };
         let rows = opengl_matrix(&pose);
-        assert_eq!(rows, [[1.0, 0.0, 0.0, 1.0], [0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [0.0, 0.0, 0.0, 1.0]]);
+        assert_eq!(
+            rows,
+            [[1.0, 0.0, 0.0, 1.0], [0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [0.0, 0.0, 0.0, 1.0]]
+        );
     }
 }

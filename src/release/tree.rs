@@ -16,11 +16,7 @@ pub(super) enum Content {
     /// Made for the release.
     Bytes(Vec<u8>),
     /// A blob of the store.
-    Blob {
-        path: PathBuf,
-        digest: Digest,
-        size: u64,
-    },
+    Blob { path: PathBuf, digest: Digest, size: u64 },
 }
 
 impl Content {
@@ -88,7 +84,9 @@ pub(super) fn write(
     let written: Vec<(&str, checksum::Hashes)> = tree
         .files
         .par_iter()
-        .map(|(path, content)| Ok((path.as_str(), place(&partial.join(path), path, content, store, options)?)))
+        .map(|(path, content)| {
+            Ok((path.as_str(), place(&partial.join(path), path, content, store, options)?))
+        })
         .collect::<Result<_, ReleaseError>>()?;
     let text = checksum::text(written.iter().map(|(path, hashes)| (*path, hashes.sha256.as_str())));
     sync(&partial)?;
