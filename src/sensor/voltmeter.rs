@@ -1,5 +1,6 @@
 //! The stochastic law of DVS-Voltmeter (Lin et al., ECCV 2022; GitHub Lynn0306/DVS-Voltmeter, MIT).
 
+mod band;
 mod bridge;
 mod cell;
 mod drift;

@@ -25,6 +25,14 @@ pub(super) trait Emit {
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()>;
 }
 
+/// Brownian motion over a root cell: draw 0 of the tree.
+pub(super) fn root_noise(seed: Seed, [x, y]: [u16; 2], root: u64) -> f64 {
+    ROOT_DEVIATION * seed.normal(Cell { x, y, level: 0, index: root }, Space::Tree, 0)
+}
+
+/// Its standard deviation, `sqrt(2^20 ns)`.
+const ROOT_DEVIATION: f64 = 1024.0;
+
 /// What the walk of one pixel through one root cell needs to know.
 #[derive(Debug)]
 pub(super) struct Walk<'a> {
@@ -78,8 +86,7 @@ struct Span {
 impl Walk<'_> {
     /// Moves the voltage `x` across the root cell.
     pub(super) fn cross(&self, x: &mut f64, scratch: &mut Scratch, emit: &mut impl Emit) -> ControlFlow<()> {
-        let root = self.cell(0, 0);
-        let increment = (ROOT as f64).sqrt() * self.seed.normal(root, Space::Tree, 0);
+        let increment = root_noise(self.seed, self.at, self.root);
         scratch.cells.clear();
         scratch.cells.push(Pending { level: 0, start: 0, increment, drift: self.path.end() });
         let mut drift = 0.0;

@@ -81,7 +81,7 @@ fn solve(smooth: &Smooth, level: f64, [mut low, mut high]: [f64; 2]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::drift::{Piece, Process, Sample};
+    use super::super::drift::{Part, Process, Sample};
     use super::super::{Preset, Voltmeter};
     use super::*;
 
@@ -98,9 +98,9 @@ mod tests {
     fn piece(k: [f64; 6], greys: [f32; 2], length: f64) -> Path {
         let process = Process::new(&Voltmeter::new(k));
         let [a, b] = greys.map(|luminance| Sample { luminance, log: process.log_brightness(luminance) });
+        let smooth = process.between(a, b, 1.0 / length);
         let mut path = Path::default();
-        let whole = Piece { frame: 0, followed: true, length, skipped: 0.0, from: 0.0, to: length };
-        path.push(&whole, process.between(a, b, length));
+        path.fill([Part { from: 0.0, to: length, at: 0.0, smooth }].into_iter(), smooth.rise(length));
         path
     }
 
