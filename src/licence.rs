@@ -11,8 +11,6 @@ mod text;
 pub use expression::Expression;
 pub use text::text;
 
-use std::collections::BTreeSet;
-
 /// The kinds of sources that poses and photos come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SourceKind {
@@ -77,8 +75,6 @@ pub struct Composed {
     pub expression: String,
     /// The ids in it, sorted: those whose texts are shipped.
     pub ids: Vec<String>,
-    /// Who holds the rights to what the owners added, sorted; empty where nobody is named.
-    pub holders: Vec<String>,
     /// Whether receivers must accept the upstream terms first.
     pub gated: bool,
     /// What the releaser should know, one sentence each.
@@ -95,17 +91,17 @@ pub struct LicenceError {
     pub because: String,
 }
 
-/// The terms of a scene of the source kind of this name, with the expression and the holder that its owner states.
-/// Where none is stated, a procedural scene is CC0-1.0, and any other says so.
+/// The terms of a scene of the source kind of this name, with the expression that its owner states. Without one, a
+/// procedural scene is CC0-1.0, and any other says that nothing is stated.
 ///
 /// # Panics
 /// If the kind is none of [`SourceKind`], or the owner's text no expression: recipes are read with both valid.
 #[must_use]
-pub fn compose(kind: &str, owner: Option<(&str, &str)>) -> Composed {
+pub fn compose(kind: &str, owner: Option<&str>) -> Composed {
     let kind = SourceKind::by_name(kind).expect("recipes are read with known sources");
     let mut warnings = Vec::new();
     let stated = match owner {
-        Some((expression, _)) => expression,
+        Some(expression) => expression,
         None if kind == SourceKind::Procedural => "CC0-1.0",
         None => {
             warnings.push("no licence is stated, so the release says that all rights are reserved".into());
@@ -116,8 +112,7 @@ pub fn compose(kind: &str, owner: Option<(&str, &str)>) -> Composed {
     let parts = ids.map(|id| Expression::parse(id).expect("recipes are read with valid expressions"));
     let expression = Expression::all(parts);
     let ids = expression.ids().into_iter().collect();
-    let holders = owner.iter().map(|(_, holder)| (*holder).to_owned()).collect();
-    Composed { expression: expression.to_string(), ids, holders, gated: kind.restricted(), warnings }
+    Composed { expression: expression.to_string(), ids, gated: kind.restricted(), warnings }
 }
 
 /// The terms of several scenes together: of all of them at once, gated where one is. Warnings stay with the scenes.
@@ -126,16 +121,14 @@ pub fn compose(kind: &str, owner: Option<(&str, &str)>) -> Composed {
 /// If there is no scene.
 #[must_use]
 pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a Composed>) -> Composed {
-    let (mut parts, mut gated, mut holders) = (Vec::new(), false, BTreeSet::new());
+    let (mut parts, mut gated) = (Vec::new(), false);
     for scene in scenes {
-        holders.extend(scene.holders.iter().cloned());
         parts.push(Expression::parse(&scene.expression).expect("a composed expression is one"));
         gated |= scene.gated;
     }
     let expression = Expression::all(parts);
     let ids = expression.ids().into_iter().collect();
-    let holders = holders.into_iter().collect();
-    Composed { expression: expression.to_string(), ids, holders, gated, warnings: Vec::new() }
+    Composed { expression: expression.to_string(), ids, gated, warnings: Vec::new() }
 }
 
 #[cfg(test)]
@@ -144,10 +137,7 @@ mod tests {
 
     #[test]
     fn upstream_terms_are_never_lost() {
-        let t = |kind, owner, wanted: &str| {
-            let owner: Option<&str> = owner;
-            assert_eq!(compose(kind, owner.map(|e| (e, "Example Lab"))).expression, wanted);
-        };
+        let t = |kind, owner, wanted: &str| assert_eq!(compose(kind, owner).expression, wanted);
         t("procedural", None, "CC0-1.0");
         t("procedural", Some("MIT"), "MIT");
         t("colmap", None, "LicenseRef-Unstated");
@@ -172,10 +162,10 @@ mod tests {
     #[test]
     fn a_dataset_is_under_the_terms_of_all_its_scenes() {
         let scenes = [
-            compose("colmap", Some(("MIT", "Example Lab"))),
-            compose("dl3dv", Some(("CC-BY-4.0", "Another Lab"))),
+            compose("colmap", Some("MIT")),
+            compose("dl3dv", Some("CC-BY-4.0")),
             compose("procedural", None),
-            compose("colmap", Some(("MIT", "Example Lab"))),
+            compose("colmap", Some("MIT")),
         ];
         let whole = compose_all(scenes.iter());
         assert_eq!(
@@ -183,7 +173,6 @@ mod tests {
             "CC-BY-4.0 AND CC-BY-NC-4.0 AND CC0-1.0 AND LicenseRef-DL3DV-10K-ToU AND MIT"
         );
         assert_eq!(whole.ids, ["CC-BY-4.0", "CC-BY-NC-4.0", "CC0-1.0", "LicenseRef-DL3DV-10K-ToU", "MIT"]);
-        assert_eq!(whole.holders, ["Another Lab", "Example Lab"]);
         assert!(whole.gated);
     }
 }
