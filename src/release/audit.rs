@@ -1,0 +1,210 @@
+//! The audit of a release tree: is it whole, lawful and consistent?
+//!
+//! It needs no network and no store, trusts no stat cache, and reads every byte: once for both hashes, files in
+//! parallel, and a second time what it opens (events, poses, pictures, reports). What it finds is a list of faults,
+//! sorted, each with a code, the file or scene, and what to do. What it does not cover it says: [`Report::covers`]
+//! is the whole list.
+
+mod bytes;
+mod claims;
+mod contents;
+mod sums;
+mod terms;
+mod walk;
+
+use super::manifest::Manifest;
+use super::scene::SceneFile;
+use serde::Serialize;
+use std::fmt;
+use std::io;
+use std::path::Path;
+
+/// What kind of fault it is. Codes are stable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Code {
+    /// A listed file is not there.
+    Missing,
+    /// Bytes that neither the sums nor the manifest state; or a sums file that is not in its one form.
+    Altered,
+    /// Something that no list names.
+    Unlisted,
+    /// A path that would lead out of the tree, or that tools cannot carry.
+    UnsafePath,
+    /// `SHA256SUMS`, `manifest.json` and the bytes do not agree on a file.
+    SumsDisagree,
+    /// Files that say the same thing say different things.
+    ClaimsDisagree,
+    /// Parts of the tree are of different program versions.
+    VersionDisagrees,
+    /// A scene states no terms.
+    LicenceMissing,
+    /// What a scene states is no licence expression.
+    LicenceInvalid,
+    /// Terms that the scene's source does not allow.
+    LicenceForbidden,
+    /// A licence in use has no text in `LICENSES/`.
+    LicenceTextMissing,
+    /// A text in `LICENSES/` is of no licence in use.
+    LicenceUnused,
+    /// The card states other terms than the scenes do.
+    CardLicence,
+    /// A scene lacks a file that its own description asks for.
+    SceneIncomplete,
+    /// A check failed, and no waiver says why that is accepted.
+    CheckFailedUnwaived,
+    /// A file does not hold what its format prescribes.
+    Unreadable,
+}
+
+impl Code {
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Missing => "missing",
+            Self::Altered => "altered",
+            Self::Unlisted => "unlisted",
+            Self::UnsafePath => "unsafe-path",
+            Self::SumsDisagree => "sums-disagree",
+            Self::ClaimsDisagree => "claims-disagree",
+            Self::VersionDisagrees => "version-disagrees",
+            Self::LicenceMissing => "licence-missing",
+            Self::LicenceInvalid => "licence-invalid",
+            Self::LicenceForbidden => "licence-forbidden",
+            Self::LicenceTextMissing => "licence-text-missing",
+            Self::LicenceUnused => "licence-unused",
+            Self::CardLicence => "card-licence",
+            Self::SceneIncomplete => "scene-incomplete",
+            Self::CheckFailedUnwaived => "check-failed-unwaived",
+            Self::Unreadable => "unreadable",
+        }
+    }
+
+    fn help(self) -> &'static str {
+        match self {
+            Self::Unlisted => "remove it, or keep it outside the release",
+            Self::LicenceMissing | Self::LicenceInvalid | Self::LicenceForbidden => {
+                "correct `licence:` or the source in the recipe, and release again"
+            }
+            Self::CheckFailedUnwaived => "mend the scene, or waive the check with a reason in its recipe",
+            _ => {
+                "copy the release again from where it is whole, or write it anew: gs2e release --to DIR --replace"
+            }
+        }
+    }
+}
+
+/// One fault.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct Fault {
+    /// What kind it is.
+    pub code: Code,
+    /// Path below the release folder, where it is about one file.
+    pub file: Option<String>,
+    /// Scene id, where it is about one scene.
+    pub scene: Option<String>,
+    /// What was found and what was wanted.
+    pub message: String,
+    /// What to do.
+    pub help: &'static str,
+}
+
+impl Fault {
+    fn of_file(code: Code, file: &str, message: impl Into<String>) -> Self {
+        Self { code, file: Some(file.to_owned()), scene: None, message: message.into(), help: code.help() }
+    }
+
+    fn of_scene(code: Code, scene: &str, message: impl Into<String>) -> Self {
+        Self { code, file: None, scene: Some(scene.to_owned()), message: message.into(), help: code.help() }
+    }
+
+    fn in_scene(self, scene: &str) -> Self {
+        Self { scene: Some(scene.to_owned()), ..self }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let place = self.file.as_ref().or(self.scene.as_ref()).map_or("the release", String::as_str);
+        write!(f, "{}: {place}: {}; help: {}", self.code.name(), self.message, self.help)
+    }
+}
+
+/// What an audit found.
+#[derive(Debug, Clone)]
+pub struct Report {
+    /// The faults, sorted by code, file and scene.
+    pub faults: Vec<Fault>,
+    /// Files that were read.
+    pub files: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// All that was looked at.
+    pub covers: [&'static str; 7],
+}
+
+const COVERS: [&str; 7] = [
+    "every byte against SHA256SUMS and manifest.json",
+    "nothing missing, nothing unlisted",
+    "paths",
+    "scene.json against manifest.json and the recipe in it",
+    "licence expressions, their texts, and what sources demand",
+    "failed checks",
+    "events, poses, stamps, transforms and pictures open and agree",
+];
+
+/// Audits the release in `dir`.
+///
+/// # Errors
+/// When the folder cannot be listed. A file that cannot be read is a fault.
+pub fn audit(dir: &Path) -> io::Result<Report> {
+    let tree = walk::walk(dir)?;
+    let bytes = bytes::hash(dir, &tree.files);
+    let mut faults = tree.oddities;
+    let sums = sums::read(dir, &mut faults);
+    let manifest: Option<Manifest> = claims::parse(dir, super::manifest::NAME, &mut faults);
+    bytes::compare(&bytes, &sums, manifest.as_ref(), &mut faults);
+    if let Some(manifest) = &manifest {
+        faults.extend(audit_scenes(dir, manifest, &bytes));
+    }
+    faults.sort();
+    faults.dedup();
+    let read = bytes.values().flatten();
+    Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers: COVERS })
+}
+
+fn audit_scenes(dir: &Path, manifest: &Manifest, bytes: &bytes::Bytes) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    let mut scenes = Vec::new();
+    for listed in &manifest.scenes {
+        let path = format!("{}/scene.json", listed.id);
+        if bytes.contains_key(&path) {
+            scenes.extend(claims::parse::<SceneFile>(dir, &path, &mut faults).map(|scene| (listed, scene)));
+        } else {
+            faults.push(Fault::of_scene(Code::SceneIncomplete, &listed.id, "it has no scene.json"));
+        }
+    }
+    for (listed, scene) in &scenes {
+        faults.extend(claims::scene(manifest, listed, scene));
+        faults.extend(terms::scene(scene, bytes));
+        faults.extend(contents::scene(dir, scene, bytes));
+    }
+    faults.extend(terms::texts(manifest, bytes));
+    faults.extend(terms::card(dir, manifest));
+    faults
+}
+
+/// Files, links and folders below `dir` that its `SHA256SUMS` does not list, sorted.
+///
+/// # Errors
+/// When the folder cannot be listed.
+pub fn unlisted(dir: &Path) -> io::Result<Vec<String>> {
+    let tree = walk::walk(dir)?;
+    let listed = sums::read(dir, &mut Vec::new());
+    let mut unlisted: Vec<String> = tree.oddities.into_iter().filter_map(|fault| fault.file).collect();
+    let strange = |path: &&String| *path != super::checksum::NAME && !listed.contains_key(*path);
+    unlisted.extend(tree.files.iter().filter(strange).cloned());
+    unlisted.sort();
+    Ok(unlisted)
+}

@@ -1,0 +1,64 @@
+//! What the tree's own descriptions say, against each other.
+
+use super::{Code, Fault};
+use crate::release::checksum;
+use crate::release::manifest::{Manifest, ManifestScene};
+use crate::release::scene::{Conventions, SceneFile};
+use serde::de::DeserializeOwned;
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// Reads a JSON file of a known form; keys that the form has not are faults.
+pub(super) fn parse<T: DeserializeOwned>(dir: &Path, path: &str, faults: &mut Vec<Fault>) -> Option<T> {
+    let mut fault = |code, message: String| faults.push(Fault::of_file(code, path, message));
+    match std::fs::read(dir.join(path)) {
+        Ok(bytes) => match serde_json::from_slice(&bytes) {
+            Ok(value) => return Some(value),
+            Err(e) => fault(Code::Unreadable, format!("it is not of its form: {e}")),
+        },
+        Err(e) if e.kind() == ErrorKind::NotFound => fault(Code::Missing, "there is no such file".into()),
+        Err(e) => fault(Code::Unreadable, e.to_string()),
+    }
+    None
+}
+
+/// `scene.json` against the manifest, and against the recipe that it carries.
+pub(super) fn scene(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
+    let mut claims = Claims { path: format!("{}/scene.json", listed.id), faults: Vec::new() };
+    claims.equal("id", &scene.id, "manifest.json", &listed.id);
+    claims.equal("source", &scene.source.kind, "manifest.json", &listed.source);
+    claims.equal("licence", &scene.licence.expression, "manifest.json", &listed.licence);
+    claims.equal("schema", &scene.schema.to_string(), "this program", "1");
+    let recipe = scene.recipe.get("scene").and_then(serde_json::Value::as_str).unwrap_or("missing");
+    claims.equal("id", &scene.id, "its recipe", recipe);
+    let seed = scene.recipe.get("seed").map_or("missing".into(), ToString::to_string);
+    claims.equal("seed", &scene.seed.to_string(), "its recipe", &seed);
+    let compact = serde_json::to_vec(&scene.recipe).expect("a JSON value is writable");
+    claims.equal("recipe_sha256", &scene.recipe_sha256, "its recipe", &checksum::sha256(&compact));
+    if scene.conventions != Conventions::default() {
+        claims.fault(Code::ClaimsDisagree, "its conventions are not those of this release format".into());
+    }
+    let tool = format!("gs2e {}", scene.gs2e_version);
+    if tool != manifest.tool {
+        let message = format!("it was written by {tool}, manifest.json by {}", manifest.tool);
+        claims.fault(Code::VersionDisagrees, message);
+    }
+    claims.faults
+}
+
+struct Claims {
+    path: String,
+    faults: Vec<Fault>,
+}
+
+impl Claims {
+    fn fault(&mut self, code: Code, message: String) {
+        self.faults.push(Fault::of_file(code, &self.path, message));
+    }
+
+    fn equal(&mut self, key: &str, found: &str, other: &str, wanted: &str) {
+        if found != wanted {
+            self.fault(Code::ClaimsDisagree, format!("its {key} is `{found}`, {other} says `{wanted}`"));
+        }
+    }
+}

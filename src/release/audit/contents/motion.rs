@@ -1,0 +1,141 @@
+//! Poses, stamps, speeds and transforms: they open, are as many as stated, and say the same.
+
+use super::{Code, Fault, Folder};
+use crate::release::audit::claims;
+use crate::se3::{OPENCV_FROM_OPENGL, Se3};
+use crate::trajectory::Trajectory;
+use crate::trajectory::report::Report;
+use crate::trajectory::text::read_stamps;
+use crate::units::Hertz;
+use glam::DVec3;
+use serde_json::Value;
+use std::fs::File;
+use std::io::BufReader;
+
+pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    let open = |name: &str| File::open(folder.dir.join(folder.path_of(name))).map(BufReader::new);
+    let mut unreadable =
+        |name: &str, message: String| faults.push(folder.fault(Code::Unreadable, name, message));
+    let stamps = match open("timestamps_us.txt").map(read_stamps) {
+        Ok(Ok(stamps)) => Some(stamps),
+        Ok(Err(e)) => {
+            unreadable("timestamps_us.txt", e.to_string());
+            None
+        }
+        Err(_) => None,
+    };
+    let trajectory = match open("poses.txt").map(Trajectory::read_poses) {
+        Ok(Ok(trajectory)) => trajectory,
+        Ok(Err(e)) => {
+            unreadable("poses.txt", e.to_string());
+            return faults;
+        }
+        Err(e) => {
+            unreadable("poses.txt", e.to_string());
+            return faults;
+        }
+    };
+    faults.extend(agree(folder, &trajectory, stamps.as_deref()));
+    faults.extend(transforms_agree(folder, &trajectory));
+    faults.extend(speeds_agree(folder, &trajectory));
+    faults
+}
+
+/// Poses against stamps, the stated rate, and the stated counts.
+fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    let mut disagree =
+        |name: &str, message: String| faults.push(folder.fault(Code::ClaimsDisagree, name, message));
+    let found = &trajectory.stamps_us;
+    if let Some(stamps) = stamps.filter(|stamps| stamps != found) {
+        let message = format!("its {} stamps are not those of the {} poses", stamps.len(), found.len());
+        disagree("timestamps_us.txt", message);
+    }
+    let part = folder.part;
+    if found.len() != part.poses || found.last().copied().unwrap_or(0) != part.duration_us {
+        let last = found.last().copied().unwrap_or(0);
+        let message = format!(
+            "it has {} poses until {last} us, scene.json says {} until {} us",
+            found.len(),
+            part.poses,
+            part.duration_us
+        );
+        disagree("poses.txt", message);
+    }
+    match part.rate.parse().map(Hertz) {
+        Ok(rate) => {
+            if let Some((j, t)) = (0..).zip(found).find(|(j, t)| rate.stamp_us(*j) != **t) {
+                disagree("poses.txt", format!("pose {j} is at {t} us, not at {j} / ({}) s", part.rate));
+            }
+        }
+        Err(_) => disagree("poses.txt", format!("scene.json gives the rate as `{}`", part.rate)),
+    }
+    faults
+}
+
+/// `transforms.json` is what the poses and the camera give.
+fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
+    const NAME: &str = "transforms.json";
+    let mut faults = Vec::new();
+    let there = folder.dir.join(folder.path_of(NAME)).exists();
+    let Some(found) =
+        there.then(|| claims::parse::<Value>(folder.dir, &folder.path_of(NAME), &mut faults)).flatten()
+    else {
+        return faults;
+    };
+    let camera = &folder.camera;
+    let numbers = [("fl_x", camera.fx), ("fl_y", camera.fy), ("cx", camera.cx), ("cy", camera.cy)];
+    let sides =
+        [("w", camera.size.width), ("h", camera.size.height)].map(|(key, side)| (key, f64::from(side)));
+    for (key, wanted) in numbers.into_iter().chain(sides) {
+        if found[key].as_f64() != Some(wanted) {
+            let message = format!("its {key} is {}, scene.json says {wanted}", found[key]);
+            faults.push(folder.fault(Code::ClaimsDisagree, NAME, message));
+        }
+    }
+    let frames = found["frames"].as_array().map_or(&[][..], Vec::as_slice);
+    let poses = trajectory.world_from_camera.iter().zip(&trajectory.stamps_us);
+    let wanted = poses.map(|(pose, t_us)| (opengl(pose), *t_us));
+    let same = |(frame, (matrix, t_us)): (&Value, ([[f64; 4]; 3], i64))| {
+        frame["t_us"].as_i64() == Some(t_us) && is_near(&frame["transform_matrix"], &matrix)
+    };
+    if frames.len() != trajectory.stamps_us.len() || !frames.iter().zip(wanted).all(same) {
+        faults.push(folder.fault(Code::ClaimsDisagree, NAME, "its frames are not the poses of poses.txt"));
+    }
+    faults
+}
+
+/// Poses of `poses.txt` have canonical quaternions, which turn into the same matrix but for rounding: a few units in
+/// the last place of numbers up to 1, and none in the translation.
+fn is_near(found: &Value, wanted: &[[f64; 4]; 3]) -> bool {
+    let Ok(found) = serde_json::from_value::<[[f64; 4]; 4]>(found.clone()) else { return false };
+    found
+        .iter()
+        .flatten()
+        .zip(wanted.iter().flatten())
+        .all(|(a, b)| (a - b).abs() <= 1e-12 * b.abs().max(1.0))
+}
+
+/// The top three rows of camera to world with OpenGL camera axes: a point on a camera axis goes where the pose takes
+/// it, and y and z point the other way.
+fn opengl(world_from_camera: &Se3) -> [[f64; 4]; 3] {
+    let axes =
+        [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| world_from_camera.rotation * (axis * OPENCV_FROM_OPENGL));
+    let centre = world_from_camera.translation;
+    [0, 1, 2].map(|row| [axes[0][row], axes[1][row], axes[2][row], centre[row]])
+}
+
+fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
+    const NAME: &str = "speed.json";
+    let mut faults = Vec::new();
+    if !folder.dir.join(folder.path_of(NAME)).exists() {
+        return faults;
+    }
+    let report: Option<Report> = claims::parse(folder.dir, &folder.path_of(NAME), &mut faults);
+    if let Some(report) = report.filter(|report| report.poses != trajectory.stamps_us.len()) {
+        let message = format!("it is about {} poses, there are {}", report.poses, trajectory.stamps_us.len());
+        faults.push(folder.fault(Code::ClaimsDisagree, NAME, message));
+    }
+    faults
+}

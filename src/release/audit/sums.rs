@@ -1,0 +1,93 @@
+//! `SHA256SUMS` in its one form: a line a file, `<64 lower-case hexadecimal digits>  <path>`, sorted by path, with a
+//! final newline. Another form may say the same (the case of a digit is one bit), and is a fault nonetheless: whatever
+//! changed it was not the program that wrote it.
+
+use super::walk::unsafe_because;
+use super::{Code, Fault};
+use crate::release::checksum;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// SHA-256 by path, as far as the file can be understood.
+pub(super) type Sums = BTreeMap<String, String>;
+
+pub(super) fn read(dir: &Path, faults: &mut Vec<Fault>) -> Sums {
+    let mut fault = |code, message: String| faults.push(Fault::of_file(code, checksum::NAME, message));
+    match std::fs::read(dir.join(checksum::NAME)).map(String::from_utf8) {
+        Ok(Ok(text)) => parse(&text, faults),
+        Ok(Err(e)) => {
+            fault(Code::Altered, format!("it is no UTF-8 text: {}", e.utf8_error()));
+            Sums::new()
+        }
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            fault(Code::Missing, "there is no such file, so this is no release".into());
+            Sums::new()
+        }
+        Err(e) => {
+            fault(Code::Unreadable, e.to_string());
+            Sums::new()
+        }
+    }
+}
+
+fn parse(text: &str, faults: &mut Vec<Fault>) -> Sums {
+    let mut sums = Sums::new();
+    let mut altered = |message: String| {
+        faults.push(Fault::of_file(Code::Altered, checksum::NAME, message));
+    };
+    let mut previous: Option<&str> = None;
+    for (number, line) in (1..).zip(text.split_inclusive('\n')) {
+        let Some((sum, path)) = split(line) else {
+            altered(format!("line {number} is {line:?}, wanted 64 lower-case digits, two blanks and a path"));
+            continue;
+        };
+        if previous.is_some_and(|previous| previous >= path) {
+            altered(format!("line {number}: {path:?} does not sort behind the path before it"));
+        }
+        previous = Some(path);
+        sums.insert(path.to_owned(), sum.to_owned());
+    }
+    let unsafe_paths = sums.keys().filter_map(|path| Some((path, unsafe_because(path)?)));
+    faults.extend(unsafe_paths.map(|(path, because)| Fault::of_file(Code::UnsafePath, path, because)));
+    sums.retain(|path, _| unsafe_because(path).is_none());
+    sums
+}
+
+/// The parts of a line with its newline, if it is in form.
+fn split(line: &str) -> Option<(&str, &str)> {
+    let (sum, path) = line.strip_suffix('\n')?.split_once("  ")?;
+    let digits = sum.len() == 64 && sum.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
+    (digits && !path.is_empty()).then_some((sum, path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SUM: &str = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+
+    fn codes(text: &str) -> Vec<Code> {
+        let mut faults = Vec::new();
+        parse(text, &mut faults);
+        faults.into_iter().map(|f| f.code).collect()
+    }
+
+    #[test]
+    fn one_form_is_accepted() {
+        assert_eq!(codes(&format!("{SUM}  a b\n{SUM}  c/d\n")), []);
+    }
+
+    #[test]
+    fn any_other_form_is_a_fault() {
+        let t = |text: String, wanted: &[Code]| assert_eq!(codes(&text), wanted, "{text}");
+        t(format!("{SUM}  a"), &[Code::Altered]);
+        t(format!("{SUM}  a\n\n"), &[Code::Altered]);
+        t(format!("{} a\n", SUM), &[Code::Altered]);
+        t(format!("{} *a\n", SUM), &[Code::Altered]);
+        t(format!("{}  a\n", SUM.to_uppercase()), &[Code::Altered]);
+        t(format!("{}  a\n", &SUM[1..]), &[Code::Altered]);
+        t(format!("{SUM}  b\n{SUM}  a\n"), &[Code::Altered]);
+        t(format!("{SUM}  a\n{SUM}  a\n"), &[Code::Altered]);
+        t(format!("{SUM}  ../a\n"), &[Code::UnsafePath]);
+    }
+}

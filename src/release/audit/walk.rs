@@ -1,0 +1,73 @@
+//! What lies in the tree.
+
+use super::{Code, Fault};
+use std::collections::BTreeSet;
+use std::io;
+use std::path::Path;
+use walkdir::WalkDir;
+
+/// The tree's files, and what has no place in a release.
+#[derive(Debug)]
+pub(super) struct Listing {
+    /// Paths of regular files, `/`-separated.
+    pub(super) files: BTreeSet<String>,
+    /// Links, special files, empty folders, and names that are no text.
+    pub(super) oddities: Vec<Fault>,
+}
+
+/// Lists the tree below `dir`.
+pub(super) fn walk(dir: &Path) -> io::Result<Listing> {
+    let mut listing = Listing { files: BTreeSet::new(), oddities: Vec::new() };
+    for entry in WalkDir::new(dir).min_depth(1).sort_by_file_name() {
+        let entry = entry?;
+        let below = entry.path().strip_prefix(dir).expect("a walk stays below its root");
+        let mut odd = |what: &str| {
+            listing.oddities.push(Fault::of_file(Code::Unlisted, &below.to_string_lossy(), what));
+        };
+        let kind = entry.file_type();
+        match below.to_str() {
+            None => odd("its name is no UTF-8 text"),
+            Some(_) if kind.is_symlink() => odd("it is a link; releases hold files and folders only"),
+            Some(_) if kind.is_dir() => {
+                if entry.path().read_dir()?.next().is_none() {
+                    odd("it is an empty folder");
+                }
+            }
+            Some(path) if kind.is_file() => {
+                listing.files.insert(path.to_owned());
+            }
+            Some(_) => odd("it is neither file nor folder"),
+        }
+    }
+    Ok(listing)
+}
+
+/// Why a path has no place in a release; `None` where it may stay.
+pub(super) fn unsafe_because(path: &str) -> Option<&'static str> {
+    if path.starts_with('/') {
+        Some("it is absolute")
+    } else if path.split('/').any(|part| part == "..") {
+        Some("it leads out of its folder")
+    } else if path.split('/').any(|part| part.is_empty() || part == ".") {
+        Some("it has an empty part")
+    } else if path.contains(|c: char| c.is_control() || c == '\\') {
+        Some("it holds a control character or a backslash")
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_that_lead_astray_are_unsafe() {
+        for path in ["/etc/passwd", "../x", "a/../b", "a//b", "./a", "a/", "", "a\\b", "a\nb"] {
+            assert!(unsafe_because(path).is_some(), "{path:?}");
+        }
+        for path in ["a", "a/b.c", "sharp/000000.png", "..a/b..", "é/日本"] {
+            assert_eq!(unsafe_because(path), None, "{path:?}");
+        }
+    }
+}
