@@ -40,7 +40,9 @@ fn npy<T: npyz::Deserialize>(reader: impl Read) -> Vec<T> {
 }
 
 fn npz<T: npyz::Deserialize>(path: &Path, name: &str) -> Vec<T> {
-    npyz::npz::NpzArchive::open(path).unwrap().by_name(name).unwrap().unwrap().into_vec().unwrap()
+    let mut archive = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let array = archive.by_name(&format!("{name}.npy")).unwrap();
+    npyz::NpyFile::new(array).unwrap().into_vec().unwrap()
 }
 
 impl Golden {
