@@ -39,7 +39,7 @@ fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>) -> 
         "voltmeter dvs346 {name}, {SIZE}, {steps} steps at 2400/s, {seconds:.3} s, {rate} ev/px/s asked"
     );
     let run = move || {
-        let mut pixels = model.start(SIZE, [0, 0], Seed(1));
+        let mut pixels = model.start(SIZE, [0, 0], Seed(1)).expect("the preset is valid");
         let mut settled = Counted(0);
         advance(&mut *pixels, &frames[..2], &mut settled);
         timed(|| {
