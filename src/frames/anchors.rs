@@ -14,28 +14,25 @@ pub struct Anchors {
     pub images: Vec<Image<f32>>,
 }
 
-/// Anchors are at most this far apart, and at least two intervals are kept.
+/// Time between anchors, where the sequence is long enough for at least two such intervals.
 const SPACING_US: i64 = 100_000;
 
 impl Anchors {
-    /// Which frames of a sequence are kept: the first, then the first that is at least min(0.1 s, T/2) after the one
-    /// before, and the last.
+    /// Which frames of a sequence are kept: its ends, and between them those nearest to equal parts of 0.1 s or a
+    /// little more; two parts where the sequence is shorter.
     #[must_use]
     pub fn choose(stamps_us: &[i64]) -> Vec<usize> {
         let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else { return Vec::new() };
-        let spacing = SPACING_US.min((last - first) / 2).max(1);
-        let mut chosen = vec![0];
-        let mut next = first + spacing;
-        for (i, t) in stamps_us.iter().enumerate().skip(1) {
-            // The last interval absorbs what would be a short rest.
-            if *t >= next && last - t >= spacing {
-                chosen.push(i);
-                next = t + spacing;
-            }
-        }
-        if stamps_us.len() > 1 {
-            chosen.push(stamps_us.len() - 1);
-        }
+        let span = last - first;
+        let parts = (span / SPACING_US).max(2);
+        let nearest = |i: i64| {
+            let wanted = first + span * i / parts;
+            let after = stamps_us.partition_point(|t| *t < wanted).min(stamps_us.len() - 1);
+            let before = after.saturating_sub(1);
+            if wanted - stamps_us[before] < stamps_us[after] - wanted { before } else { after }
+        };
+        let mut chosen: Vec<usize> = (0..=parts).map(nearest).collect();
+        chosen.dedup();
         chosen
     }
 
