@@ -186,3 +186,79 @@ pub fn simulate(
     }
     Ok(pixels.finish(sink)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Event;
+    use crate::frames::array::{ArrayFrames, FullScale, Samples};
+
+    /// Every member of the family, without noise.
+    fn quiet() -> Vec<Sensor> {
+        let [k1, k2, ..] = voltmeter::Preset::Dvs346.k();
+        vec![Sensor::Voltmeter(voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]))]
+    }
+
+    /// Every member as it is.
+    fn usual() -> Vec<Sensor> {
+        let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
+        presets.into_iter().map(Sensor::Voltmeter).collect()
+    }
+
+    fn clip(grey: impl Fn(usize, usize) -> f32) -> ArrayFrames {
+        let size = Size { width: 16, height: 9 };
+        let stamps: Vec<i64> = (0..12).map(|i| 417 * i).collect();
+        let samples = (0..12).flat_map(|i| (0..size.pixels()).map(move |p| (i, p)));
+        let samples = samples.map(|(i, p)| grey(i, p)).collect();
+        ArrayFrames::new(size, Samples::Floats(samples, FullScale::Grey255), &stamps).unwrap()
+    }
+
+    fn moving() -> ArrayFrames {
+        clip(|i, p| 128.0 + 120.0 * ((p % 16 + 3 * i) as f32).sin())
+    }
+
+    fn run(sensor: &Sensor, mut frames: ArrayFrames) -> (Vec<Event>, Account) {
+        let mut events = Vec::new();
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let account = simulate(&mut frames, sensor.as_model(), Seed(1), &mut events, &mut go_on).unwrap();
+        (events, account)
+    }
+
+    #[test]
+    fn constant_light_without_noise_makes_no_event() {
+        for sensor in quiet() {
+            assert_eq!(run(&sensor, clip(|_, p| p as f32)).1, Account::default(), "{sensor:?}");
+        }
+    }
+
+    #[test]
+    fn streams_are_in_file_order_within_the_clip_and_counted() {
+        for sensor in quiet().into_iter().chain(usual()) {
+            let (events, account) = run(&sensor, moving());
+            assert!(account.events > 100, "{sensor:?}");
+            assert_eq!((events.len() as u64, account.on + account.off), (account.events, account.events));
+            assert!(events.is_sorted_by_key(Event::file_order));
+            assert!(events.iter().all(|event| event.t.0 > 0 && event.t.floor_micros() <= 417 * 11));
+        }
+    }
+
+    #[test]
+    fn a_seed_is_a_stream() {
+        for sensor in usual() {
+            assert_eq!(run(&sensor, moving()), run(&sensor, moving()));
+        }
+    }
+
+    #[test]
+    fn a_run_can_be_broken_off() {
+        let mut seen = Vec::new();
+        let mut stop = |frame: &Frame| {
+            seen.push(frame.index);
+            if frame.index == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let sensor = &usual()[0];
+        let result = simulate(&mut moving(), sensor.as_model(), Seed(1), &mut Vec::new(), &mut stop);
+        assert!(matches!(result, Err(SimulateError::Interrupted)));
+        assert_eq!(seen, [0, 1, 2]);
+    }
+}
