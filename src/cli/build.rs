@@ -24,7 +24,7 @@ pub(super) struct Build {
 
 impl Build {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes, console)?;
+        let plan = read_plan(&self.targets.recipes)?;
         let store = open(common, console)?;
         let (summary, seconds) = build(&plan, &store, common, console)?;
         console.say(&last_line(&summary, seconds));
@@ -32,17 +32,21 @@ impl Build {
     }
 }
 
-/// Reads recipes into a plan, and says once for each sensor what it does by itself.
-pub(super) fn read_plan(recipes: &[PathBuf], console: &Console) -> Result<Plan, Problem> {
-    let recipes = recipe::read_all(recipes)?;
+/// Reads recipes into a plan.
+pub(super) fn read_plan(recipes: &[PathBuf]) -> Result<Plan, Problem> {
+    Ok(Plan::new(recipe::read_all(recipes)?))
+}
+
+/// Says once for each sensor what it does by itself.
+fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), Problem> {
     let mut told: Vec<&Sensor> = Vec::new();
-    for recipe in &recipes {
+    for recipe in plan.scenes() {
         if !told.contains(&&recipe.sensor) {
             told.push(&recipe.sensor);
             tell_sensor(recipe, console)?;
         }
     }
-    Ok(Plan::new(recipes))
+    Ok(())
 }
 
 fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
@@ -85,6 +89,7 @@ pub(super) fn build(
     console: &Console,
 ) -> Result<(Summary, f64), Problem> {
     let started = Instant::now();
+    tell_sensors(plan, console)?;
     // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
     if !common.keep_going {
         assess(plan, store)?;

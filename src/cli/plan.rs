@@ -18,7 +18,7 @@ pub(super) struct Show {
 
 impl Show {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes, console)?;
+        let plan = read_plan(&self.targets.recipes)?;
         let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
         let assessed = assess(&plan, &store)?;
         if console.json {

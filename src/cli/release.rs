@@ -33,7 +33,7 @@ pub(super) struct Release {
 
 impl Release {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes, console)?;
+        let plan = read_plan(&self.targets.recipes)?;
         let info = recipe::read_release(&self.targets.recipes)?;
         let store = open(common, console)?;
         if self.no_build {

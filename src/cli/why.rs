@@ -24,7 +24,7 @@ pub(super) struct Why {
 
 impl Why {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.recipes, console)?;
+        let plan = read_plan(&self.recipes)?;
         let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
         let assessed = assess(&plan, &store)?;
         let chosen = choose(&plan, &self.name)?;

@@ -2,6 +2,7 @@
 
 mod codecs;
 mod event_statistics;
+mod manifest;
 mod recipes;
 mod render_golden;
 mod scenes;

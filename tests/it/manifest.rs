@@ -1,0 +1,52 @@
+//! The demo's committed manifest against a fresh build: digest by digest, since there is one numerical class. The test
+//! runs the program as the tests are built, the manifest comes from an optimised build: equal digests also say that
+//! no optimisation changes a bit.
+
+use gs2e::release::{Manifest, ManifestScene};
+use std::path::Path;
+use std::process::Command;
+
+fn read(path: &Path) -> Manifest {
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+/// What differs between two scenes, a line each: the first steps that differ tell where to look.
+fn differences(fresh: &ManifestScene, committed: &ManifestScene) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (a, b) in fresh.steps.iter().zip(&committed.steps) {
+        if a.key != b.key {
+            lines.push(format!("{}: key {} was {}", a.step, a.key, b.key));
+        }
+        let changed = a.outputs.iter().zip(&b.outputs).filter(|(a, b)| a != b).count();
+        if changed > 0 || a.outputs.len() != b.outputs.len() {
+            lines.push(format!("{}: {changed} of {} outputs differ", a.step, a.outputs.len()));
+        }
+    }
+    lines
+}
+
+#[test]
+fn a_fresh_demo_is_the_committed_one() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let status = Command::new(env!("CARGO_BIN_EXE_gs2e"))
+        .args(["release", "-q", "recipes/demo.yaml", "--to"])
+        .arg(&out)
+        .arg("--store")
+        .arg(folder.path().join("store"))
+        .current_dir(root)
+        .status()
+        .unwrap();
+    assert!(status.success(), "{status}");
+    let [fresh, committed] =
+        [out.join("manifest.json"), root.join("manifests/demo.json")].map(|path| read(&path));
+    let lines: Vec<String> =
+        fresh.scenes.iter().zip(&committed.scenes).flat_map(|(a, b)| differences(a, b)).collect();
+    assert!(
+        lines.is_empty(),
+        "the demo changed; `cargo xtask manifest` commits it anew:\n{}",
+        lines.join("\n")
+    );
+    assert_eq!(fresh, committed);
+}
