@@ -64,12 +64,13 @@ impl Renewal {
     pub fn symmetric_interval_variance(self) -> f64 {
         assert!(self.up == self.down, "the closed form is for equal thresholds");
         let Self { drift, variance, up, .. } = self;
-        let nu = drift.abs() * up / variance;
+        let (nu, time) = (drift.abs() * up / variance, up / drift);
         if nu < 1e-3 {
-            return 2.0 / 3.0 * up.powi(4) / (variance * variance);
+            // The closed form cancels here; this is its limit, off by (nu^2)/4 or so.
+            return 2.0 / 3.0 * (up * up / variance) * (up * up / variance);
         }
-        let (sinh, cosh) = (libm::tanh(nu), 1.0 / libm::cosh(nu));
-        up * variance * sinh / drift.abs().powi(3) - (up / drift * cosh).powi(2)
+        let sech = 1.0 / libm::cosh(nu);
+        time * time * (libm::tanh(nu) / nu - sech * sech)
     }
 
     /// The voltage of a pixel watched at a random time long after its first event, at the share `u` of its
