@@ -53,12 +53,13 @@ impl Seed {
 
 /// What the draws of one sequence are for; sequences of different purpose never meet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
 pub enum Space {
     /// Increments of the Brownian tree.
-    Tree = 0,
+    Tree,
     /// What happens inside a leaf of the clock.
-    Leaf = 1,
+    Leaf,
+    /// The state before the first frame; its cell has level 0 and index 0.
+    Initial,
 }
 
 /// One sensor pixel in one cell of the dyadic clock: where a sequence of draws belongs.
@@ -68,7 +69,7 @@ pub struct Cell {
     pub x: u16,
     /// Row on the sensor.
     pub y: u16,
-    /// Halvings of the root cell, at most 127.
+    /// Halvings of the root cell, at most 63 (a nanosecond is 20).
     pub level: u8,
     /// Number of the cell among those of its level, from 0, below 2^56.
     pub index: u64,
@@ -95,12 +96,16 @@ impl Seed {
     }
 }
 
-/// Counter of a cell's first block. The fields fill it without overlap: x, y (16 bits each), index (56), level (7),
-/// space (1), and 32 bits that number the blocks.
+/// Counter of a cell's first block. The fields fill it without overlap: x, y (16 bits each), index (56), level and
+/// space (8), and 32 bits that number the blocks.
 #[expect(clippy::cast_possible_truncation, reason = "the two halves of the index")]
 fn counter(cell: Cell, space: Space) -> [u32; 4] {
-    debug_assert!(cell.index < 1 << 56 && cell.level < 128, "{cell:?} fits its fields");
-    let tag = u32::from(cell.level) << 1 | space as u32;
+    debug_assert!(cell.index < 1 << 56 && cell.level < 64, "{cell:?} fits its fields");
+    let tag = match space {
+        Space::Tree => u32::from(cell.level) << 1,
+        Space::Leaf => u32::from(cell.level) << 1 | 1,
+        Space::Initial => 0xff,
+    };
     [u32::from(cell.y) << 16 | u32::from(cell.x), cell.index as u32, tag << 24 | (cell.index >> 32) as u32, 0]
 }
 
@@ -164,7 +169,7 @@ mod tests {
 
     #[test]
     fn draws_by_number_are_draws_in_order() {
-        for space in [Space::Tree, Space::Leaf] {
+        for space in [Space::Tree, Space::Leaf, Space::Initial] {
             let mut draws = Seed(9).draws(CELL, space);
             for number in 0..9 {
                 let in_order = draws.normal();
@@ -183,8 +188,8 @@ mod tests {
             Cell { index: 8, ..CELL },
             Cell { index: 7 + (1 << 32), ..CELL },
         ];
-        let counters: Vec<_> =
-            cells.iter().flat_map(|&cell| [counter(cell, Space::Tree), counter(cell, Space::Leaf)]).collect();
+        let in_clock = cells.iter().flat_map(|&cell| [Space::Tree, Space::Leaf].map(|s| counter(cell, s)));
+        let counters: Vec<_> = in_clock.chain([counter(CELL, Space::Initial)]).collect();
         for (i, a) in counters.iter().enumerate() {
             assert!(counters[..i].iter().all(|b| a != b), "{i}");
         }
@@ -235,12 +240,14 @@ mod tests {
     fn first_draws_are_frozen() {
         let first = |mut draw: Box<dyn FnMut() -> f64>| std::array::from_fn::<f64, 16, _>(|_| draw());
         let draws = |space| Seed(1).draws(CELL, space);
-        let (mut tree, mut leaf, mut normal) = (draws(Space::Tree), draws(Space::Leaf), draws(Space::Tree));
+        let [mut tree, mut normal] = [draws(Space::Tree), draws(Space::Tree)];
+        let [mut leaf, mut initial] = [draws(Space::Leaf), draws(Space::Initial)];
         let t = |found: [f64; 16], frozen: [f64; 16]| {
             assert!(found.iter().zip(frozen).all(|(a, b)| a.to_bits() == b.to_bits()), "{found:?}");
         };
         t(first(Box::new(move || tree.uniform())), TREE);
         t(first(Box::new(move || leaf.uniform())), LEAF);
+        t(first(Box::new(move || initial.uniform())), INITIAL);
         t(first(Box::new(move || normal.normal())), NORMAL);
     }
 
@@ -280,21 +287,39 @@ mod tests {
         0.6339970411311219,
         0.2027105738385645,
     ];
+    const INITIAL: [f64; 16] = [
+        0.35282531159904174,
+        0.0003035811815127465,
+        0.8686858054763692,
+        0.9039248626843223,
+        0.9979942445155731,
+        0.03672434182333262,
+        0.05012577750321945,
+        0.9820360057710688,
+        0.8932721244350522,
+        0.06677700256323649,
+        0.9615268741136115,
+        0.9807068524082244,
+        0.5560128268590606,
+        0.8041115030504095,
+        0.9517302276280851,
+        0.14775661906474935,
+    ];
     const NORMAL: [f64; 16] = [
-        0.9283652853320665,
-        -0.5901027436535767,
+        0.9283652853320666,
+        -0.5901027436535768,
         -0.924289703648967,
         0.27052134494347757,
-        -1.1587250822242259,
+        -1.158725082224226,
         -0.3910830492779878,
         -0.8354603211832559,
-        -0.08052613497751289,
-        1.9864339979014314,
+        -0.08052613497751288,
+        1.9864339979014312,
         -1.6807775776407339,
         -0.6545553816205596,
         0.5737598728040255,
-        0.862149984374271,
-        0.46155768601478736,
+        0.8621499843742708,
+        0.4615576860147873,
         -0.5508908831219026,
         -0.6341486701369182,
     ];

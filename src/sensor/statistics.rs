@@ -64,13 +64,70 @@ impl Renewal {
     pub fn symmetric_interval_variance(self) -> f64 {
         assert!(self.up == self.down, "the closed form is for equal thresholds");
         let Self { drift, variance, up, .. } = self;
-        let nu = drift.abs() * up / variance;
+        let (nu, time) = (drift.abs() * up / variance, up / drift);
         if nu < 1e-3 {
-            return 2.0 / 3.0 * up.powi(4) / (variance * variance);
+            // The closed form cancels here; this is its limit, off by (nu^2)/4 or so.
+            return 2.0 / 3.0 * (up * up / variance) * (up * up / variance);
         }
-        let (sinh, cosh) = (libm::tanh(nu), 1.0 / libm::cosh(nu));
-        up * variance * sinh / drift.abs().powi(3) - (up / drift * cosh).powi(2)
+        let sech = 1.0 / libm::cosh(nu);
+        time * time * (libm::tanh(nu) / nu - sech * sech)
     }
+
+    /// The voltage of a pixel watched at a random time long after its first event, at the share `u` of its
+    /// distribution: the renewal process's time spent at each voltage (numerics.md 8.3), inverted.
+    #[must_use]
+    pub fn residual(self, u: f64) -> f64 {
+        let Self { drift, variance, up, down } = self;
+        if variance == 0.0 {
+            return if drift > 0.0 {
+                u * up
+            } else if drift < 0.0 {
+                -u * down
+            } else {
+                0.0
+            };
+        }
+        let skew = 2.0 * drift / variance;
+        let scale = 2.0 / (variance * self.mean_interval());
+        let (on, off) = (self.on_share(), Self { drift: -drift, up: down, down: up, ..self }.on_share());
+        let below = |depth: f64| off * scale * tail(skew, depth);
+        let above = |depth: f64| on * scale * tail(-skew, depth);
+        let inside = below(down);
+        if u < inside {
+            bisect(down, |depth| below(depth) < u) - down
+        } else {
+            up - bisect(up, |depth| above(depth) < 1.0 - u)
+        }
+    }
+}
+
+/// `(e^y - 1 - y) / skew^2` with `y = skew depth`: what the occupation density on one side integrates to within `depth`
+/// of its barrier. Where that overflows, the probability that it is multiplied with is zero to all digits: 0.
+fn tail(skew: f64, depth: f64) -> f64 {
+    let y = skew * depth;
+    if y > 500.0 {
+        return 0.0;
+    }
+    let share = if y.abs() < 0.1 {
+        // The next term is y^8/10!, 3e-15 of the first.
+        [2.0, 6.0, 24.0, 120.0, 720.0, 5040.0, 40320.0, 362_880.0]
+            .iter()
+            .rev()
+            .fold(0.0, |sum, n| sum * y + 1.0 / n)
+    } else {
+        (libm::expm1(y) - y) / (y * y)
+    };
+    share * depth * depth
+}
+
+/// The number below `limit` up to which `holds` does, to the last bits.
+fn bisect(limit: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.0, limit);
+    for _ in 0..53 {
+        let middle = 0.5 * (low + high);
+        if holds(middle) { low = middle } else { high = middle }
+    }
+    low
 }
 
 #[cfg(test)]
@@ -125,5 +182,43 @@ mod tests {
         let clock = Renewal { drift: -2.0, variance: 0.0, up: 1.0, down: 3.0 };
         near(clock.mean_interval(), 1.5, 1e-15);
         assert_eq!(clock.on_share().to_bits(), 0.0f64.to_bits());
+    }
+
+    /// Mean of a function over the residual law, by the midpoint rule over its shares.
+    fn residual_mean(process: Renewal, f: impl Fn(f64) -> f64) -> f64 {
+        let n = 10_000;
+        (0..n).map(|i| f(process.residual((f64::from(i) + 0.5) / f64::from(n)))).sum::<f64>() / f64::from(n)
+    }
+
+    #[test]
+    fn residuals_stay_where_a_stationary_pixel_is() {
+        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0 at each, has mean 0
+        // under the stationary law: `mean(drift) = rate (on A - off B)` for f = v, and for f = v^2
+        // `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
+        for (drift, variance) in
+            [(0.0, 1.0), (1e-9, 1.0), (0.01, 1.0), (0.3, 1.0), (-2.0, 1.0), (40.0, 1.0), (-1.0, 1e-4)]
+        {
+            let process = Renewal { drift, variance, up: 1.2, down: 0.7 };
+            let on = process.on_share();
+            let found = residual_mean(process, |v| variance + 2.0 * drift * v);
+            let wanted = process.rate() * (on * 1.44 + (1.0 - on) * 0.49);
+            assert!((found - wanted).abs() < 3e-5 * wanted.max(1.0), "{drift} {variance}: {found} {wanted}");
+        }
+    }
+
+    #[test]
+    fn residuals_without_noise_are_uniform_and_without_anything_zero() {
+        let at = |drift, u| Renewal { drift, variance: 0.0, up: 1.2, down: 0.7 }.residual(u);
+        assert!((at(2.0, 0.25) - 0.3).abs() < 1e-15 && (at(-2.0, 0.5) + 0.35).abs() < 1e-15);
+        assert_eq!(at(0.0, 0.3).to_bits(), 0.0f64.to_bits());
+    }
+
+    #[test]
+    fn residuals_of_pure_noise_are_triangular() {
+        // Density 2(A-v)/(AW) above 0 and 2(B+v)/(BW) below.
+        let process = Renewal { drift: 0.0, variance: 0.3, up: 1.2, down: 0.7 };
+        assert!((process.residual(0.7 / 1.9)).abs() < 1e-8);
+        assert!((process.residual(0.7 / 1.9 / 4.0) + 0.35).abs() < 1e-12);
+        assert!((process.residual(1.0 - 1.2 / 1.9 / 4.0) - 0.6).abs() < 1e-12);
     }
 }

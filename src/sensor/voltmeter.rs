@@ -1,4 +1,15 @@
 //! The stochastic law of DVS-Voltmeter (Lin et al., ECCV 2022; GitHub Lynn0306/DVS-Voltmeter, MIT).
+//!
+//! The voltage `x` of a pixel that sees the grey `L(t)` moves as
+//!
+//! ```text
+//! dx = dD + sigma(L) dW,    D(t) = k1 ln(L + k2) + integral of (k4 + k5 L),    sigma(L) = k3 sqrt(L)/(L + k2) + k6
+//! ```
+//!
+//! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
+//! time, no mismatch between pixels, no bandwidth. The published program takes the drift at the midpoint of two frames
+//! (`gain: midpoint`) and draws times as if there were one threshold; the law `exact` draws first passages of this
+//! process, whatever the frames (`exact.rs`, `cell.rs`). Both terms of sigma add as standard deviations, as published.
 
 mod band;
 mod bridge;
@@ -19,7 +30,8 @@ use crate::image::Size;
 use crate::seed::Seed;
 use serde::{Deserialize, Serialize};
 
-/// Parameters, in the official unit system: microseconds, grey 0..255, voltages in thresholds of the preset.
+/// Parameters, in the official unit system: microseconds, grey 0..255, voltages in thresholds of the preset. k1, k2 and
+/// the thresholds are above 0, k3 and k6 at least 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Voltmeter {
     /// k1 to k6: pure number, grey, grey^.5/us^.5, 1/us, 1/(grey us), 1/us^.5.
@@ -62,8 +74,10 @@ pub enum Gain {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Initial {
-    /// All zero, as published.
+    /// All zero, as published: equal pixels leak in step.
     Zero,
+    /// As if every pixel had seen the first frame for long.
+    Stationary,
 }
 
 /// Brightness between two frames.

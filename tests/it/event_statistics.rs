@@ -1,6 +1,14 @@
 //! Events against closed forms, against statistics that other programs measured, and against themselves.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a test may panic, prints its statistics, and makes greys and stamps from small numbers"
+)]
 
+mod clips;
 mod golden;
 mod identity;
 mod interval_law;

@@ -149,7 +149,7 @@ impl<'a> Window<'a> {
         let end = self.drift_at(self.end, pixel);
         let sigma = self.sigma(pixel);
         let noise = if sigma > 0.0 {
-            sigma * root_noise(self.law.seed, self.at_sensor(pixel), self.root())
+            sigma * root_noise(self.law.seed, self.law.at_sensor(pixel), self.root())
         } else {
             0.0
         };
@@ -175,7 +175,7 @@ impl<'a> Window<'a> {
         let sigma = self.sigma(pixel);
         let mut writer = Writer { window: self, pixel, tally, events, most, capped };
         if sigma > 0.0 {
-            let at = self.at_sensor(pixel);
+            let at = self.law.at_sensor(pixel);
             let walk =
                 Walk { seed: self.law.seed, at, root: self.root(), barriers: self.law.barriers, sigma, path };
             walk.cross(voltage, scratch, &mut writer)
@@ -236,17 +236,6 @@ impl<'a> Window<'a> {
         knots + bows
     }
 
-    /// Coordinates in the frame.
-    fn at(&self, pixel: usize) -> [u16; 2] {
-        let width = self.law.size.width as usize;
-        [(pixel % width) as u16, (pixel / width) as u16]
-    }
-
-    fn at_sensor(&self, pixel: usize) -> [u16; 2] {
-        let ([x, y], origin) = (self.at(pixel), self.law.origin);
-        [x + origin[0], y + origin[1]]
-    }
-
     /// Number of the root cell.
     fn root(&self) -> u64 {
         (self.start >> LEVELS).cast_unsigned()
@@ -264,16 +253,14 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Adds a pixel to the account, given its drift and the variance of its noise over the run: what its events have
-    /// taken from the voltage differs from the drift by the noise and the voltage that is left, which is below a
-    /// threshold (O1).
-    pub(super) fn settle(self, barriers: Barriers, drift: f64, variance: f64, account: &mut Account) {
-        let Barriers { up, down } = barriers;
+    /// Adds a pixel to the account. What its events have taken from the voltage differs from its drift over the run by
+    /// noise and by the voltages at the ends; `bound` says by how much at most (O1).
+    pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut Account) {
         account.on += u64::from(self.on);
         account.off += u64::from(self.off);
         account.active_pixels += u64::from(self.on + self.off > 0);
-        let balance = up * f64::from(self.on) - down * f64::from(self.off) - drift;
-        let share = balance.abs() / (up.max(down) + 6.0 * variance.sqrt());
+        let balance = barriers.up * f64::from(self.on) - barriers.down * f64::from(self.off) - drift;
+        let share = balance.abs() / bound;
         account.drift_worst = account.drift_worst.max(share);
         account.drift_violations += u64::from(share > 1.0);
     }
@@ -315,14 +302,14 @@ impl Emit for Writer<'_> {
             return ControlFlow::Break(());
         }
         let ns = t as u64 + window.start.rem_euclid(1000).cast_unsigned();
-        self.events.push(Packed::new(ns, window.at(self.pixel), polarity));
+        self.events.push(Packed::new(ns, window.law.at(self.pixel), polarity));
         ControlFlow::Continue(())
     }
 }
 
 impl Writer<'_> {
     fn too_many(&self, frame: usize) -> SensorError {
-        let [x, y] = self.window.at(self.pixel);
+        let [x, y] = self.window.law.at(self.pixel);
         let before = self.window.frames[frame];
         let after = self.window.frames.get(frame + 1).unwrap_or(&before);
         SensorError::Cap {

@@ -4,7 +4,9 @@
 //! start of a piece and `g` the slope of `ln P`, `D(t) = (k1 g + k4 - k5 k2) t + k5 P t E(g t)`, `E(x) = (e^x - 1)/x`:
 //! exact, and unchanged when a signal of that form is sampled finer.
 
+use super::bridge::Barriers;
 use super::{Gain, Voltmeter};
+use crate::sensor::statistics::Renewal;
 
 /// Microseconds in a nanosecond.
 const US: f64 = 1e-3;
@@ -41,6 +43,13 @@ impl Process {
     /// Standard deviation of the noise per square root of a nanosecond, at grey `luminance`.
     pub(super) fn sigma(&self, luminance: f64) -> f64 {
         self.k3 * luminance.sqrt() / (luminance + self.k2) + self.k6
+    }
+
+    /// What a pixel of constant grey does, per nanosecond.
+    pub(super) fn at_rest(&self, luminance: f64, barriers: Barriers) -> Renewal {
+        let sigma = self.sigma(luminance);
+        let Barriers { up, down } = barriers;
+        Renewal { drift: self.k4 + self.k5 * luminance, variance: sigma * sigma, up, down }
     }
 
     /// The drift along the time between two frames `1/inverse` ns apart.

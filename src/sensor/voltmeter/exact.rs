@@ -3,16 +3,17 @@
 //! With noise a window is a root cell of the clock; without, it is the time between two frames. A window is crossed
 //! once the frames that span it are there, by bands of rows in parallel: a pixel's events depend on nothing but its own
 //! luminance, so neither the bands nor their order can show.
+#![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
-use super::Voltmeter;
 use super::band::{Band, Slice, Tally, Window};
 use super::bridge::Barriers;
 use super::cell::ROOT;
 use super::drift::{Process, Sample};
+use super::{Initial, Voltmeter};
 use crate::event::EventSink;
 use crate::frames::Frame;
 use crate::image::Size;
-use crate::seed::Seed;
+use crate::seed::{Cell, Seed, Space};
 use crate::sensor::window::{LONGEST, Windows};
 use crate::sensor::{Account, Pixels, SensorError};
 use rayon::prelude::*;
@@ -46,6 +47,7 @@ pub(super) struct Exact {
 pub(super) struct Law {
     pub(super) process: Process,
     pub(super) barriers: Barriers,
+    pub(super) initial: Initial,
     pub(super) cap: u32,
     pub(super) size: Size,
     pub(super) origin: [u16; 2],
@@ -85,10 +87,11 @@ struct State {
 impl Exact {
     pub(super) fn new(sensor: &Voltmeter, size: Size, origin: [u16; 2], seed: Seed) -> Self {
         let barriers = Barriers { up: sensor.threshold_on, down: sensor.threshold_off };
+        let (process, initial) = (Process::new(sensor), sensor.initial);
         let cap = sensor.max_events_per_pixel_frame;
         let n = size.pixels();
         Self {
-            law: Law { process: Process::new(sensor), barriers, cap, size, origin, seed },
+            law: Law { process, barriers, initial, cap, size, origin, seed },
             frames: VecDeque::new(),
             spare: Vec::new(),
             state: State {
@@ -167,6 +170,9 @@ impl Exact {
         let mut stored = self.spare.pop().unwrap_or_default();
         (stored.index, stored.t) = (frame.index, frame.t.0);
         convert(&self.law.process, luminance, self.frames.back(), &mut stored);
+        if self.frames.is_empty() {
+            self.law.begin(&stored.luminance, &mut self.state.voltage);
+        }
         self.frames.push_back(stored);
         Ok(())
     }
@@ -175,8 +181,10 @@ impl Exact {
     fn settle(&self) -> Account {
         let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
         let drifts: &[f64] = self.frames.back().map_or(&[], |frame| &frame.drift);
+        let left_over = self.law.left_over();
         for ((tally, drift), variance) in self.state.tally.iter().zip(drifts).zip(&self.state.variance) {
-            tally.settle(self.law.barriers, *drift, *variance, &mut account);
+            let bound = left_over + 6.0 * variance.sqrt();
+            tally.settle(self.law.barriers, *drift, bound, &mut account);
         }
         account.events = account.on + account.off;
         account.same_us_same_pixel = self.windows.same_us_same_pixel;
@@ -186,6 +194,42 @@ impl Exact {
             account.max_per_pixel_frame = account.max_per_pixel_frame.max(u64::from(band.most));
         }
         account
+    }
+}
+
+impl Law {
+    /// The voltages at the first frame.
+    fn begin(&self, luminance: &[f32], voltage: &mut [f64]) {
+        if self.initial == Initial::Zero {
+            return;
+        }
+        voltage.par_iter_mut().zip(luminance).enumerate().for_each(|(pixel, (voltage, luminance))| {
+            let [x, y] = self.at_sensor(pixel);
+            let cell = Cell { x, y, level: 0, index: 0 };
+            let share = self.seed.draws(cell, Space::Initial).uniform();
+            *voltage = self.process.at_rest(f64::from(*luminance), self.barriers).residual(share);
+        });
+    }
+
+    /// What the voltages at the first and at the last frame can differ by.
+    fn left_over(&self) -> f64 {
+        let Barriers { up, down } = self.barriers;
+        match self.initial {
+            Initial::Zero => up.max(down),
+            Initial::Stationary => up + down,
+        }
+    }
+
+    /// Coordinates of a pixel in the frame.
+    pub(super) fn at(&self, pixel: usize) -> [u16; 2] {
+        let width = self.size.width as usize;
+        [(pixel % width) as u16, (pixel / width) as u16]
+    }
+
+    /// Coordinates of a pixel on the sensor.
+    pub(super) fn at_sensor(&self, pixel: usize) -> [u16; 2] {
+        let ([x, y], origin) = (self.at(pixel), self.origin);
+        [x + origin[0], y + origin[1]]
     }
 }
 

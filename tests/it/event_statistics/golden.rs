@@ -1,5 +1,4 @@
-//! The golden sequences of `../shared/data/golden/events`: what another implementation of the exact law measured, and
-//! the counts of numerics.md 2.2 with the default gain.
+//! The golden sequences of `../shared/data/golden/events`: what another implementation of the exact law measured.
 
 use super::{by_pixel, mean_and_deviation, run};
 use gs2e::event::{Event, Polarity};
@@ -14,6 +13,9 @@ use std::path::{Path, PathBuf};
 
 const SIZE: Size = Size { width: 64, height: 48 };
 const SEEDS: u64 = 24;
+
+/// The events of one seed.
+type Run = (Vec<Event>, Account);
 
 fn goldens() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/golden/events");
@@ -129,12 +131,10 @@ fn check(clip: &str, preset: Preset) {
     let runs: Vec<(Vec<Event>, Account)> =
         (0..SEEDS).map(|seed| run(&sensor, &golden.frames, seed)).collect();
     println!("{clip}, {}, {SEEDS} seeds:", preset.name());
-    let over = |value: &dyn Fn(&(Vec<Event>, Account)) -> f64| {
-        mean_and_deviation(&runs.iter().map(value).collect::<Vec<f64>>())
-    };
+    let over = |value: fn(&Run) -> f64| mean_and_deviation(&runs.iter().map(value).collect::<Vec<f64>>());
     let golden_of = |polarity: &str| ["mean", "std"].map(|what| golden.figure(&format!("{polarity}_{what}")));
-    agree("ON", over(&|run| run.1.on as f64), golden_of("on"));
-    agree("OFF", over(&|run| run.1.off as f64), golden_of("off"));
+    agree("ON", over(|run| run.1.on as f64), golden_of("on"));
+    agree("OFF", over(|run| run.1.off as f64), golden_of("off"));
     for (events, account) in &runs {
         assert!(events.is_sorted_by_key(Event::file_order));
         assert_eq!((events.len() as u64, account.drift_violations), (account.events, 0));
@@ -144,7 +144,7 @@ fn check(clip: &str, preset: Preset) {
 }
 
 /// When the events are: per frame, on average, and from each other.
-fn check_times(golden: &Golden, runs: &[(Vec<Event>, Account)]) {
+fn check_times(golden: &Golden, runs: &[Run]) {
     let counts: Vec<Vec<f64>> = runs.iter().map(|run| per_frame(&run.0, &golden.stamps)).collect();
     for frame in 0..golden.stamps.len() - 1 {
         let found = mean_and_deviation(&counts.iter().map(|counts| counts[frame]).collect::<Vec<f64>>());
@@ -190,52 +190,4 @@ fn grating_of_dvs346() {
 #[test]
 fn grating_of_gs2e_si() {
     check("grating", Preset::Gs2eSi);
-}
-
-/// The clips of numerics.md 2.2, made here from their formulas.
-fn clip(name: &str) -> ArrayFrames {
-    let (size, n) = match name {
-        "flicker" => (Size { width: 64, height: 32 }, 61),
-        _ => (SIZE, 49),
-    };
-    let stamps: Vec<i64> = (0..n).map(|i: i64| (f64::from(i as i32) * 1e6 / 2400.0).round() as i64).collect();
-    let tau = std::f64::consts::TAU;
-    let grey = |x: f64, y: f64, i: f64| match name {
-        "edge" => 8.0 + 232.0 / (1.0 + ((x - (10.0 + 1200.0 * i / 2400.0 + 0.15 * (y - 24.0))) / 0.8).exp()),
-        "grating" => 131.0 + 119.0 * (tau * (3.0 * x / 64.0 - 100.0 * i / 2400.0)).sin(),
-        _ => (4.0 + 126.0 * x / 63.0) * (1.0 + 0.9 * (tau * 120.0 * i / 2400.0).sin()),
-    };
-    let pixels = |i: i64| {
-        let row = move |y: u32| (0..size.width).map(move |x| [f64::from(x), f64::from(y), i as f64]);
-        (0..size.height).flat_map(row)
-    };
-    let samples = (0..n).flat_map(pixels).map(|[x, y, i]| grey(x, y, i).round().clamp(0.0, 255.0) as u8);
-    ArrayFrames::new(size, Samples::Bytes(samples.collect()), &stamps).unwrap()
-}
-
-/// Counts with the default gain against the table of numerics.md 2.2, whose own deviations are a seed's: at most 6 in
-/// dvs346, 40 in gs2e-si, over 24 seeds or 6.
-#[test]
-fn counts_with_the_log_gain() {
-    let t = |name: &str, preset: Preset, on: f64, off: f64, deviation: f64| {
-        let seeds = 6;
-        let sensor = Voltmeter::new(preset.k());
-        let frames = clip(name);
-        let runs: Vec<Account> = (0..seeds).map(|seed| run(&sensor, &frames, seed).1).collect();
-        let mean =
-            |count: fn(&Account) -> u64| runs.iter().map(|run| count(run) as f64).sum::<f64>() / seeds as f64;
-        let found = [mean(|run| run.on), mean(|run| run.off)];
-        println!("{name}, {}: {found:.1?}, wanted {:?}", preset.name(), [on, off]);
-        let error = deviation * (2.0 / seeds as f64).sqrt();
-        for (found, wanted) in found.into_iter().zip([on, off]) {
-            assert!(
-                (found - wanted).abs() <= (4.5 * error).max(1e-3 * wanted),
-                "{found} is not {wanted} +- {error}"
-            );
-        }
-    };
-    t("edge", Preset::Dvs346, 12_619.7, 0.0, 2.0);
-    t("grating", Preset::Dvs346, 62_866.0, 61_714.0, 6.0);
-    t("flicker", Preset::Dvs346, 43_727.0, 43_759.0, 6.0);
-    t("grating", Preset::Gs2eSi, 4_189.0, 4_535.0, 40.0);
 }

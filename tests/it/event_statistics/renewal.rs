@@ -5,7 +5,7 @@ use super::{by_pixel, frames, ks, ks_of_two, run};
 use gs2e::event::Polarity;
 use gs2e::image::Size;
 use gs2e::sensor::statistics::Renewal;
-use gs2e::sensor::voltmeter::Voltmeter;
+use gs2e::sensor::voltmeter::{Initial, Voltmeter};
 
 const SIZE: Size = Size { width: 40, height: 25 };
 /// Intervals taken of each pixel.
@@ -142,7 +142,7 @@ fn check(nu: f64, mean_us: f64, thresholds: [f64; 2], seed: u64) {
          polarity z {polarity:.2}, net z {net:.2} (limit {Z_LIMIT})"
     );
     assert!(interval < KS_LIMIT && polarity.abs() < Z_LIMIT && net.abs() < Z_LIMIT);
-    if thresholds[0] == thresholds[1] {
+    if thresholds[0].to_bits() == thresholds[1].to_bits() {
         let rate = watched.rate_score();
         println!("  rate z {rate:.2}");
         assert!(rate.abs() < Z_LIMIT);
@@ -194,6 +194,26 @@ fn intervals_and_polarities_are_independent() {
     assert!(distance < KS_LIMIT);
 }
 
+/// An hour of four static pixels: 3.4 million root cells each.
+#[test]
+fn rates_hold_for_an_hour() {
+    if std::env::var_os("RUN_SLOW_TESTS").is_none() {
+        eprintln!("not run: RUN_SLOW_TESTS is not set");
+        return;
+    }
+    let process = process(2.0, 1e6, [1.0, 1.0]);
+    let sensor = Voltmeter {
+        max_events_per_pixel_frame: u32::MAX,
+        ..Voltmeter::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()])
+    };
+    let (size, hour) = (Size { width: 2, height: 2 }, 3_600_000_000);
+    let (events, account) = run(&sensor, &frames(size, &[0, hour], |_, _, _| 77.0), 15);
+    let watched = Watched { process, duration: hour as f64, pixels: by_pixel(size, &events) };
+    println!("{account:?}: rate z {:.2}, net z {:.2}", watched.rate_score(), watched.net_score());
+    assert!(watched.rate_score().abs() < Z_LIMIT && watched.net_score().abs() < Z_LIMIT);
+    assert_eq!(account.drift_violations, 0);
+}
+
 /// Planted defects: noise that is 5 % too strong is noticed by what the tests above look at.
 #[test]
 fn five_percent_of_noise_are_noticed() {
@@ -201,4 +221,28 @@ fn five_percent_of_noise_are_noticed() {
     let (interval, rate) = (watched.interval_distance(), watched.rate_score());
     println!("intervals KS {interval:.2} (limit {KS_LIMIT}), rate z {rate:.2} (limit {Z_LIMIT})");
     assert!(interval > KS_LIMIT && rate.abs() > Z_LIMIT);
+}
+
+/// With `initial: stationary` nothing tells the first second of a static pixel from any other (numerics.md 8.3).
+#[test]
+fn stationary_pixels_fire_evenly_from_the_start() {
+    let process = process(3.0, 4000.0, [1.0, 1.0]);
+    let sensor = |initial| Voltmeter {
+        initial,
+        ..Voltmeter::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()])
+    };
+    let counts = |initial| {
+        let (events, account) = run(&sensor(initial), &frames(SIZE, &[0, 10_000], |_, _, _| 77.0), 14);
+        assert_eq!(account.drift_violations, 0, "worst {}", account.drift_worst);
+        let mut counts = [0.0; 5];
+        events.iter().for_each(|event| counts[(event.t.0 - 1) as usize / 2_000_000] += 1.0);
+        counts
+    };
+    // Each fifth is half a mean interval long: a pixel fires in it at most about once, so the count is binomial.
+    let expected = SIZE.pixels() as f64 * 2000.0 / process.mean_interval();
+    let scores = |initial| counts(initial).map(|count| (count - expected) / expected.sqrt());
+    let (even, in_step) = (scores(Initial::Stationary), scores(Initial::Zero));
+    println!("z by fifth: stationary {even:.2?}, zero {in_step:.2?} (limit {Z_LIMIT})");
+    assert!(even.iter().all(|z| z.abs() < Z_LIMIT));
+    assert!(in_step.iter().any(|z| z.abs() > Z_LIMIT), "pixels that start at 0 fire in step");
 }
