@@ -9,18 +9,17 @@ pub use sources::{Redistribution, SourceTerms};
 use super::fault::{Fault, Faults};
 use super::find::{self, RELEASE, SOURCES};
 use super::load::Parts;
+use super::resolve::Resolver;
+use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Reads the `release.yaml` of the folders that recipes are taken from; defaults where there is none.
 ///
 /// # Errors
 /// When it cannot be read, holds a fault, or when two folders have one each.
 pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
-    let read = |path: &Path| Ok(Parts::alone(path)?.resolve(|raw, resolver| release::info(raw, resolver))?.1);
-    one(paths, RELEASE)
-        .and_then(|path| path.map_or_else(|| Ok(ReleaseInfo::default()), |path| read(&path)))
-        .or_else(|faults| Faults::or(ReleaseInfo::default(), faults))
+    read(paths, RELEASE, release::info)
 }
 
 /// Reads the `sources.yaml` of the folders that recipes are taken from; empty where there is none.
@@ -28,11 +27,18 @@ pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
 /// # Errors
 /// When it cannot be read, holds a fault, or when two folders have one each.
 pub fn read_sources(paths: &[PathBuf]) -> Result<SourceTerms, Faults> {
-    let read =
-        |path: &Path| Ok(Parts::alone(path)?.resolve(|raw, resolver| sources::terms(raw, resolver))?.1);
-    one(paths, SOURCES)
-        .and_then(|path| path.map_or_else(|| Ok(SourceTerms::default()), |path| read(&path)))
-        .or_else(|faults| Faults::or(SourceTerms::default(), faults))
+    read(paths, SOURCES, sources::terms)
+}
+
+/// The file of this name, read as `T` and resolved.
+fn read<T: DeserializeOwned + Default, R: Default>(
+    paths: &[PathBuf],
+    name: &str,
+    resolve: fn(&T, &Resolver<'_>) -> Option<R>,
+) -> Result<R, Faults> {
+    let read = |path: PathBuf| Ok(Parts::alone(&path)?.resolve(resolve)?.1);
+    let found = one(paths, name).and_then(|path| path.map_or_else(|| Ok(R::default()), read));
+    found.or_else(|faults| Faults::or(R::default(), faults))
 }
 
 /// The one file of this name beside the recipes.

@@ -2,21 +2,24 @@
 
 use super::fault::{Fault, shown};
 use super::load::Read;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// One fault for each recipe whose folder another one claims too. `read` is sorted by scene id.
+/// One fault for each recipe whose folder another one claims too. Ids count as file systems that ignore case see them.
 pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
+    let mut scenes: BTreeMap<String, Vec<&Read>> = BTreeMap::new();
     let mut faults = Vec::new();
-    for (i, scene) in read.iter().enumerate() {
-        if let Some(other) = read[..i].iter().find(|other| other.id() == scene.id()) {
-            let how = if other.recipe.scene == scene.recipe.scene {
-                ""
-            } else {
-                ", in capitals and small letters alike"
-            };
+    for scene in read {
+        let same = scenes.entry(scene.recipe.scene.to_lowercase()).or_default();
+        if let Some(other) = same.first() {
+            let equal = other.recipe.scene == scene.recipe.scene;
+            let how = if equal { "" } else { ", in capitals and small letters alike" };
             faults.push(scene.fault(other, &format!("is the id of another recipe too{how}")));
         }
-        if let Some((other, name)) = read.iter().find_map(|other| Some((other, inside(scene, other)?))) {
+        same.push(scene);
+    }
+    for scene in read {
+        if let Some((other, name)) = inside(scene, &scenes) {
             let whose = &other.recipe.scene;
             faults.push(
                 scene.fault(other, &format!("lies in the trajectory \"{name}\" of the scene \"{whose}\"")),
@@ -26,19 +29,19 @@ pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
     faults
 }
 
-/// The trajectory of `other` whose folder `scene` lies in.
-fn inside<'a>(scene: &Read, other: &'a Read) -> Option<&'a str> {
-    let below = scene.id().strip_prefix(&format!("{}/", other.id()))?.to_owned();
-    let first = below.split('/').next().unwrap_or(&below);
-    other.recipe.trajectories.iter().map(|t| t.name.as_str()).find(|name| name.to_lowercase() == first)
+/// The trajectory of another scene whose folder `scene` lies in.
+fn inside<'a>(scene: &Read, scenes: &BTreeMap<String, Vec<&'a Read>>) -> Option<(&'a Read, &'a str)> {
+    let id = scene.recipe.scene.to_lowercase();
+    id.match_indices('/').find_map(|(at, _)| {
+        let next = id[at + 1..].split('/').next()?;
+        scenes.get(&id[..at])?.iter().find_map(|other| {
+            let trajectory = other.recipe.trajectories.iter().find(|t| t.name.to_lowercase() == next)?;
+            Some((*other, trajectory.name.as_str()))
+        })
+    })
 }
 
 impl Read {
-    /// The id as file systems that ignore case see it.
-    fn id(&self) -> String {
-        self.recipe.scene.to_lowercase()
-    }
-
     fn fault(&self, other: &Self, message: &str) -> Fault {
         let text = &other.texts[other.scene.file as usize];
         let (line, column) = text.position(other.scene.start as usize);

@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::reader::{Problems, Reader};
 use super::resolve::{Resolved, Resolver};
 use super::text::{Place, Text, Texts};
-use super::tree::{MAX_BYTES, Node};
+use super::tree::{self, Kind, MAX_BYTES, Node};
 use super::{NamedAt, Position, Recipe, canonical, schema};
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
@@ -26,8 +26,8 @@ pub(super) struct Read {
     pub scene: Place,
 }
 
-/// A file that was read and parsed.
-type Parsed = (Arc<Text>, Node);
+/// A file that was read and parsed, and its tree where it is not empty.
+type Parsed = (Arc<Text>, Option<Node>);
 
 /// The files read so far: one of defaults lies under many recipes.
 #[derive(Default)]
@@ -39,13 +39,19 @@ impl Library {
     /// Reads one recipe; its defaults are looked for from its own folder up to `root`.
     pub(super) fn recipe(&mut self, file: &Path, root: &Path) -> Result<Read, Vec<Fault>> {
         let (text, own) = parse(file, 0)?;
+        let own = own.ok_or_else(|| {
+            let help = "a recipe has at least version, scene, source and trajectories";
+            vec![Fault::of_file(file, "the file is empty", Some(help))]
+        })?;
         let mut parts = Parts { texts: vec![text], folders: vec![folder(file)], tree: own };
         let folders = file.ancestors().skip(1).take_while(|folder| folder.starts_with(root));
         if let Some(path) = folders.map(|folder| folder.join(DEFAULTS)).find(|path| path.is_file()) {
             let (text, under) = self.defaults(&path)?;
             parts.texts.push(text);
             parts.folders.push(folder(&path));
-            parts.tree = merge(parts.tree, &under);
+            if let Some(under) = under {
+                parts.tree = merge(parts.tree, &under);
+            }
         }
         parts.recipe(file)
     }
@@ -66,6 +72,8 @@ impl Parts {
     /// One file, with nothing merged under it.
     pub(super) fn alone(file: &Path) -> Result<Self, Vec<Fault>> {
         let (text, tree) = parse(file, 0)?;
+        let nothing = Node { place: Place { file: 0, start: 0, end: 0 }, kind: Kind::Map(Vec::new()) };
+        let tree = tree.unwrap_or(nothing);
         Ok(Self { texts: vec![text], folders: vec![folder(file)], tree })
     }
 
@@ -153,7 +161,7 @@ fn assemble(file: &Path, named_at: NamedAt, resolved: Resolved, merged: serde_js
 /// Reads and parses a file, whose places carry the number `index`.
 fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
     let text = Arc::new(Text { path: file.to_owned(), body: read(file).map_err(|fault| vec![fault])? });
-    match Node::parse(&text, index) {
+    match tree::parse(&text, index) {
         Ok(node) => Ok((text, node)),
         Err(problems) => {
             let texts = vec![text; index as usize + 1];

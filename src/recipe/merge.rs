@@ -67,10 +67,11 @@ fn join(path: &str, key: &str) -> String {
 mod tests {
     use super::*;
     use crate::recipe::text::Text;
+    use crate::recipe::tree;
 
     fn parse(yaml: &str) -> Node {
         let text = Text { path: "test.yaml".into(), body: yaml.into() };
-        Node::parse(&text, 0).unwrap_or_else(|p| panic!("{yaml}: {p:?}"))
+        tree::parse(&text, 0).unwrap_or_else(|p| panic!("{yaml}: {p:?}")).expect("it is not empty")
     }
 
     /// Canonical form without places: keys sorted.

@@ -39,9 +39,11 @@ pub(super) fn scene_id(id: &str) -> Result<(), String> {
     if id.starts_with('/') {
         return Err("which starts at the root".into());
     }
-    id.split('/').try_for_each(part)?;
-    let top = id.split('/').next().unwrap_or(id);
-    not_taken(top, &TAKEN_AT_TOP)
+    for (depth, name) in id.split('/').enumerate() {
+        part(name)?;
+        not_taken(name, if depth == 0 { &TAKEN_AT_TOP } else { &TAKEN_IN_SCENE })?;
+    }
+    Ok(())
 }
 
 /// Whether a trajectory name is one folder inside its scene's; else what speaks against it.
@@ -124,6 +126,7 @@ mod tests {
         t("com1", "device");
         t("LICENSES/x", "file of the release");
         t("readme.md", "file of the release");
+        t("a/scene.json/b", "file of the release");
         t(&"x".repeat(201), "201 bytes");
     }
 

@@ -2,6 +2,8 @@
 //!
 //! Nothing here is checked beyond its kind; [`super::resolve`] knows what is required, the ranges and the defaults.
 //! [`Later`] marks a key whose feature is not built yet: it has its place, and is refused by name.
+//!
+//! An enumeration whose choices hold mappings stands in `ENUMERATIONS` of [`super::merge`] too, unless it is in a list.
 
 use super::field::{Field, Later, Literal};
 use crate::check::Limits;

@@ -3,15 +3,13 @@
 //! Scalars keep their text: whether `2400` is an integer, a rational or a real is said by the schema that reads the
 //! tree, never by the spelling.
 
-use super::problem::{Problem, quoted};
-use super::text::{Place, Text};
-use serde::Deserialize;
-use serde::de::{self, Visitor};
-use serde_saphyr::{MergeKeyPolicy, NonFiniteFloatPolicy, Spanned};
-use std::fmt;
-use unicode_normalization::is_nfc;
+mod parse;
 
-/// Files beyond this many bytes are refused unread; two thousand times the length of a real recipe.
+use super::text::Place;
+
+pub(super) use parse::parse;
+
+/// Files beyond this many bytes are refused unread: hundreds of times the length of a real recipe.
 pub(super) const MAX_BYTES: usize = 1 << 20;
 
 /// A value and its place.
@@ -53,260 +51,22 @@ pub(super) struct Entry {
 }
 
 impl Node {
-    /// Parses a file that must hold one mapping. `file` is the index that its places carry.
-    pub(super) fn parse(text: &Text, file: u32) -> Result<Self, Vec<Problem>> {
-        let body = text.body.as_str();
-        refuse_tabs(body, file).map_err(|p| vec![p])?;
-        let raw: Raw = serde_saphyr::from_str_with_options(body, options())
-            .map_err(|e| vec![problem_of(&e, text, file)])?;
-        let mut problems = Vec::new();
-        let node = raw.settle(body, file, &mut problems);
-        match node.kind {
-            Kind::Map(_) if problems.is_empty() => Ok(node),
-            Kind::Map(_) => Err(problems),
-            Kind::Null => Err(vec![
-                Problem::new("the file is empty")
-                    .help("a recipe is a YAML mapping: version, scene, source, …"),
-            ]),
-            _ => Err(vec![
-                Problem::new("the file holds no mapping")
-                    .help("a recipe is a YAML mapping: version, scene, source, …")
-                    .at(node.place),
-            ]),
-        }
-    }
-
-    /// Dotted path and key of the value that stands at a place.
+    /// Dotted path and key of the value that stands at a place, such as `trajectories[0].name`.
     pub(super) fn find(&self, place: Place) -> Option<(String, Option<Place>)> {
-        match &self.kind {
-            Kind::Map(entries) => entries.iter().find_map(|e| {
-                if e.value.place == place {
-                    return Some((e.key.clone(), Some(e.place)));
-                }
-                let (path, key) = e.value.find(place)?;
-                let joint = if path.starts_with('[') { "" } else { "." };
-                Some((format!("{}{joint}{path}", e.key), key))
-            }),
-            Kind::List(items) => items.iter().enumerate().find_map(|(i, item)| {
-                if item.place == place {
-                    return Some((format!("[{i}]"), None));
-                }
-                let (path, key) = item.find(place)?;
-                let joint = if path.starts_with('[') { "" } else { "." };
-                Some((format!("[{i}]{joint}{path}"), key))
-            }),
-            _ => None,
-        }
-    }
-}
-
-/// Limits far above any recipe and far below what hurts; `<<` is refused, as `defaults.yaml` is how values are shared.
-fn options() -> serde_saphyr::Options {
-    serde_saphyr::options! {
-        emit_comments: false,
-        merge_keys: MergeKeyPolicy::Error,
-        non_finite_float_policy: NonFiniteFloatPolicy::PassThrough,
-        reject_unsupported_tags: true,
-        strict_booleans: true,
-        with_snippet: false,
-        budget: serde_saphyr::budget! {
-            max_aliases: 100,
-            max_anchors: 100,
-            max_depth: 32,
-            max_documents: 1,
-            max_events: 50_000,
-            max_nodes: 20_000,
-            max_recorded_anchor_events: 20_000,
-            max_recorded_anchor_bytes: MAX_BYTES,
-        },
-    }
-}
-
-/// YAML forbids tabs in indentation, and tools disagree on how wide they are elsewhere.
-fn refuse_tabs(body: &str, file: u32) -> Result<(), Problem> {
-    let Some(at) = body.match_indices('\t').map(|(at, _)| at).find(|at| !in_comment(body, *at)) else {
-        return Ok(());
-    };
-    let start = u32::try_from(at).unwrap_or(u32::MAX);
-    Err(Problem::new("a tab character").help("indent and separate with spaces").at(Place {
-        file,
-        start,
-        end: start + 1,
-    }))
-}
-
-fn in_comment(body: &str, at: usize) -> bool {
-    let line = &body[body[..at].rfind(['\n', '\r']).map_or(0, |i| i + 1)..at];
-    line.starts_with('#') || line.contains(" #")
-}
-
-/// What the YAML reader says, in our words where they are clearer.
-fn problem_of(error: &serde_saphyr::Error, text: &Text, file: u32) -> Problem {
-    let place = error.location().map(|location| {
-        let start = text.offset(usize_of(location.line()), usize_of(location.column()));
-        let bytes = location.span().byte_len().map_or(1, usize_of);
-        Place { file, start: short(start), end: short(start + bytes) }
-    });
-    let problem = told(error.without_snippet());
-    place.into_iter().fold(problem, Problem::at)
-}
-
-fn told(error: &serde_saphyr::Error) -> Problem {
-    use serde_saphyr::Error as E;
-    use serde_saphyr::budget::BudgetBreach;
-    match error {
-        E::AliasError { error, .. } => told(error.without_snippet()),
-        E::DuplicateMappingKey { key, .. } => {
-            let key = key.as_deref().map_or_else(String::new, |key| format!(" {}", quoted(key)));
-            Problem::new(format!("duplicate key{key}")).help("each key stands once in a mapping")
-        }
-        E::MultipleDocuments { .. } | E::Budget { breach: BudgetBreach::Documents { .. }, .. } => {
-            Problem::new("a second document").help("one file holds one recipe")
-        }
-        E::Budget { .. }
-        | E::AliasReplayLimitExceeded { .. }
-        | E::AliasReplayStackDepthExceeded { .. }
-        | E::AliasExpansionLimitExceeded { .. } => {
-            Problem::new("more values, anchors or levels than a recipe has").help("is it a recipe?")
-        }
-        E::MergeKeyNotAllowed { .. } => Problem::new("merge keys (<<) are not part of a recipe")
-            .help("shared values go into defaults.yaml"),
-        E::UnknownAnchor { .. } => Problem::new("not valid YAML: an alias without its anchor"),
-        other => Problem::new(format!("not valid YAML: {}", sentence(other))),
-    }
-}
-
-/// The reader's message without its ` at line L, column C`.
-fn sentence(error: &serde_saphyr::Error) -> String {
-    let full = error.render_with_formatter(&serde_saphyr::UserMessageFormatter);
-    let head = full.rsplit_once(" at line ").map_or(full.as_str(), |(head, _)| head);
-    head.lines().next().unwrap_or_default().to_owned()
-}
-
-fn usize_of(n: u64) -> usize {
-    usize::try_from(n).unwrap_or(usize::MAX)
-}
-
-/// Offsets fit: files are shorter than [`MAX_BYTES`].
-fn short(offset: usize) -> u32 {
-    u32::try_from(offset).unwrap_or(u32::MAX)
-}
-
-/// A value as the YAML reader gives it.
-struct Raw(Spanned<Shape>);
-
-enum Shape {
-    Null,
-    /// A scalar of a type that is seen in its text alone.
-    Typed,
-    Text(String),
-    List(Vec<Raw>),
-    Map(Vec<(Spanned<String>, Raw)>),
-}
-
-impl Raw {
-    fn settle(self, body: &str, file: u32, problems: &mut Vec<Problem>) -> Node {
-        let place = place_of(&self.0.defined, file);
-        let written = body.get(place.start as usize..place.end as usize).unwrap_or_default();
-        let kind = match self.0.value {
-            Shape::Null => Kind::Null,
-            Shape::Typed => Kind::Scalar { text: written.to_owned(), plain: true },
-            Shape::Text(text) => {
-                refuse_other_forms(&text, place, problems);
-                let plain = written == text;
-                Kind::Scalar { text, plain }
+        let seek = |step: &str, key: Option<Place>, value: &Self| {
+            if value.place == place {
+                return Some((step.to_owned(), key));
             }
-            Shape::List(items) => {
-                Kind::List(items.into_iter().map(|item| item.settle(body, file, problems)).collect())
-            }
-            Shape::Map(entries) => Kind::Map(
-                entries
-                    .into_iter()
-                    .map(|(key, value)| {
-                        let place = place_of(&key.defined, file);
-                        refuse_other_forms(&key.value, place, problems);
-                        Entry { key: key.value, place, value: value.settle(body, file, problems) }
-                    })
-                    .collect(),
-            ),
+            let (path, key) = value.find(place)?;
+            let joint = if path.starts_with('[') { "" } else { "." };
+            Some((format!("{step}{joint}{path}"), key))
         };
-        Node { place, kind }
-    }
-}
-
-/// Two spellings of one name that look alike would be two names.
-fn refuse_other_forms(text: &str, place: Place, problems: &mut Vec<Problem>) {
-    if !is_nfc(text) {
-        let help = "write it in Unicode's composed form (NFC), as keyboards do";
-        problems.push(Problem::new("a text that is not in Unicode normal form C").help(help).at(place));
-    }
-}
-
-fn place_of(location: &serde_saphyr::Location, file: u32) -> Place {
-    let span = location.span();
-    let start = span.byte_offset().map_or(0, usize_of);
-    let end = start + span.byte_len().map_or(0, usize_of);
-    Place { file, start: short(start), end: short(end) }
-}
-
-impl<'de> Deserialize<'de> for Raw {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Spanned::deserialize(deserializer).map(Self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Shape {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(ShapeVisitor)
-    }
-}
-
-struct ShapeVisitor;
-
-impl<'de> Visitor<'de> for ShapeVisitor {
-    type Value = Shape;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a value")
-    }
-
-    fn visit_unit<E>(self) -> Result<Shape, E> {
-        Ok(Shape::Null)
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<Shape, E> {
-        Ok(Shape::Typed)
-    }
-
-    fn visit_i64<E>(self, _: i64) -> Result<Shape, E> {
-        Ok(Shape::Typed)
-    }
-
-    fn visit_u64<E>(self, _: u64) -> Result<Shape, E> {
-        Ok(Shape::Typed)
-    }
-
-    fn visit_f64<E>(self, _: f64) -> Result<Shape, E> {
-        Ok(Shape::Typed)
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Shape, E> {
-        Ok(Shape::Text(text.to_owned()))
-    }
-
-    fn visit_seq<A: de::SeqAccess<'de>>(self, mut items: A) -> Result<Shape, A::Error> {
-        let mut list = Vec::new();
-        while let Some(item) = items.next_element()? {
-            list.push(item);
+        match &self.kind {
+            Kind::Map(entries) => entries.iter().find_map(|e| seek(&e.key, Some(e.place), &e.value)),
+            Kind::List(items) => {
+                items.iter().enumerate().find_map(|(i, item)| seek(&format!("[{i}]"), None, item))
+            }
+            Kind::Null | Kind::Scalar { .. } => None,
         }
-        Ok(Shape::List(list))
-    }
-
-    fn visit_map<A: de::MapAccess<'de>>(self, mut entries: A) -> Result<Shape, A::Error> {
-        let mut map = Vec::new();
-        while let Some(entry) = entries.next_entry()? {
-            map.push(entry);
-        }
-        Ok(Shape::Map(map))
     }
 }

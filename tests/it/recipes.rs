@@ -16,9 +16,9 @@ fn read(path: &str) -> Result<Vec<Recipe>, Faults> {
 
 /// The one recipe of a text, written to a folder of its own.
 fn recipe(yaml: &str) -> Result<Recipe, Faults> {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("there is room for a folder");
     let file = folder.path().join("recipe.yaml");
-    std::fs::write(&file, yaml).unwrap();
+    std::fs::write(&file, yaml).expect("the folder can be written");
     let mut recipes = read_all(&[file])?;
     assert_eq!(recipes.len(), 1, "one file is one recipe");
     Ok(recipes.remove(0))
@@ -49,8 +49,8 @@ fn snapshot(name: &str, text: &str) {
 /// The names in a folder, sorted.
 fn names(folder: &str) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{folder}: {e}"));
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let names = entries.map(|entry| entry.expect("the folder can be read").file_name());
+    let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
     names.sort();
     names
 }

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 fn folder(files: &[(&str, &str)]) -> TempDir {
-    let root = tempfile::tempdir().unwrap();
+    let root = tempfile::tempdir().expect("there is room for a folder");
     for (name, text) in files {
         let file = root.path().join(name);
-        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
-        std::fs::write(file, text).unwrap();
+        let written = std::fs::create_dir_all(file.parent().unwrap_or(root.path()))
+            .and_then(|()| std::fs::write(file, text));
+        written.expect("the folder can be written");
     }
     root
 }
@@ -65,7 +66,7 @@ fn other_files_are_passed_over() {
         ("a.yaml", &scene("a")),
         ("defaults.yaml", "seed: 5\n"),
         ("release.yaml", "name: x\n"),
-        ("sources.yaml", "{}\n"),
+        ("sources.yaml", "nonsense"),
         ("sub/release.yaml", "nonsense"),
         (".hidden.yaml", "nonsense"),
         (".git/config.yaml", "nonsense"),
@@ -135,6 +136,20 @@ fn a_release_has_a_name_where_none_is_given() {
     let info = read_release(&[root.path().to_owned()]).unwrap();
     assert_eq!((info.version.as_str(), info.date_published.as_str()), ("0.0.0", "1970-01-01"));
     assert!(read_sources(&[root.path().to_owned()]).unwrap().is_empty());
+}
+
+#[test]
+fn files_of_comments_say_nothing() {
+    let nothing = "# name: later\n";
+    let names = ["defaults.yaml", "release.yaml", "sources.yaml"];
+    let mut files: Vec<(&str, &str)> = names.iter().map(|name| (*name, nothing)).collect();
+    let a = scene("a");
+    files.push(("a.yaml", &a));
+    let root = folder(&files);
+    let paths = [root.path().to_owned()];
+    assert_eq!(seeds(&read(root.path(), &[""])), [("a", 0)]);
+    assert_eq!(read_release(&paths).unwrap(), gs2e::recipe::ReleaseInfo::default());
+    assert!(read_sources(&paths).unwrap().is_empty());
 }
 
 #[test]

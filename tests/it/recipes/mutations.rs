@@ -3,6 +3,7 @@
 use gs2e::recipe::{Faults, read_all};
 use proptest::prelude::{Just, Strategy, any, prop, prop_oneof};
 use proptest::test_runner::{Config, TestRunner};
+use std::ops::Range;
 use std::path::PathBuf;
 
 const DEMO: &str = include_str!("../../../recipes/demo.yaml");
@@ -47,6 +48,10 @@ const NASTY: [&str; 36] = [
     "\u{1f980}",
 ];
 
+fn slow() -> bool {
+    std::env::var_os("RUN_SLOW_TESTS").is_some_and(|value| value == "1")
+}
+
 /// Replaces `len` bytes at `at` (both taken modulo what there is) by `with`.
 type Edit = (usize, usize, Vec<u8>);
 
@@ -88,12 +93,47 @@ fn has_places(faults: &Faults, bytes: &[u8]) {
     }
 }
 
+/// Words and numbers of the demo, outside comments, by their bytes.
+fn tokens() -> Vec<Range<usize>> {
+    let mut tokens: Vec<Range<usize>> = Vec::new();
+    let mut in_comment = false;
+    for (at, c) in DEMO.char_indices() {
+        in_comment = c != '\n' && (in_comment || c == '#');
+        if in_comment || !(c.is_ascii_alphanumeric() || "._-/*+".contains(c)) {
+            continue;
+        }
+        match tokens.last_mut() {
+            Some(last) if last.end == at => last.end += 1,
+            _ => tokens.push(at..at + 1),
+        }
+    }
+    tokens
+}
+
+#[test]
+fn every_token_may_be_anything() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("recipe.yaml");
+    let tokens = tokens();
+    assert!(tokens.len() > 50, "{} tokens", tokens.len());
+    for token in tokens {
+        let usual = ["", "~", "[", "*a", ".nan", "1e999"];
+        for nasty in if slow() { &NASTY[..] } else { &usual } {
+            let text = [&DEMO[..token.start], nasty, &DEMO[token.end..]].concat();
+            std::fs::write(&file, &text).unwrap();
+            if let Err(faults) = read_all(&[PathBuf::from(&file)]) {
+                has_places(&faults, text.as_bytes());
+            }
+        }
+    }
+}
+
 #[test]
 fn mutated_recipes_are_read_or_refused_with_a_place() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("recipe.yaml");
     let mut runner = TestRunner::new_with_rng(
-        Config { cases: 1000, failure_persistence: None, ..Config::default() },
+        Config { cases: if slow() { 20_000 } else { 500 }, failure_persistence: None, ..Config::default() },
         proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
     );
     let result = runner.run(&edits(), |edits| {
