@@ -66,7 +66,7 @@ impl Renewal {
         let Self { drift, variance, up, .. } = self;
         let (nu, time) = (drift.abs() * up / variance, up / drift);
         if nu < 1e-3 {
-            // The closed form cancels here; this is its limit, off by (nu^2)/4 or so.
+            // The closed form cancels here; its limit is off by a share of order nu^2.
             return 2.0 / 3.0 * (up * up / variance) * (up * up / variance);
         }
         let sech = 1.0 / libm::cosh(nu);
