@@ -98,7 +98,7 @@ impl Resolver<'_> {
     }
 
     fn scene(&self, field: &Field<String>) -> Option<String> {
-        let help = "write scene: my/scene: its id, and its folder in the release";
+        let help = "write scene: my/scene, its id and its folder in the release";
         let (id, place) = self.required(field, "scene", self.root, help)?;
         self.named(id, place, names::scene_id(id), names::SCENE_HELP)
     }

@@ -56,7 +56,7 @@ impl Resolver<'_> {
         match (field, source) {
             (Field::Bad, _) => None,
             (Field::Absent, Some(Source::Colmap(_) | Source::Nerfstudio(_))) => {
-                let help = format!("{GIVEN}: the scene file that was trained on this source");
+                let help = format!("{GIVEN}, the scene file that was trained on this source");
                 self.refuse(Problem::missing("reconstruct").help(help).at(self.root))
             }
             (Field::Absent, _) => Some(None),

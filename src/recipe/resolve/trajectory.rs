@@ -53,7 +53,7 @@ impl Resolver<'_> {
 
     fn trajectory(&self, item: &Field<schema::Trajectory>, rate: Option<Hertz>) -> Option<TrajectoryRecipe> {
         let (raw, place) = item.given()?;
-        let name = self.required(&raw.name, "name", place, "write name: base: its folder in the release");
+        let name = self.required(&raw.name, "name", place, "write name: base, its folder in the release");
         let name =
             name.and_then(|(name, at)| self.named(name, at, names::trajectory(name), names::TRAJECTORY_HELP));
         let later = [&raw.novel, &raw.orbit, &raw.keyframes];
