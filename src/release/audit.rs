@@ -15,9 +15,10 @@ mod walk;
 use super::manifest::Manifest;
 use super::scene::SceneFile;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What kind of fault it is. Codes are stable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -122,6 +123,15 @@ impl Fault {
     fn in_scene(self, scene: &str) -> Self {
         Self { scene: Some(scene.to_owned()), ..self }
     }
+
+    /// With the scene that its file belongs to: the longest id that the path begins with.
+    fn placed(self, manifest: &Manifest) -> Self {
+        let Some(file) = self.file.as_deref().filter(|_| self.scene.is_none()) else { return self };
+        let below = |id: &str| file.strip_prefix(id).is_some_and(|rest| rest.starts_with('/'));
+        let ids = manifest.scenes.iter().map(|scene| scene.id.as_str()).filter(|id| below(id));
+        let scene = ids.max_by_key(|id| id.len()).map(str::to_owned);
+        Self { scene, ..self }
+    }
 }
 
 impl fmt::Display for Fault {
@@ -156,17 +166,22 @@ const COVERS: [&str; 7] = [
 
 /// Audits the release in `dir`.
 ///
+/// Only files whose bytes are those of the sums are opened: what an altered file says is nobody's claim.
+///
 /// # Errors
 /// When the folder cannot be listed. A file that cannot be read is a fault.
 pub fn audit(dir: &Path) -> io::Result<Report> {
     let tree = walk::walk(dir)?;
     let bytes = bytes::hash(dir, &tree.files);
     let mut faults = tree.oddities;
-    let sums = sums::read(dir, &mut faults);
-    let manifest: Option<Manifest> = claims::parse(dir, super::manifest::NAME, &mut faults);
-    bytes::compare(&bytes, &sums, manifest.as_ref(), &mut faults);
-    if let Some(manifest) = &manifest {
-        faults.extend(audit_scenes(dir, manifest, &bytes));
+    if let Some(sums) = sums::read(dir, &mut faults) {
+        let tree = Tree { dir, intact: bytes::intact(&bytes, &sums) };
+        let manifest: Option<Manifest> = claims::parse(&tree, super::manifest::NAME, &mut faults);
+        bytes::compare(&bytes, &sums, manifest.as_ref(), &mut faults);
+        if let Some(manifest) = &manifest {
+            faults.extend(audit_scenes(&tree, manifest));
+            faults = faults.into_iter().map(|fault| fault.placed(manifest)).collect();
+        }
     }
     faults.sort();
     faults.dedup();
@@ -174,24 +189,42 @@ pub fn audit(dir: &Path) -> io::Result<Report> {
     Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers: COVERS })
 }
 
-fn audit_scenes(dir: &Path, manifest: &Manifest, bytes: &bytes::Bytes) -> Vec<Fault> {
+/// The part of a tree that can be trusted to be what was released.
+#[derive(Debug)]
+struct Tree<'a> {
+    dir: &'a Path,
+    /// Files whose bytes are those of the sums, with their SHA-256.
+    intact: BTreeMap<&'a str, &'a str>,
+}
+
+impl Tree<'_> {
+    fn has(&self, path: &str) -> bool {
+        self.intact.contains_key(path)
+    }
+
+    fn path_of(&self, path: &str) -> PathBuf {
+        self.dir.join(path)
+    }
+}
+
+fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
     let mut faults = Vec::new();
-    let mut scenes = Vec::new();
     for listed in &manifest.scenes {
         let path = format!("{}/scene.json", listed.id);
-        if bytes.contains_key(&path) {
-            scenes.extend(claims::parse::<SceneFile>(dir, &path, &mut faults).map(|scene| (listed, scene)));
-        } else {
-            faults.push(Fault::of_scene(Code::SceneIncomplete, &listed.id, "it has no scene.json"));
+        if !tree.has(&path) {
+            faults.push(Fault::of_scene(
+                Code::SceneIncomplete,
+                &listed.id,
+                "it has no scene.json that is whole",
+            ));
+        } else if let Some(scene) = claims::parse::<SceneFile>(tree, &path, &mut faults) {
+            faults.extend(claims::scene(manifest, listed, &scene));
+            faults.extend(terms::scene(&scene, tree));
+            faults.extend(contents::scene(tree, &scene));
         }
     }
-    for (listed, scene) in &scenes {
-        faults.extend(claims::scene(manifest, listed, scene));
-        faults.extend(terms::scene(scene, bytes));
-        faults.extend(contents::scene(dir, scene, bytes));
-    }
-    faults.extend(terms::texts(manifest, bytes));
-    faults.extend(terms::card(dir, manifest));
+    faults.extend(terms::texts(manifest, tree));
+    faults.extend(terms::card(tree, manifest));
     faults
 }
 
@@ -201,7 +234,7 @@ fn audit_scenes(dir: &Path, manifest: &Manifest, bytes: &bytes::Bytes) -> Vec<Fa
 /// When the folder cannot be listed.
 pub fn unlisted(dir: &Path) -> io::Result<Vec<String>> {
     let tree = walk::walk(dir)?;
-    let listed = sums::read(dir, &mut Vec::new());
+    let listed = sums::read(dir, &mut Vec::new()).unwrap_or_default();
     let mut unlisted: Vec<String> = tree.oddities.into_iter().filter_map(|fault| fault.file).collect();
     let strange = |path: &&String| *path != super::checksum::NAME && !listed.contains_key(*path);
     unlisted.extend(tree.files.iter().filter(strange).cloned());

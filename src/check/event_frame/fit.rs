@@ -11,8 +11,9 @@ const LEAST_NEAR: usize = 1000;
 const EDGE: f64 = 0.995;
 /// Events of the wrong sign show no threshold at all; this stands for it.
 const MOST_SHOWN: f64 = 1000.0;
-/// Pixels whose drift is known worse than this, in thresholds, blur an edge.
-const MOST_BLUR: f64 = 0.02;
+/// Pixels whose drift is known worse than this, in thresholds, blur an edge: with the 2 % that an edge is sharp to, a
+/// threshold that is off by a tenth is still told from a right one.
+const MOST_BLUR: f64 = 0.04;
 
 /// The state of all pixels at one anchor, in numbers.
 ///

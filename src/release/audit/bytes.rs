@@ -17,6 +17,15 @@ pub(super) fn hash(dir: &Path, files: &BTreeSet<String>) -> Bytes {
     files.par_iter().map(|path| (path.clone(), checksum::both(&dir.join(path)).ok())).collect()
 }
 
+/// The files whose bytes are those of the sums, with their SHA-256.
+pub(super) fn intact<'a>(bytes: &'a Bytes, sums: &'a Sums) -> BTreeMap<&'a str, &'a str> {
+    let same = |(path, sum): (&'a String, &'a String)| {
+        let found = bytes.get(path)?.as_ref()?;
+        (found.sha256 == *sum).then_some((path.as_str(), sum.as_str()))
+    };
+    sums.iter().filter_map(same).collect()
+}
+
 /// Holds the files that are there, the sums, and the manifest against each other.
 pub(super) fn compare(bytes: &Bytes, sums: &Sums, manifest: Option<&Manifest>, faults: &mut Vec<Fault>) {
     let listed = manifest.map(listing);

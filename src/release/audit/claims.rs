@@ -1,25 +1,21 @@
 //! What the tree's own descriptions say, against each other.
 
-use super::{Code, Fault};
+use super::{Code, Fault, Tree};
 use crate::release::checksum;
 use crate::release::manifest::{Manifest, ManifestScene};
 use crate::release::scene::{Conventions, SceneFile};
 use serde::de::DeserializeOwned;
-use std::io::ErrorKind;
-use std::path::Path;
 
-/// Reads a JSON file of a known form; keys that the form has not are faults.
-pub(super) fn parse<T: DeserializeOwned>(dir: &Path, path: &str, faults: &mut Vec<Fault>) -> Option<T> {
-    let mut fault = |code, message: String| faults.push(Fault::of_file(code, path, message));
-    match std::fs::read(dir.join(path)) {
-        Ok(bytes) => match serde_json::from_slice(&bytes) {
-            Ok(value) => return Some(value),
-            Err(e) => fault(Code::Unreadable, format!("it is not of its form: {e}")),
-        },
-        Err(e) if e.kind() == ErrorKind::NotFound => fault(Code::Missing, "there is no such file".into()),
-        Err(e) => fault(Code::Unreadable, e.to_string()),
+/// Reads a JSON file of a known form, if it is intact; keys that the form has not are faults.
+pub(super) fn parse<T: DeserializeOwned>(tree: &Tree<'_>, path: &str, faults: &mut Vec<Fault>) -> Option<T> {
+    if !tree.has(path) {
+        return None;
     }
-    None
+    let parsed = match std::fs::read(tree.path_of(path)) {
+        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| format!("it is not of its form: {e}")),
+        Err(e) => Err(e.to_string()),
+    };
+    parsed.map_err(|message| faults.push(Fault::of_file(Code::Unreadable, path, message))).ok()
 }
 
 /// `scene.json` against the manifest, and against the recipe that it carries.

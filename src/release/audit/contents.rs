@@ -4,19 +4,18 @@ mod events;
 mod motion;
 mod pictures;
 
-use super::bytes::Bytes;
-use super::{Code, Fault, claims};
+use super::{Code, Fault, Tree, claims};
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
 use crate::image::Size;
 use crate::release::scene::{SceneFile, TrajectoryPart};
 use rayon::prelude::*;
-use std::path::Path;
+use std::path::PathBuf;
 
 /// A trajectory folder under audit.
 #[derive(Debug, Clone, Copy)]
 struct Folder<'a> {
-    dir: &'a Path,
+    tree: &'a Tree<'a>,
     path: &'a str,
     part: &'a TrajectoryPart,
     camera: Camera,
@@ -27,36 +26,44 @@ impl Folder<'_> {
         format!("{}/{name}", self.path)
     }
 
+    /// Whether this file is there and intact.
+    fn has(&self, name: &str) -> bool {
+        self.tree.has(&self.path_of(name))
+    }
+
+    fn on_disk(&self, name: &str) -> PathBuf {
+        self.tree.path_of(&self.path_of(name))
+    }
+
     fn fault(&self, code: Code, name: &str, message: impl Into<String>) -> Fault {
         Fault::of_file(code, &self.path_of(name), message)
     }
 }
 
 /// Audits the contents of a scene's files that are there; those that are not are faults already.
-pub(super) fn scene(dir: &Path, scene: &SceneFile, bytes: &Bytes) -> Vec<Fault> {
+pub(super) fn scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
     let part = &scene.camera;
     let size = Size { width: part.width, height: part.height };
     let camera = Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy };
     let mut faults = Vec::new();
     for part in &scene.trajectories {
         let path = format!("{}/{}", scene.id, part.name);
-        let folder = Folder { dir, path: &path, part, camera };
-        faults.extend(incomplete(&folder, scene, bytes));
-        let there = |name: &&str| bytes.contains_key(&folder.path_of(name));
-        let names = ["poses.txt", "events.h5", "checks.json"].into_iter().filter(there).collect::<Vec<_>>();
-        let contents = names.into_par_iter().flat_map(|name| match name {
+        let folder = Folder { tree, path: &path, part, camera };
+        faults.extend(incomplete(&folder, scene));
+        let names = ["poses.txt", "events.h5", "checks.json"];
+        let contents = names.into_par_iter().filter(|name| folder.has(name)).flat_map(|name| match name {
             "poses.txt" => motion::audit(&folder),
             "events.h5" => events::audit(&folder),
             _ => checks(&folder),
         });
         faults.extend(contents.collect::<Vec<_>>());
-        faults.extend(pictures::audit(&folder, bytes));
+        faults.extend(pictures::audit(&folder));
     }
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
 }
 
 /// The files that the scene's own description asks for and that are not there.
-fn incomplete(folder: &Folder<'_>, scene: &SceneFile, bytes: &Bytes) -> Vec<Fault> {
+fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
     let mut wanted: Vec<String> =
         ["poses.txt", "timestamps_us.txt", "transforms.json", "speed.json", "checks.json"]
             .map(str::to_owned)
@@ -71,16 +78,18 @@ fn incomplete(folder: &Folder<'_>, scene: &SceneFile, bytes: &Bytes) -> Vec<Faul
         let every = usize::try_from(every).unwrap_or(usize::MAX).max(1);
         wanted.extend((0..folder.part.poses).step_by(every).map(|j| format!("sharp/{j:06}.png")));
     }
-    let absent = wanted.iter().filter(|name| !bytes.contains_key(&folder.path_of(name)));
+    let absent = wanted.iter().filter(|name| !folder.has(name));
     absent
-        .map(|name| folder.fault(Code::SceneIncomplete, name, "the scene needs it, and it is not there"))
+        .map(|name| {
+            folder.fault(Code::SceneIncomplete, name, "the scene needs it, and it is not there, or not whole")
+        })
         .collect()
 }
 
 fn checks(folder: &Folder<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     let findings: Option<Vec<Finding>> =
-        claims::parse(folder.dir, &folder.path_of("checks.json"), &mut faults);
+        claims::parse(folder.tree, &folder.path_of("checks.json"), &mut faults);
     let failed = findings.into_iter().flatten().filter(|finding| finding.verdict == Verdict::Fail);
     faults.extend(failed.map(|f| {
         let message = format!("{} failed: {}", f.check, f.because);

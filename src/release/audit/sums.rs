@@ -11,23 +11,18 @@ use std::path::Path;
 /// SHA-256 by path, as far as the file can be understood.
 pub(super) type Sums = BTreeMap<String, String>;
 
-pub(super) fn read(dir: &Path, faults: &mut Vec<Fault>) -> Sums {
+/// Reads the sums; `None` where there are none to hold anything against.
+pub(super) fn read(dir: &Path, faults: &mut Vec<Fault>) -> Option<Sums> {
     let mut fault = |code, message: String| faults.push(Fault::of_file(code, checksum::NAME, message));
     match std::fs::read(dir.join(checksum::NAME)).map(String::from_utf8) {
-        Ok(Ok(text)) => parse(&text, faults),
-        Ok(Err(e)) => {
-            fault(Code::Altered, format!("it is no UTF-8 text: {}", e.utf8_error()));
-            Sums::new()
-        }
+        Ok(Ok(text)) => return Some(parse(&text, faults)),
+        Ok(Err(e)) => fault(Code::Altered, format!("it is no UTF-8 text: {}", e.utf8_error())),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
             fault(Code::Missing, "there is no such file, so this is no release".into());
-            Sums::new()
         }
-        Err(e) => {
-            fault(Code::Unreadable, e.to_string());
-            Sums::new()
-        }
+        Err(e) => fault(Code::Unreadable, e.to_string()),
     }
+    None
 }
 
 fn parse(text: &str, faults: &mut Vec<Fault>) -> Sums {

@@ -1,19 +1,24 @@
 //! Whether the release is lawful, as far as it can be said from the tree (pipeline.md section 9).
 
-use super::bytes::Bytes;
-use super::{Code, Fault};
+use super::{Code, Fault, Tree};
 use crate::licence::{Expression, SourceKind};
 use crate::release::manifest::Manifest;
 use crate::release::scene::SceneFile;
 use std::collections::BTreeSet;
-use std::path::Path;
 
 /// Files of a restricted source that may be passed on: words and numbers, no likeness.
-const METADATA: [&str; 6] =
-    ["scene.json", "poses.txt", "timestamps_us.txt", "transforms.json", "speed.json", "checks.json"];
+const METADATA: [&str; 7] = [
+    "scene.json",
+    "poses.txt",
+    "timestamps_us.txt",
+    "transforms.json",
+    "speed.json",
+    "trajectory.svg",
+    "checks.json",
+];
 
 /// A scene's own terms, and what its source demands of them.
-pub(super) fn scene(scene: &SceneFile, bytes: &Bytes) -> Vec<Fault> {
+pub(super) fn scene(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
     let fault = |code, message: String| Fault::of_scene(code, &scene.id, message);
     let text = scene.licence.expression.trim();
     if text.is_empty() {
@@ -23,7 +28,7 @@ pub(super) fn scene(scene: &SceneFile, bytes: &Bytes) -> Vec<Fault> {
         Ok(expression) => expression,
         Err(e) => return vec![fault(Code::LicenceInvalid, e.to_string())],
     };
-    let mut faults = photos(scene, bytes);
+    let mut faults = photos(scene, tree);
     let Some(kind) = SourceKind::by_name(&scene.source.kind) else {
         let message = format!("its source is `{}`, which is none that is known", scene.source.kind);
         faults.push(fault(Code::LicenceInvalid, message));
@@ -34,22 +39,21 @@ pub(super) fn scene(scene: &SceneFile, bytes: &Bytes) -> Vec<Fault> {
         faults.push(fault(Code::LicenceForbidden, message));
     }
     if kind.restricted() {
-        faults.extend(restricted(scene, kind, bytes));
+        faults.extend(restricted(scene, kind, tree));
     }
     faults
 }
 
 /// Upstream photos are never passed on, whatever their name.
-fn photos(scene: &SceneFile, bytes: &Bytes) -> Vec<Fault> {
+fn photos(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
     let photos: BTreeSet<&str> = scene.images.iter().filter_map(|image| image.sha256.as_deref()).collect();
-    let is_photo = |sha256: &str| photos.contains(sha256);
-    let found = bytes.iter().filter(|(_, hashes)| hashes.as_ref().is_some_and(|h| is_photo(&h.sha256)));
+    let found = tree.intact.iter().filter(|(_, sha256)| photos.contains(*sha256));
     let message = "it is a photo of the source, by its SHA-256";
     found.map(|(path, _)| Fault::of_file(Code::LicenceForbidden, path, message).in_scene(&scene.id)).collect()
 }
 
 /// Nothing in this release format says that a releaser may pass restricted material on, so none may be there.
-fn restricted(scene: &SceneFile, kind: SourceKind, bytes: &Bytes) -> Vec<Fault> {
+fn restricted(scene: &SceneFile, kind: SourceKind, tree: &Tree<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
         let message = format!("its source {} must be gated, and it is not", kind.name());
@@ -57,7 +61,7 @@ fn restricted(scene: &SceneFile, kind: SourceKind, bytes: &Bytes) -> Vec<Fault> 
     }
     let folder = format!("{}/", scene.id);
     let metadata = |path: &str| METADATA.iter().any(|name| path.ends_with(&format!("/{name}")));
-    let derived = bytes.keys().filter(|path| path.starts_with(&folder) && !metadata(path));
+    let derived = tree.intact.keys().filter(|path| path.starts_with(&folder) && !metadata(path));
     faults.extend(derived.map(|path| {
         let message = format!("it is derived from {}, which may not be passed on", kind.name());
         Fault::of_file(Code::LicenceForbidden, path, message).in_scene(&scene.id)
@@ -66,19 +70,19 @@ fn restricted(scene: &SceneFile, kind: SourceKind, bytes: &Bytes) -> Vec<Fault> 
 }
 
 /// A text for every id in use, and none for another; and the whole release's terms are those of its scenes.
-pub(super) fn texts(manifest: &Manifest, bytes: &Bytes) -> Vec<Fault> {
+pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
     let parsed = manifest.scenes.iter().filter_map(|scene| Expression::parse(&scene.licence).ok());
     let expressions: Vec<Expression> = parsed.collect();
     let used: BTreeSet<String> = expressions.iter().flat_map(Expression::ids).collect();
     let name = |path: &str| Some(path.strip_prefix("LICENSES/")?.strip_suffix(".txt")?.to_owned());
-    let shipped: BTreeSet<String> = bytes.keys().filter_map(|path| name(path)).collect();
+    let shipped: BTreeSet<String> = tree.intact.keys().filter_map(|path| name(path)).collect();
     let path = |id: &String| format!("LICENSES/{id}.txt");
     let mut faults = Vec::new();
     for id in used.difference(&shipped) {
         faults.push(Fault::of_file(
             Code::LicenceTextMissing,
             &path(id),
-            "the licence is in use and has no text",
+            "the licence is in use and has no text that is whole",
         ));
     }
     for id in shipped.difference(&used) {
@@ -95,9 +99,12 @@ pub(super) fn texts(manifest: &Manifest, bytes: &Bytes) -> Vec<Fault> {
 }
 
 /// The card's head states the terms of the whole.
-pub(super) fn card(dir: &Path, manifest: &Manifest) -> Option<Fault> {
+pub(super) fn card(tree: &Tree<'_>, manifest: &Manifest) -> Option<Fault> {
     const CARD: &str = "README.md";
-    let text = std::fs::read_to_string(dir.join(CARD)).ok()?;
+    if !tree.has(CARD) {
+        return None;
+    }
+    let text = std::fs::read_to_string(tree.path_of(CARD)).unwrap_or_default();
     let stated = text.lines().find_map(|line| line.strip_prefix("license_name: "));
     let stated = stated.and_then(|text| serde_json::from_str::<String>(text).ok());
     if stated.as_ref() == Some(&manifest.licence) {

@@ -33,7 +33,7 @@ struct Counted {
 }
 
 fn count(folder: &Folder<'_>) -> Result<Counted, EventFileError> {
-    let mut reader = h5::Reader::open(&folder.dir.join(folder.path_of(NAME)))?;
+    let mut reader = h5::Reader::open(&folder.on_disk(NAME))?;
     reader.verify_index()?;
     let size = folder.camera.size;
     let mut counted = Counted { faults: None, events: 0, on: 0 };

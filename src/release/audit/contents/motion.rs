@@ -5,7 +5,7 @@ use crate::release::audit::claims;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
-use crate::trajectory::text::read_stamps;
+use crate::trajectory::text::{TextError, read_stamps};
 use crate::units::Hertz;
 use glam::DVec3;
 use serde_json::Value;
@@ -14,32 +14,30 @@ use std::io::BufReader;
 
 pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
-    let open = |name: &str| File::open(folder.dir.join(folder.path_of(name))).map(BufReader::new);
-    let mut unreadable =
-        |name: &str, message: String| faults.push(folder.fault(Code::Unreadable, name, message));
-    let stamps = match open("timestamps_us.txt").map(read_stamps) {
-        Ok(Ok(stamps)) => Some(stamps),
-        Ok(Err(e)) => {
-            unreadable("timestamps_us.txt", e.to_string());
-            None
-        }
-        Err(_) => None,
-    };
-    let trajectory = match open("poses.txt").map(Trajectory::read_poses) {
-        Ok(Ok(trajectory)) => trajectory,
-        Ok(Err(e)) => {
-            unreadable("poses.txt", e.to_string());
-            return faults;
-        }
-        Err(e) => {
-            unreadable("poses.txt", e.to_string());
-            return faults;
-        }
-    };
-    faults.extend(agree(folder, &trajectory, stamps.as_deref()));
-    faults.extend(transforms_agree(folder, &trajectory));
-    faults.extend(speeds_agree(folder, &trajectory));
+    let stamps = read(folder, "timestamps_us.txt", read_stamps, &mut faults);
+    if let Some(trajectory) = read(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
+        faults.extend(agree(folder, &trajectory, stamps.as_deref()));
+        faults.extend(transforms_agree(folder, &trajectory));
+        faults.extend(speeds_agree(folder, &trajectory));
+    }
     faults
+}
+
+/// Reads a text file, if it is intact.
+fn read<T>(
+    folder: &Folder<'_>,
+    name: &str,
+    parse: impl FnOnce(BufReader<File>) -> Result<T, TextError>,
+    faults: &mut Vec<Fault>,
+) -> Option<T> {
+    if !folder.has(name) {
+        return None;
+    }
+    let parsed = match File::open(folder.on_disk(name)) {
+        Ok(file) => parse(BufReader::new(file)).map_err(|e| e.to_string()),
+        Err(e) => Err(e.to_string()),
+    };
+    parsed.map_err(|message| faults.push(folder.fault(Code::Unreadable, name, message))).ok()
 }
 
 /// Poses against stamps, the stated rate, and the stated counts.
@@ -78,10 +76,7 @@ fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -
 fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
     const NAME: &str = "transforms.json";
     let mut faults = Vec::new();
-    let there = folder.dir.join(folder.path_of(NAME)).exists();
-    let Some(found) =
-        there.then(|| claims::parse::<Value>(folder.dir, &folder.path_of(NAME), &mut faults)).flatten()
-    else {
+    let Some(found) = claims::parse::<Value>(folder.tree, &folder.path_of(NAME), &mut faults) else {
         return faults;
     };
     let camera = &folder.camera;
@@ -129,10 +124,7 @@ fn opengl(world_from_camera: &Se3) -> [[f64; 4]; 3] {
 fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
     const NAME: &str = "speed.json";
     let mut faults = Vec::new();
-    if !folder.dir.join(folder.path_of(NAME)).exists() {
-        return faults;
-    }
-    let report: Option<Report> = claims::parse(folder.dir, &folder.path_of(NAME), &mut faults);
+    let report: Option<Report> = claims::parse(folder.tree, &folder.path_of(NAME), &mut faults);
     if let Some(report) = report.filter(|report| report.poses != trajectory.stamps_us.len()) {
         let message = format!("it is about {} poses, there are {}", report.poses, trajectory.stamps_us.len());
         faults.push(folder.fault(Code::ClaimsDisagree, NAME, message));

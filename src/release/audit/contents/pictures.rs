@@ -2,14 +2,15 @@
 
 use super::{Code, Fault, Folder};
 use crate::image::png;
-use crate::release::audit::bytes::Bytes;
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::BufReader;
 
-pub(super) fn audit(folder: &Folder<'_>, bytes: &Bytes) -> Vec<Fault> {
+pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
     let prefix = folder.path_of("sharp/");
-    let names: Vec<&str> = bytes
+    let names: Vec<&str> = folder
+        .tree
+        .intact
         .keys()
         .filter(|path| path.starts_with(&prefix) && path.ends_with(".png"))
         .map(|path| &path[folder.path.len() + 1..])
@@ -19,7 +20,7 @@ pub(super) fn audit(folder: &Folder<'_>, bytes: &Bytes) -> Vec<Fault> {
 
 fn picture(folder: &Folder<'_>, name: &str) -> Option<Fault> {
     let wanted = folder.camera.size;
-    let file = File::open(folder.dir.join(folder.path_of(name)));
+    let file = File::open(folder.on_disk(name));
     let message = match file.map(|file| png::read(BufReader::new(file))) {
         Ok(Ok(image)) if image.size() == wanted => return None,
         Ok(Ok(image)) => format!("it is {}, the camera is {wanted}", image.size()),

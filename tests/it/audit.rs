@@ -1,0 +1,315 @@
+//! The audit finds what is wrong with a release, by the right name, and nothing in a sound one.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+
+use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum};
+use gs2e::release::audit::{Fault, audit};
+use rand::{RngExt as _, SeedableRng as _};
+use std::fs;
+use std::path::Path;
+
+const SCENE: &str = "small/one/scene.json";
+const BASE: &str = "small/one/base";
+
+/// `code file-or-scene` of each fault.
+fn found(folder: &Path) -> Vec<String> {
+    let name = |f: Fault| format!("{} {}", f.code.name(), f.file.or(f.scene).unwrap_or_default());
+    audit(folder).unwrap().faults.into_iter().map(name).collect()
+}
+
+/// Damages a release; the faults found must be exactly `wanted`.
+fn check(damage: impl FnOnce(&Path), wanted: &[&str]) {
+    let folder = copy();
+    damage(folder.path());
+    assert_eq!(found(folder.path()), wanted, "{:#?}", audit(folder.path()).unwrap().faults);
+}
+
+/// Tampers with a release and covers it up with new sums: what is found is what the files say.
+fn check_resealed(damage: impl FnOnce(&Path), wanted: &[&str]) {
+    check(
+        |folder| {
+            damage(folder);
+            reseal(folder);
+        },
+        wanted,
+    );
+}
+
+#[test]
+fn a_sound_release_has_no_faults() {
+    let report = audit(release()).unwrap();
+    assert_eq!(report.faults, []);
+    assert_eq!(report.files, read(release()).len());
+    check(|_| (), &[]);
+    check_resealed(|_| (), &[]);
+}
+
+#[test]
+fn a_fault_names_its_scene_and_what_to_do() {
+    let folder = copy();
+    fs::write(folder.path().join(BASE).join("speed.json"), "{}").unwrap();
+    let faults = audit(folder.path()).unwrap().faults;
+    assert_eq!(faults[0].scene.as_deref(), Some("small/one"));
+    let text = faults[0].to_string();
+    assert!(text.starts_with("altered: small/one/base/speed.json: its SHA-256 is 44136fa3"), "{text}");
+    assert!(text.contains("; help: "), "{text}");
+}
+
+#[test]
+fn what_is_missing_altered_or_unlisted_is_found() {
+    let pose = format!("{BASE}/poses.txt");
+    check(
+        |f| fs::remove_file(f.join(&pose)).unwrap(),
+        &[&format!("missing {pose}"), &format!("scene-incomplete {pose}")],
+    );
+    check(
+        |f| fs::write(f.join(&pose), "").unwrap(),
+        &[&format!("altered {pose}"), &format!("scene-incomplete {pose}")],
+    );
+    check(|f| fs::write(f.join("small/more.txt"), "").unwrap(), &["unlisted small/more.txt"]);
+    check(|f| fs::create_dir(f.join("small/more")).unwrap(), &["unlisted small/more"]);
+    check(|f| std::os::unix::fs::symlink("one", f.join("small/more")).unwrap(), &["unlisted small/more"]);
+    let picture = format!("{BASE}/sharp/000004.png");
+    check(
+        |f| fs::rename(f.join(&picture), f.join(BASE).join("sharp/000005.png")).unwrap(),
+        &[
+            &format!("missing {picture}"),
+            &format!("unlisted {BASE}/sharp/000005.png"),
+            &format!("scene-incomplete {picture}"),
+        ],
+    );
+}
+
+#[test]
+fn sums_have_one_form_and_agree() {
+    let sums = |f: &Path, change: &dyn Fn(String) -> String| {
+        let text = fs::read_to_string(f.join("SHA256SUMS")).unwrap();
+        fs::write(f.join("SHA256SUMS"), change(text)).unwrap();
+    };
+    check(|f| fs::remove_file(f.join("SHA256SUMS")).unwrap(), &["missing SHA256SUMS"]);
+    check(|f| sums(f, &|text| text + "\n"), &["altered SHA256SUMS"]);
+    // A last line without a newline says nothing, so its file is unlisted.
+    let last = read(release()).into_keys().next_back().unwrap();
+    check(
+        |f| sums(f, &|text| text.trim_end().to_owned()),
+        &[
+            "altered SHA256SUMS",
+            &format!("unlisted {last}"),
+            &format!("sums-disagree {last}"),
+            &format!("scene-incomplete {last}"),
+        ],
+    );
+    check(
+        |f| sums(f, &|text| text + &format!("{}  ../outside\n", "0".repeat(64))),
+        &["altered SHA256SUMS", "unsafe-path ../outside"],
+    );
+    let stamps = format!("{BASE}/timestamps_us.txt");
+    check(
+        |f| {
+            fs::write(f.join(BASE).join("trajectory.svg"), "<svg/>").unwrap();
+            resum(f);
+        },
+        &[&format!("sums-disagree {BASE}/trajectory.svg")],
+    );
+    check(
+        |f| {
+            sums(f, &|text| {
+                text.lines().filter(|l| !l.ends_with(&stamps)).map(|l| l.to_owned() + "\n").collect()
+            })
+        },
+        &[
+            &format!("unlisted {stamps}"),
+            &format!("sums-disagree {stamps}"),
+            &format!("scene-incomplete {stamps}"),
+        ],
+    );
+}
+
+#[test]
+fn unlawful_terms_are_found() {
+    let scene = |f: &Path, key: &str, value: &str| {
+        edit(f, SCENE, |v| *v.pointer_mut(key).unwrap() = value.into());
+    };
+    let both = |f: &Path, value: &str| {
+        scene(f, "/licence/expression", value);
+        edit(f, "manifest.json", |v| {
+            v["licence"] = value.into();
+            v["scenes"][0]["licence"] = value.into();
+        });
+        let card = fs::read_to_string(f.join("README.md")).unwrap();
+        fs::write(
+            f.join("README.md"),
+            card.replace("license_name: \"CC0-1.0\"", &format!("license_name: \"{value}\"")),
+        )
+        .unwrap();
+    };
+    let unused = "licence-unused LICENSES/CC0-1.0.txt";
+    check_resealed(|f| both(f, ""), &["licence-missing small/one", unused]);
+    check_resealed(|f| both(f, "CC BY MIT"), &["licence-invalid small/one", unused]);
+    check_resealed(|f| both(f, "MIT"), &["licence-text-missing LICENSES/MIT.txt", unused]);
+    check_resealed(
+        |f| fs::write(f.join("LICENSES/MIT.txt"), "").unwrap(),
+        &["licence-unused LICENSES/MIT.txt"],
+    );
+    check_resealed(|f| scene(f, "/licence/expression", "MIT"), &[&format!("claims-disagree {SCENE}")]);
+    check_resealed(
+        |f| {
+            let card = fs::read_to_string(f.join("README.md")).unwrap();
+            fs::write(f.join("README.md"), card.replace("CC0-1.0", "MIT")).unwrap();
+        },
+        &["card-licence README.md"],
+    );
+}
+
+#[test]
+fn restricted_material_is_found() {
+    let folder = copy();
+    let f = folder.path();
+    edit(f, SCENE, |v| v["source"]["kind"] = "dl3dv".into());
+    edit(f, "manifest.json", |v| v["scenes"][0]["source"] = "dl3dv".into());
+    reseal(f);
+    let faults = audit(f).unwrap().faults;
+    let count = |part: &str| faults.iter().filter(|fault| fault.message.contains(part)).count();
+    assert!(faults.iter().all(|fault| fault.code.name() == "licence-forbidden"), "{faults:#?}");
+    assert_eq!(count("demands LicenseRef-DL3DV-10K-ToU"), 1);
+    assert_eq!(count("demands CC-BY-NC-4.0"), 1);
+    assert_eq!(count("must be gated"), 1);
+    // Two event streams, 6 and 9 pictures.
+    assert_eq!(count("may not be passed on"), 17, "{faults:#?}");
+}
+
+#[test]
+fn an_upstream_photo_is_known_by_its_bytes() {
+    // Not the first picture: both trajectories begin with the same.
+    let photo = format!("{BASE}/sharp/000004.png");
+    let folder = copy();
+    let f = folder.path();
+    let sums = fs::read_to_string(f.join("SHA256SUMS")).unwrap();
+    let sum = sums.lines().find(|l| l.ends_with(&photo)).unwrap()[..64].to_owned();
+    let image = serde_json::json!(
+        { "name": "IMG_1.JPG", "sha256": sum, "width": 64, "height": 48, "used": true, "why_not": null }
+    );
+    edit(f, SCENE, |v| v["images"] = vec![image].into());
+    reseal(f);
+    assert_eq!(found(f), [format!("licence-forbidden {photo}")]);
+}
+
+#[test]
+fn claims_are_held_against_each_other() {
+    let scene = |key: &'static str, value: serde_json::Value| {
+        move |f: &Path| edit(f, SCENE, |v| *v.pointer_mut(key).unwrap() = value)
+    };
+    let disagrees = format!("claims-disagree {SCENE}");
+    check_resealed(scene("/seed", 8.into()), &[&disagrees]);
+    check_resealed(scene("/conventions/camera_axes", "opengl".into()), &[&disagrees]);
+    check_resealed(scene("/recipe/seed", 8.into()), &[&disagrees, &disagrees]);
+    check_resealed(scene("/gs2e_version", "9.9.9".into()), &[&format!("version-disagrees {SCENE}")]);
+    check_resealed(
+        scene("/trajectories/0/statistics/on", 1.into()),
+        &[&format!("claims-disagree {BASE}/events.h5")],
+    );
+    check_resealed(
+        scene("/trajectories/0/rate", "1200/1".into()),
+        &[&format!("claims-disagree {BASE}/poses.txt")],
+    );
+    check_resealed(
+        scene("/camera/fx", 1.0.into()),
+        &[
+            &format!("claims-disagree {BASE}/transforms.json"),
+            "claims-disagree small/one/slow/transforms.json",
+        ],
+    );
+    check_resealed(|f| edit(f, SCENE, |v| v["mood"] = "sunny".into()), &[&format!("unreadable {SCENE}")]);
+}
+
+#[test]
+fn an_incomplete_scene_is_found() {
+    let lacks = |name: &str| {
+        let path = format!("{BASE}/{name}");
+        check_resealed(|f| fs::remove_file(f.join(&path)).unwrap(), &[&format!("scene-incomplete {path}")]);
+    };
+    lacks("events.h5");
+    lacks("sharp/000008.png");
+    lacks("checks.json");
+    lacks("speed.json");
+    check_resealed(|f| fs::remove_file(f.join(SCENE)).unwrap(), &["scene-incomplete small/one"]);
+}
+
+#[test]
+fn a_failed_check_is_found() {
+    check_resealed(
+        |f| edit(f, &format!("{BASE}/checks.json"), |v| v[0]["verdict"] = "fail".into()),
+        &[&format!("check-failed-unwaived {BASE}/checks.json")],
+    );
+    check_resealed(|f| edit(f, &format!("{BASE}/checks.json"), |v| v[0]["verdict"] = "waived".into()), &[]);
+}
+
+#[test]
+fn unreadable_contents_are_found() {
+    let damage = |name: &'static str, change: &dyn Fn(Vec<u8>) -> Vec<u8>, code: &str| {
+        let path = format!("{BASE}/{name}");
+        let folder = copy();
+        let bytes = fs::read(folder.path().join(&path)).unwrap();
+        fs::write(folder.path().join(&path), change(bytes)).unwrap();
+        reseal(folder.path());
+        assert_eq!(found(folder.path()), [format!("{code} {path}")]);
+    };
+    let text =
+        |change: fn(String) -> String| move |bytes| change(String::from_utf8(bytes).unwrap()).into_bytes();
+    damage(
+        "events.h5",
+        &|mut bytes| {
+            bytes.truncate(bytes.len() / 2);
+            bytes
+        },
+        "unreadable",
+    );
+    damage("events.h5", &|_| b"no events".to_vec(), "unreadable");
+    damage("sharp/000004.png", &|_| fs::read(release().join("README.md")).unwrap(), "unreadable");
+    damage("poses.txt", &text(|t| t.replacen(' ', " nan ", 1)), "unreadable");
+    damage("timestamps_us.txt", &text(|t| t.replace("417\n", "418\n")), "claims-disagree");
+    damage("transforms.json", &text(|t| t.replacen("\"t_us\": 417", "\"t_us\": 418", 1)), "claims-disagree");
+    damage("checks.json", &text(|t| t.replacen("pass", "fine", 1)), "unreadable");
+}
+
+#[test]
+fn every_single_bit_matters() {
+    let folder = copy();
+    let paths: Vec<String> = read(release()).into_keys().collect();
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(20_250_521);
+    let flips = if std::env::var("RUN_SLOW_TESTS").as_deref() == Ok("1") { 10_000 } else { 200 };
+    let mut missed = Vec::new();
+    for _ in 0..flips {
+        let path = &paths[random.random_range(0..paths.len())];
+        let file = folder.path().join(path);
+        let sound = fs::read(&file).unwrap();
+        let (byte, bit) = (random.random_range(0..sound.len()), random.random_range(0..8));
+        let mut flipped = sound.clone();
+        flipped[byte] ^= 1 << bit;
+        let before = fs::metadata(&file).unwrap().modified().unwrap();
+        let write = |bytes: &[u8]| {
+            fs::write(&file, bytes).unwrap();
+            fs::File::open(&file).unwrap().set_modified(before).unwrap();
+        };
+        write(&flipped);
+        if audit(folder.path()).unwrap().faults.is_empty() {
+            missed.push(format!("bit {bit} of byte {byte} of {path}"));
+        }
+        write(&sound);
+    }
+    assert_eq!(missed, [""; 0], "of {flips} flips");
+    assert_eq!(audit(folder.path()).unwrap().faults, []);
+}
+
+#[test]
+fn the_verb_says_so_by_its_exit_code() {
+    let folder = copy();
+    assert_eq!(gs2e(folder.path(), &["audit", "."]).status.code(), Some(0));
+    fs::write(folder.path().join("more"), "").unwrap();
+    let output = gs2e(folder.path(), &["audit", ".", "--json"]);
+    assert_eq!(output.status.code(), Some(3));
+    let first = String::from_utf8(output.stdout).unwrap();
+    let fault: serde_json::Value = serde_json::from_str(first.lines().next().unwrap()).unwrap();
+    assert_eq!((fault["code"].as_str(), fault["file"].as_str()), (Some("unlisted"), Some("more")));
+    assert_eq!(gs2e(folder.path(), &["audit", "nowhere"]).status.code(), Some(2));
+}

@@ -1,0 +1,137 @@
+//! The release tree: what is in it, that others read it, that it is the same everywhere, and when it is refused.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+
+pub(crate) mod small;
+
+use small::{RECIPE, copy, gs2e, read, release, said};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+#[test]
+fn the_tree_is_that_of_the_contract() {
+    let files = read(release());
+    let mut wanted: Vec<String> =
+        ["LICENSES/CC0-1.0.txt", "README.md", "SHA256SUMS", "manifest.json", "small/one/scene.json"]
+            .map(str::to_owned)
+            .to_vec();
+    for (trajectory, poses) in [("base", 24), ("slow", 36)] {
+        let names = [
+            "checks.json",
+            "events.h5",
+            "poses.txt",
+            "speed.json",
+            "timestamps_us.txt",
+            "trajectory.svg",
+            "transforms.json",
+        ];
+        wanted.extend(names.iter().map(|name| format!("small/one/{trajectory}/{name}")));
+        wanted.extend((0..poses).step_by(4).map(|j| format!("small/one/{trajectory}/sharp/{j:06}.png")));
+    }
+    wanted.sort();
+    assert_eq!(files.keys().cloned().collect::<Vec<_>>(), wanted);
+}
+
+#[test]
+fn coreutils_accept_the_sums() {
+    let mut check = Command::new("sha256sum");
+    check.args(["--strict", "--quiet", "-c", "SHA256SUMS"]).current_dir(release());
+    let Ok(output) = check.output() else {
+        eprintln!("not run: sha256sum is absent");
+        return;
+    };
+    assert!(output.status.success(), "{}", said(&output));
+}
+
+#[test]
+fn nothing_in_the_tree_says_where_or_when_it_was_made() {
+    let here = release().parent().unwrap().to_str().unwrap().to_owned();
+    for (path, bytes) in read(release()) {
+        let holds = |text: &str| bytes.windows(text.len()).any(|w| w == text.as_bytes());
+        assert!(!holds(&here), "{path} holds {here}");
+    }
+}
+
+#[test]
+fn two_folders_and_numbers_of_threads_give_one_tree() {
+    let folder = tempfile::tempdir().unwrap();
+    // A recipe of the same meaning: other order, other spelling, another name.
+    let (head, sensor) = RECIPE.split_once("sensor:").unwrap();
+    let (version, head) = head.split_once('\n').unwrap();
+    let (sensor, outputs) = sensor.split_once("outputs:").unwrap();
+    let recipe = format!("sensor:{sensor}{head}outputs:{outputs}{version}\n");
+    fs::create_dir(folder.path().join("elsewhere")).unwrap();
+    fs::write(folder.path().join("elsewhere/other.yaml"), recipe).unwrap();
+    let output = gs2e(folder.path(), &["release", "-j", "1", "--to", "a/b/tree", "elsewhere/other.yaml"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let (found, wanted) = (read(&folder.path().join("a/b/tree")), read(release()));
+    assert_eq!(found.keys().collect::<Vec<_>>(), wanted.keys().collect::<Vec<_>>());
+    for (path, bytes) in found {
+        assert!(bytes == wanted[&path], "{path} differs");
+    }
+}
+
+fn released(folder: &Path, more: &[&str]) -> (Option<i32>, String) {
+    let output = gs2e(folder, &[&["release", "--to", "out", "small.yaml"], more].concat());
+    (output.status.code(), said(&output))
+}
+
+#[test]
+fn a_foreign_folder_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |path: &str| folder.path().join(path);
+    fs::write(at("small.yaml"), RECIPE).unwrap();
+    fs::create_dir(at("out")).unwrap();
+    fs::write(at("out/thesis.tex"), "the only copy").unwrap();
+    let (code, text) = released(folder.path(), &[]);
+    assert_eq!(code, Some(2), "{text}");
+    assert_eq!(fs::read_to_string(at("out/thesis.tex")).unwrap(), "the only copy");
+    // An empty folder is nobody's; and a release is brought up to date, but not when something was put into it.
+    fs::remove_file(at("out/thesis.tex")).unwrap();
+    assert_eq!(released(folder.path(), &[]).0, Some(0));
+    assert_eq!(released(folder.path(), &[]).0, Some(0));
+    fs::write(at("out/small/notes.txt"), "mine").unwrap();
+    let (code, text) = released(folder.path(), &[]);
+    assert_eq!(code, Some(2), "{text}");
+    assert!(text.contains("small/notes.txt"), "{text}");
+    assert_eq!(released(folder.path(), &["--replace"]).0, Some(0));
+    assert!(!at("out/small/notes.txt").exists());
+    assert_eq!(read(&at("out")), read(release()));
+    assert!(!at("out.partial").exists());
+}
+
+#[test]
+fn a_failed_check_stops_a_release_until_it_is_waived() {
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = |checks: &str| format!("{RECIPE}checks: {checks}\n");
+    fs::write(folder.path().join("small.yaml"), recipe("{ event_rate: { max: 0.001 } }")).unwrap();
+    let (code, text) = released(folder.path(), &[]);
+    assert_eq!(code, Some(3), "{text}");
+    assert!(!folder.path().join("out").exists());
+    let waived = "{ event_rate: { max: 0.001 }, waive: [{ check: event_rate, because: a test }] }";
+    fs::write(folder.path().join("small.yaml"), recipe(waived)).unwrap();
+    let (code, text) = released(folder.path(), &[]);
+    assert_eq!(code, Some(0), "{text}");
+    let card = fs::read_to_string(folder.path().join("out/README.md")).unwrap();
+    assert!(card.contains("accepted: a test"), "{card}");
+}
+
+#[test]
+fn what_was_cut_off_is_written_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("small.yaml"), RECIPE).unwrap();
+    // As a killed run leaves it: half a tree beside the place.
+    fs::create_dir_all(folder.path().join("out.partial/small/one")).unwrap();
+    fs::write(folder.path().join("out.partial/small/one/scene.json"), "{").unwrap();
+    let (code, text) = released(folder.path(), &[]);
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(read(&folder.path().join("out")), read(release()));
+    assert!(!folder.path().join("out.partial").exists());
+}
+
+#[test]
+fn a_copy_of_a_release_is_a_release() {
+    let output = gs2e(copy().path(), &["audit", "."]);
+    assert!(output.status.success(), "{}", said(&output));
+}
