@@ -72,7 +72,7 @@ impl Resolver<'_> {
         let threshold = self.threshold(&raw.threshold);
         let law = self.sampler(&raw.law);
         let gain = self.or(&raw.gain, schema::Gain::Log);
-        let initial = self.initial(&raw.initial);
+        let initial = initial(&raw.initial);
         let cap = self.small(&raw.max_events_per_pixel_frame, 1000, Whole::new(1, 1_000_000_000));
         let [threshold_on, threshold_off] = threshold?;
         Some(Voltmeter {
@@ -141,13 +141,12 @@ impl Resolver<'_> {
         }
     }
 
-    fn initial(&self, field: &Field<schema::Initial>) -> Option<Initial> {
-        match field {
-            Field::Absent | Field::Given(schema::Initial::Zero, _) => Some(Initial::Zero),
-            Field::Given(schema::Initial::Stationary, place) => {
-                self.word_later("stationary", *place, "this gs2e starts all voltages at zero")
-            }
-            Field::Bad => None,
-        }
+}
+
+fn initial(field: &Field<schema::Initial>) -> Option<Initial> {
+    match field {
+        Field::Absent | Field::Given(schema::Initial::Zero, _) => Some(Initial::Zero),
+        Field::Given(schema::Initial::Stationary, _) => Some(Initial::Stationary),
+        Field::Bad => None,
     }
 }
