@@ -1,12 +1,24 @@
 //! The integration tests: one binary, one module a feature.
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "a test that cannot go on panics, and one that is left out says so"
+)]
 
+mod audit;
+mod bad_input;
+mod cli;
 mod codecs;
+mod determinism;
 mod event_statistics;
 mod manifest;
+mod interruption;
 mod recipes;
+mod release;
 mod render_golden;
 mod scenes;
 mod sources;
+mod staleness;
 mod store;
 mod support;
 mod tidy;

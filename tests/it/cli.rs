@@ -1,0 +1,119 @@
+//! The contract of the command line: verbs, exit codes, what goes to stdout and what to stderr.
+
+use crate::support::given::sound;
+use crate::support::workspace::{TINY, Workspace};
+use serde_json::Value;
+use std::collections::BTreeSet;
+
+#[test]
+fn a_command_line_that_is_wrong_runs_nothing() {
+    let place = Workspace::with_tiny();
+    for args in [
+        "",
+        "frobnicate",
+        "build --no-such-option",
+        "build -j 0 tiny.yaml",
+        "build -j many tiny.yaml",
+        "release tiny.yaml",
+    ] {
+        let ended = place.gs2e(args);
+        assert_eq!(ended.code, 2, "gs2e {args}: {}", ended.stderr);
+        assert!(
+            !ended.stderr.is_empty() && ended.stdout.is_empty(),
+            "people are told on stderr: gs2e {args}"
+        );
+    }
+    assert!(!place.path(".gs2e").exists(), "nothing ran");
+}
+
+#[test]
+fn help_and_version_are_results() {
+    let place = Workspace::new();
+    let help = place.ok("--help").stdout;
+    for verb in ["build", "plan", "why", "check", "release", "audit"] {
+        assert!(help.contains(verb), "{verb} is not in --help");
+        assert!(!place.ok(&format!("{verb} --help")).stdout.is_empty());
+    }
+    assert_eq!(place.ok("--version").stdout.trim(), concat!("gs2e ", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_plan_runs_nothing_and_gives_a_reason_for_each_step() {
+    let place = Workspace::with_tiny();
+    let steps: Vec<Value> =
+        serde_json::from_str(&place.ok("plan --json tiny.yaml").stdout).expect("one JSON array");
+    let names: BTreeSet<&str> = steps.iter().filter_map(|step| step["step"].as_str()).collect();
+    let wanted = ["capture", "reconstruct", "base/trajectory", "base/sharp", "base/events", "base/checks"];
+    assert_eq!(names, wanted.into());
+    for step in &steps {
+        assert_eq!(step["scene"], "tiny");
+        assert!(["run", "may-run", "keep"].iter().any(|action| step["action"] == *action), "{step}");
+        assert!(step["reason"]["code"].is_string(), "{step}");
+        assert_eq!(
+            step["key"].is_null(),
+            step["action"] == "may-run",
+            "a key is known unless an input may change: {step}"
+        );
+    }
+    assert_eq!(place.stale("tiny.yaml").len(), steps.len());
+    place.ok("build tiny.yaml");
+    assert_eq!(place.stale("tiny.yaml"), [""; 0]);
+}
+
+#[test]
+fn another_folder_and_another_store() {
+    let place = Workspace::new();
+    place.write("project/tiny.yaml", TINY);
+    place.ok("build -C project --store ../elsewhere tiny.yaml");
+    assert!(place.path("elsewhere").is_dir());
+    assert!(!place.path("project/.gs2e").exists() && !place.path(".gs2e").exists());
+}
+
+#[test]
+fn quiet_means_only_failures() {
+    let place = Workspace::with_tiny();
+    let ended = place.ok("build -q tiny.yaml");
+    assert_eq!((ended.stdout.as_str(), ended.stderr.as_str()), ("", ""));
+}
+
+/// A scene that fails does not stop the others under `-k`, and the run still ends with 1.
+#[test]
+fn keep_going_builds_the_other_scenes() {
+    let place = sound();
+    place.write("scene.ply", "ply\nformat ascii 1.0\n");
+    place.write("tiny.yaml", TINY);
+    let ended = place.gs2e("build -k recipe.yaml tiny.yaml");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    assert!(ended.stderr.contains("given/reconstruct"), "{}", ended.stderr);
+    assert_eq!(place.stale("tiny.yaml"), [""; 0]);
+}
+
+#[test]
+fn why_names_what_changed() {
+    let place = Workspace::with_tiny();
+    place.ok("build tiny.yaml");
+    place.write("tiny.yaml", TINY.replace("on: 1.0", "on: 1.2"));
+    let told = place.ok("why tiny/base/events --recipes tiny.yaml").stdout;
+    assert!(told.contains("threshold") && told.contains("1.2"), "{told}");
+}
+
+#[test]
+fn checks_of_what_is_not_built_and_releases_without_a_build() {
+    let place = Workspace::with_tiny();
+    assert_eq!(place.gs2e("check tiny --recipes tiny.yaml").code, 1, "an unbuilt scene");
+    assert_eq!(place.gs2e("release --no-build --to out tiny.yaml").code, 1, "a stale step");
+    assert!(!place.path("out").exists());
+    place.ok("build tiny.yaml");
+    place.ok("release --no-build --to out tiny.yaml");
+}
+
+/// A folder that is no release of ours is not touched.
+#[test]
+fn a_foreign_folder_is_left_alone() {
+    let place = Workspace::with_tiny();
+    place.write("out/thesis.tex", "two years of work");
+    let ended = place.gs2e("release --to out tiny.yaml");
+    assert_eq!(ended.code, 2, "{}", ended.stderr);
+    assert!(ended.stderr.contains("--replace"), "{}", ended.stderr);
+    assert_eq!(crate::support::workspace::tree(&place.path("out")).len(), 1);
+}

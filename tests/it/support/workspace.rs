@@ -1,0 +1,145 @@
+//! What the tests through the binary share: a folder of their own, a tiny recipe, and whole trees as values.
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+/// A small scene: 500 Gaussians, 6 views on an arc of 6 degrees, 12 poses, 64x48 pixels.
+pub(crate) const TINY: &str = "\
+version: 1
+scene: tiny
+seed: 7
+source: { procedural: { kind: still-life, gaussians: 500, views: 6, arc: 6, seed: 1 } }
+camera: { width: 64, height: 48 }
+trajectories:
+  - name: base
+    refine: { window: 2, factor: 2, curve: cubic }
+    speed: { function: \"0.25*sin(t) + 1.1\" }
+sampling: { rate: 2400, between: linear }
+sensor:
+  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }
+outputs: [events, sharp]
+";
+
+/// A temporary folder in which the program is run.
+pub(crate) struct Workspace {
+    folder: tempfile::TempDir,
+}
+
+/// How a run of the program ended.
+pub(crate) struct Ended {
+    pub(crate) code: i32,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Workspace {
+    pub(crate) fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("a temporary folder can be made") }
+    }
+
+    /// One that holds [`TINY`] as `tiny.yaml`.
+    pub(crate) fn with_tiny() -> Self {
+        let place = Self::new();
+        place.write("tiny.yaml", TINY);
+        place
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        let path = self.path(name);
+        fs::create_dir_all(path.parent().expect("it lies in the folder")).expect("folders can be made");
+        fs::write(path, content).expect("files can be written");
+    }
+
+    /// Runs `gs2e` in the folder, `args` separated by spaces.
+    pub(crate) fn gs2e(&self, args: &str) -> Ended {
+        let output = self.command(args).output().expect("the program starts");
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it speaks UTF-8");
+        Ended {
+            code: output.status.code().expect("no signal ended it"),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
+    }
+
+    /// Starts it, to be stopped by the test, with its stderr at hand.
+    pub(crate) fn spawn(&self, args: &str) -> Child {
+        self.command(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts")
+    }
+
+    fn command(&self, args: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
+        command.args(args.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
+        command
+    }
+
+    /// The same, which must succeed.
+    pub(crate) fn ok(&self, args: &str) -> Ended {
+        let ended = self.gs2e(args);
+        assert_eq!(ended.code, 0, "gs2e {args}\n{}{}", ended.stdout, ended.stderr);
+        ended
+    }
+
+    /// What a run would do now: (scene/step, `run`, `may-run` or `keep`), in the plan's order.
+    pub(crate) fn plan(&self, recipes: &str) -> Vec<(String, String)> {
+        let ended = self.ok(&format!("plan --json {recipes}"));
+        let steps: Vec<Value> = serde_json::from_str(&ended.stdout).expect("the plan is one JSON array");
+        let text = |step: &Value, name: &str| step[name].as_str().expect("steps have it").to_owned();
+        steps
+            .iter()
+            .map(|step| (format!("{}/{}", text(step, "scene"), text(step, "step")), text(step, "action")))
+            .collect()
+    }
+
+    /// The steps that are not kept by a run now.
+    pub(crate) fn stale(&self, recipes: &str) -> Vec<String> {
+        let steps = self.plan(recipes);
+        steps.into_iter().filter(|(_, action)| action != "keep").map(|(step, _)| step).collect()
+    }
+
+    /// Builds, and names the steps that were made by it.
+    pub(crate) fn build(&self, recipes: &str) -> Vec<String> {
+        let ended = self.ok(&format!("build --json {recipes}"));
+        let mut made = Vec::new();
+        for line in ended.stdout.lines() {
+            let step: Value = serde_json::from_str(line).expect("each line is one JSON object");
+            if step["state"] == "made" {
+                made.push(step["step"].as_str().expect("it has a step").to_owned());
+            }
+        }
+        made
+    }
+}
+
+/// Every file below `folder` by its `/`-separated path.
+pub(crate) fn tree(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = walkdir::WalkDir::new(folder).into_iter().map(|entry| entry.expect("the tree can be walked"));
+    files
+        .filter(|entry| entry.file_type().is_file())
+        .map(|entry| {
+            let name = entry
+                .path()
+                .strip_prefix(folder)
+                .expect("it lies below")
+                .to_string_lossy()
+                .replace('\\', "/");
+            (name, fs::read(entry.path()).expect("files can be read"))
+        })
+        .collect()
+}
+
+/// Two trees must hold the same files with the same bytes.
+pub(crate) fn same_tree(left: &Path, right: &Path) {
+    let (left, right) = (tree(left), tree(right));
+    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+    assert!(!left.is_empty(), "an empty tree proves nothing");
+    assert_eq!(names(&left), names(&right));
+    let differing: Vec<&String> = left.keys().filter(|name| left[*name] != right[*name]).collect();
+    assert!(differing.is_empty(), "other bytes in {differing:?}");
+}
