@@ -36,6 +36,14 @@ impl Plan {
         plan
     }
 
+    /// A plan of steps that no recipe asks for, all of the first scene.
+    #[cfg(test)]
+    pub(crate) fn of_steps(scenes: Vec<Recipe>, wire: impl FnOnce(&mut Wiring<'_>)) -> Self {
+        let mut plan = Self { scenes, steps: Vec::new() };
+        wire(&mut Wiring { plan: &mut plan, scene: 0 });
+        plan
+    }
+
     /// The scenes, in order of their ids.
     #[must_use]
     pub fn scenes(&self) -> &[Recipe] {

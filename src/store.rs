@@ -238,10 +238,16 @@ impl Store {
         self.lock.is_some()
     }
 
-    /// The record of a key, if there is one.
+    /// The outputs on record for a key, if there is a record. The index is asked first; what a process recorded
+    /// that was killed before it wrote the index, or that works just now, stands in `ac/` alone and counts as much.
     #[must_use]
     pub fn record(&self, key: &Key) -> Option<Vec<Output>> {
-        self.state().outputs(key)
+        let indexed = self.state().outputs(key);
+        indexed.or_else(|| {
+            let outputs = self.full_record(key)?.outputs;
+            self.state().insert(key, outputs.clone());
+            Some(outputs)
+        })
     }
 
     /// The whole record of a key as it lies in `ac/`; `None` where it is absent or damaged.
@@ -290,12 +296,21 @@ impl Store {
         self.stats().digest_of(path)
     }
 
-    /// Takes an altered blob out of the way, into `trash/`.
+    /// Takes a blob that is altered out of the way, into `trash/`. One that another step has made anew meanwhile
+    /// stays.
     ///
     /// # Errors
-    /// When it cannot be moved.
-    pub fn discard(&self, digest: &Digest) -> Result<PathBuf, StoreError> {
-        self.blobs.discard(digest)
+    /// When it cannot be read or moved.
+    pub fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
+        let path = self.blobs.path(digest);
+        // Held to the end: between the look and the move, another step could put the sound blob there.
+        let mut stats = self.stats();
+        match stats.digest_of(&path) {
+            Ok(found) if found == *digest => Ok(()),
+            Ok(_) => self.blobs.discard(digest),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
+            Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
+        }
     }
 
     /// An empty folder for a step to write its files in.

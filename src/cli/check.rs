@@ -57,9 +57,10 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
             let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
             return Err(Problem::failed("not-built", message).help("gs2e build"));
         };
-        let verdicts = Verdicts::open(&Files::of(outputs, store));
-        findings
-            .extend(verdicts.map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?.findings);
+        let verdicts = Verdicts::open(&Files::of(outputs, store))
+            .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?;
+        let trajectory = step.name.rsplit_once('/').map_or("", |(trajectory, _)| trajectory);
+        findings.extend(verdicts.findings_of(scene, trajectory));
     }
     Ok(findings)
 }

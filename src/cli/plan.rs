@@ -26,7 +26,7 @@ impl Show {
             let list = steps.map(|(step, a)| {
                 json!({
                     "scene": plan.scene_of(step), "step": step.name, "action": a.action, "reason": a.reason,
-                    "key": a.key.as_ref().map(|(key, _)| key.to_string()), "outputs": outputs(&store, a),
+                    "key": a.key.map(|key| key.to_string()), "outputs": outputs(&store, a),
                 })
             });
             console.result(&list.collect());

@@ -1,7 +1,8 @@
 //! Why a verb ends early, told in four parts: what failed, where, why, and what to do.
 
 use crate::plan::assess::PlanError;
-use crate::recipe::Faults;
+use crate::recipe::{Faults, Position};
+use crate::run::StepError;
 use crate::store::StoreError;
 use serde_json::json;
 use std::process::ExitCode;
@@ -40,6 +41,9 @@ impl From<Exit> for ExitCode {
     }
 }
 
+/// What to know where a file is not found.
+const RELATIVE: &str = "a path is relative to the recipe's folder";
+
 /// Why a verb ends early.
 #[derive(Debug)]
 pub(super) struct Problem {
@@ -47,13 +51,15 @@ pub(super) struct Problem {
     code: &'static str,
     message: String,
     help: Option<String>,
+    /// Where a recipe names what is wrong.
+    at: Option<Position>,
     /// The faults of recipes, which bring their own places.
     faults: Option<Box<Faults>>,
 }
 
 impl Problem {
     fn new(exit: Exit, code: &'static str, message: String) -> Self {
-        Self { exit, code, message, help: None, faults: None }
+        Self { exit, code, message, help: None, at: None, faults: None }
     }
 
     /// The command line or the input is wrong: nothing ran.
@@ -77,6 +83,27 @@ impl Problem {
         self
     }
 
+    /// A step that failed: `name` is the scene's id and the step's.
+    pub(super) fn of_step(name: &str, error: &StepError) -> Self {
+        let failed = |code, message: String| Self::failed(code, message);
+        match error {
+            // The errors of a plan name the scene themselves.
+            StepError::Plan(PlanError::Missing { named_at, .. }) => {
+                Self { at: named_at.clone(), ..failed("input-missing", error.to_string()).help(RELATIVE) }
+            }
+            StepError::Plan(_) => failed("input-unreadable", error.to_string()),
+            StepError::Moved(_) => {
+                failed("input-moved", format!("{name}: {error}")).help("run again when it is at rest")
+            }
+            StepError::Stage(_) => failed("step-failed", format!("{name}: {error}"))
+                .help("mend it and run the same command: what is finished is kept"),
+            StepError::Store(StoreError::Nondeterministic { .. }) => {
+                failed("nondeterministic", format!("{name}: {error}"))
+            }
+            StepError::Store(_) => failed("store", format!("{name}: failed {error}")),
+        }
+    }
+
     pub(super) fn to_text(&self) -> String {
         if let Some(faults) = &self.faults {
             return faults.render_text();
@@ -93,14 +120,18 @@ impl Problem {
         if let Some(faults) = &self.faults {
             return serde_json::Value::Array(faults.to_json());
         }
-        json!({ "level": "error", "code": self.code, "message": self.message, "help": self.help })
+        json!({
+            "level": "error", "code": self.code, "message": self.message, "help": self.help,
+            "path": self.at.as_ref().map(|at| &at.file), "line": self.at.as_ref().map(|at| at.line),
+            "column": self.at.as_ref().map(|at| at.column),
+        })
     }
 }
 
 impl From<Faults> for Problem {
     fn from(faults: Faults) -> Self {
         let faults = Some(Box::new(faults));
-        Self { exit: Exit::Usage, code: "recipe-invalid", message: String::new(), help: None, faults }
+        Self { faults, ..Self::usage("recipe-invalid", String::new()) }
     }
 }
 
@@ -126,8 +157,8 @@ impl From<PlanError> for Problem {
     fn from(error: PlanError) -> Self {
         let message = error.to_string();
         match error {
-            PlanError::Missing { .. } => {
-                Self::usage("input-missing", message).help("a path is relative to the recipe's folder")
+            PlanError::Missing { named_at: at, .. } => {
+                Self { at, ..Self::usage("input-missing", message).help(RELATIVE) }
             }
             PlanError::Source { .. } => Self::usage("input-unreadable", message),
             PlanError::Store(error) => error.into(),

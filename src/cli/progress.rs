@@ -1,7 +1,9 @@
 //! What is shown of a run: a bar on a terminal, plain lines otherwise.
 
 use super::console::Console;
+use super::problem::Problem;
 use crate::plan::Plan;
+use crate::plan::assess::Reason;
 use crate::run::{Event, Observer};
 use crate::stage::StepId;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -83,8 +85,13 @@ impl<'a> Progress<'a> {
 impl Observer for Progress<'_> {
     fn tell(&self, event: &Event<'_>) {
         match event {
-            Event::Started { step, .. } => {
+            Event::Started { step, reason } => {
                 self.count(|shown| shown.running.push(*step));
+                if let Reason::BlobAltered { digest } = reason {
+                    let name = self.name(*step);
+                    let what = format!("the stored bytes of {} are not those of their digest", &digest[..12]);
+                    self.line(&format!("warning: {name}: {what}; moved to trash, made again"), true);
+                }
             }
             Event::Kept { step } => {
                 self.end(*step);
@@ -102,8 +109,12 @@ impl Observer for Progress<'_> {
             }
             Event::Failed { failure } => {
                 self.end(failure.step);
-                self.line(&format!("error: {}: {}", self.name(failure.step), failure.error), true);
+                let problem = Problem::of_step(&self.name(failure.step), &failure.error);
+                self.line(&problem.to_text(), true);
                 self.tell_programs(failure.step, "failed", None);
+                if self.console.json {
+                    self.console.result(&problem.to_json());
+                }
             }
         }
     }

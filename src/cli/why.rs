@@ -5,7 +5,7 @@ use super::build::read_plan;
 use super::console::Console;
 use super::plan::words;
 use super::problem::{Exit, Problem};
-use crate::plan::assess::{Assessment, Change, assess, changes};
+use crate::plan::assess::{Assessment, Change, assess};
 use crate::plan::{Plan, PlannedStep};
 use crate::store::{Access, Store};
 use serde_json::json;
@@ -65,29 +65,27 @@ fn choose<'p>(plan: &'p Plan, name: &'p str) -> Result<impl Fn(&PlannedStep) -> 
 
 fn explain(plan: &Plan, store: &Store, step: &PlannedStep, assessed: &Assessment, console: &Console) {
     let scene = plan.scene_of(step);
-    let lines = assessed.key.as_ref().map(|(_, description)| description.lines()).unwrap_or_default();
+    let lines = assessed.description.lines();
     let last = store.last_key(scene, &step.name).and_then(|key| store.full_record(&key));
-    let changed: Vec<Change> = match (&last, &assessed.key) {
-        (Some(record), Some(_)) => changes(&record.description, &lines),
-        _ => Vec::new(),
-    };
+    let changed = last.map(|record| assessed.changes(&record.description)).unwrap_or_default();
     if console.json {
         console.result(&json!({
             "scene": scene, "step": step.name, "action": assessed.action, "reason": assessed.reason,
-            "key": assessed.key.as_ref().map(|(key, _)| key.to_string()),
+            "key": assessed.key.map(|key| key.to_string()),
             "description": lines, "changes": changed,
         }));
         return;
     }
     console.print(&format!("{scene}/{}: {}", step.name, words(&assessed.reason)));
-    if let Some((key, _)) = &assessed.key {
-        console.print(&format!("  key {key}"));
-    }
-    for line in &lines {
-        console.print(&format!("  {} = {}", line.path, line.text));
-    }
     for Change { path, old, new } in &changed {
         let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
         console.print(&format!("  changed since it was last made: {path}: {} -> {}", was(old), was(new)));
+    }
+    match &assessed.key {
+        Some(key) => console.print(&format!("  key {key}")),
+        None => console.print("  no key yet: an input will be made first"),
+    }
+    for line in &lines {
+        console.print(&format!("  {} = {}", line.path, line.text));
     }
 }

@@ -1,7 +1,10 @@
 //! Whether a step must run, and why: its key against the store.
 
 use super::{Plan, PlannedStep};
-use crate::stage::StageError;
+use crate::recipe::Position;
+use crate::stage::capture::Capturing;
+use crate::stage::reconstruct::Reconstructing;
+use crate::stage::{Stage, StageError, StepId};
 use crate::store::description::{Line, Value};
 use crate::store::record::{Output, content};
 use crate::store::{BlobState, Digest, Key, Store, StoreError};
@@ -83,22 +86,40 @@ pub struct Assessment {
     pub action: Action,
     /// Why.
     pub reason: Reason,
-    /// Its key and the description behind it; `None` while an input may change.
-    pub key: Option<(Key, Value)>,
+    /// Its key; `None` while an input may change.
+    pub key: Option<Key>,
+    /// What the key is the hash of; without the inputs that are not known yet.
+    pub description: Value,
+    /// Digests of the files outside the store that it reads, by role, as they are in the description.
+    pub sources: Vec<(String, Digest)>,
     /// Its outputs, where it is up to date.
     pub outputs: Option<Vec<Output>>,
+}
+
+impl Assessment {
+    /// What differs from when the step was last made, `last` being the description on that record. An input that is
+    /// not known yet is no difference.
+    #[must_use]
+    pub fn changes(&self, last: &[Line]) -> Vec<Change> {
+        let mut changes = changes(last, &self.description.lines());
+        let is_unknown = |c: &Change| c.path == "inputs" || c.path.starts_with("inputs.") && c.new.is_empty();
+        changes.retain(|c| self.key.is_some() || !is_unknown(c));
+        changes
+    }
 }
 
 /// Why a plan cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
     /// A source file is not there.
-    #[error("{scene}: the source is not there: {}", path.display())]
+    #[error("{scene}: the source is not there: {}{}", path.display(), named(named_at.as_ref()))]
     Missing {
         /// Scene id.
         scene: String,
         /// What was looked for.
         path: std::path::PathBuf,
+        /// Where the recipe names it.
+        named_at: Option<Position>,
     },
     /// A source cannot be listed or read.
     #[error("{scene}/{step}: failed to {cause}")]
@@ -115,6 +136,10 @@ pub enum PlanError {
     Store(#[from] StoreError),
 }
 
+fn named(at: Option<&Position>) -> String {
+    at.map(|at| format!(", named at {at}")).unwrap_or_default()
+}
+
 /// Holds a whole plan against the store; runs nothing.
 ///
 /// # Errors
@@ -123,15 +148,12 @@ pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> 
     let mut done: Vec<Assessment> = Vec::with_capacity(plan.steps.len());
     for step in &plan.steps {
         let waiting = step.step.inputs().into_iter().find(|(_, id)| done[id.0].outputs.is_none());
-        done.push(match waiting {
-            Some((_, id)) => Assessment {
-                action: Action::MayRun,
-                reason: Reason::InputMayChange { step: plan.steps[id.0].name.clone() },
-                key: None,
-                outputs: None,
-            },
-            None => step_alone(plan, store, step, &|id| done[id].outputs.clone().unwrap_or_default())?,
-        });
+        let outputs_of = |id: StepId| done[id.0].outputs.clone();
+        let assessed = match waiting {
+            Some((_, id)) => step_behind(plan, store, step, id, &outputs_of)?,
+            None => step_alone(plan, store, step, &outputs_of)?,
+        };
+        done.push(assessed);
     }
     Ok(done)
 }
@@ -144,14 +166,10 @@ pub fn step_alone(
     plan: &Plan,
     store: &Store,
     step: &PlannedStep,
-    outputs_of: &dyn Fn(usize) -> Vec<Output>,
+    outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
 ) -> Result<Assessment, PlanError> {
-    let mut inputs: Vec<(String, Digest)> = Vec::new();
-    for (role, id) in step.step.inputs() {
-        inputs.push((role.to_owned(), content(&outputs_of(id.0))));
-    }
-    inputs.extend(source_digests(plan, store, step)?);
-    let description = step.step.describe(&inputs);
+    let sources = source_digests(plan, store, step)?;
+    let description = describe(step, &sources, outputs_of);
     let key = Key::of(&description);
     let (reason, outputs) = match store.record(&key) {
         Some(outputs) => match damage(store, &outputs)? {
@@ -161,7 +179,38 @@ pub fn step_alone(
         None => (difference(plan, store, step, &description), None),
     };
     let action = if outputs.is_some() { Action::Keep } else { Action::Run };
-    Ok(Assessment { action, reason, key: Some((key, description)), outputs })
+    Ok(Assessment { action, reason, key: Some(key), description, sources, outputs })
+}
+
+/// A step behind one that must run: what is known of it already.
+fn step_behind(
+    plan: &Plan,
+    store: &Store,
+    step: &PlannedStep,
+    waiting_for: StepId,
+    outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
+) -> Result<Assessment, PlanError> {
+    let sources = source_digests(plan, store, step)?;
+    Ok(Assessment {
+        action: Action::MayRun,
+        reason: Reason::InputMayChange { step: plan.steps[waiting_for.0].name.clone() },
+        key: None,
+        description: describe(step, &sources, outputs_of),
+        sources,
+        outputs: None,
+    })
+}
+
+/// A step with those of its inputs that are known.
+fn describe(
+    step: &PlannedStep,
+    sources: &[(String, Digest)],
+    outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
+) -> Value {
+    let made = step.step.inputs().into_iter();
+    let made = made.filter_map(|(role, id)| Some((role.to_owned(), content(&outputs_of(id)?))));
+    let inputs: Vec<(String, Digest)> = made.chain(sources.iter().cloned()).collect();
+    step.step.describe(&inputs)
 }
 
 /// Digests of the files outside the store that a step reads, by role.
@@ -174,8 +223,14 @@ pub fn source_digests(
     step: &PlannedStep,
 ) -> Result<Vec<(String, Digest)>, PlanError> {
     let scene = || plan.scene_of(step).to_owned();
+    let places = &plan.scenes()[step.scene].named_at;
+    let named_at = || match step.step.stage() {
+        Capturing::NAME => places.source.clone(),
+        Reconstructing::NAME => places.reconstruct.clone(),
+        _ => None,
+    };
     let failed = |cause| match cause {
-        StageError::Missing { path } => PlanError::Missing { scene: scene(), path },
+        StageError::Missing { path } => PlanError::Missing { scene: scene(), path, named_at: named_at() },
         cause => PlanError::Source { scene: scene(), step: step.name.clone(), cause },
     };
     let mut digests = Vec::new();
@@ -251,4 +306,48 @@ pub fn changes(old: &[Line], new: &[Line]) -> Vec<Change> {
     paths.dedup();
     let change = |path: &str| Change { path: path.to_owned(), old: text(old, path), new: text(new, path) };
     paths.into_iter().map(change).filter(|c| c.old != c.new).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(text: &str) -> Vec<Line> {
+        let split = text.split(';').filter_map(|line| line.trim().split_once('='));
+        split.map(|(path, text)| Line { path: path.into(), text: text.into() }).collect()
+    }
+
+    /// The differences as `path: old -> new`.
+    fn told(old: &str, new: &str) -> Vec<String> {
+        let changes = changes(&lines(old), &lines(new)).into_iter();
+        changes.map(|c| format!("{}: {} -> {}", c.path, c.old, c.new)).collect()
+    }
+
+    #[test]
+    fn differences_are_told_with_the_most_telling_first() {
+        let t = |old: &str, new: &str, wanted: &[&str]| assert_eq!(told(old, new), wanted, "{old} | {new}");
+        t("params.a=1; params.b=2", "params.b=2; params.a=1", &[]);
+        t("params.a=1", "params.a=2", &["params.a: 1 -> 2"]);
+        t("params.a=1", "params.b=1", &["params.a: 1 -> ", "params.b:  -> 1"]);
+        t(
+            "inputs.x=d; params.a=1; revision=1; class=cpu/1",
+            "inputs.x=e; params.a=2; revision=2; class=cpu/2",
+            &["class: cpu/1 -> cpu/2", "revision: 1 -> 2", "params.a: 1 -> 2", "inputs.x: d -> e"],
+        );
+    }
+
+    #[test]
+    fn a_difference_gives_its_reason() {
+        let t = |path: &str, code: &str, name: Option<&str>| {
+            let change = Change { path: path.into(), old: "1".into(), new: "2".into() };
+            let reason = serde_json::to_value(change.reason()).unwrap();
+            let wanted = [Some(code), name, Some("1"), Some("2")];
+            assert_eq!(["code", "name", "old", "new"].map(|field| reason[field].as_str()), wanted, "{path}");
+        };
+        t("revision", "revision", None);
+        t("class", "class", None);
+        t("params.sensor.k.0", "param-changed", Some("sensor.k.0"));
+        t("inputs.capture", "input-changed", Some("capture"));
+        t("inputs.file scene", "input-changed", Some("file scene"));
+    }
 }

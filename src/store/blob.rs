@@ -33,10 +33,8 @@ impl Blobs {
         Ok(Workspace { path })
     }
 
-    pub(super) fn discard(&self, digest: &Digest) -> Result<PathBuf, StoreError> {
-        let aside = self.fresh("trash");
-        disk::rename(&self.path(digest), &aside)?;
-        Ok(aside)
+    pub(super) fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
+        disk::rename(&self.path(digest), &self.fresh("trash"))
     }
 
     /// Publishes every file of a workspace.

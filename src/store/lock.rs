@@ -27,7 +27,10 @@ impl Lock {
                 let mut holder = String::new();
                 // The text is for people; where it cannot be read the wait is as long.
                 let _ = file.read_to_string(&mut holder);
-                let holder = holder.trim().to_owned();
+                let holder = match holder.trim() {
+                    "" => "another process".to_owned(),
+                    text => text.to_owned(),
+                };
                 if !wait {
                     return Err(StoreError::Locked { path: root.to_owned(), holder });
                 }
@@ -39,9 +42,10 @@ impl Lock {
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         let text = format!("pid {} on host {host}\n", std::process::id());
         let write = |file: &mut File| -> std::io::Result<()> {
-            file.set_len(0)?;
+            // Never empty in between: somebody may want to know for whom they wait.
             file.rewind()?;
-            file.write_all(text.as_bytes())
+            file.write_all(text.as_bytes())?;
+            file.set_len(text.len() as u64)
         };
         write(&mut file).map_err(disk::failed("writing", &path))?;
         Ok(Self { _file: file })

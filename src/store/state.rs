@@ -4,14 +4,14 @@
 use super::record::{Output, Record};
 use super::stat_cache::{Entry, Stat};
 use super::{Digest, Key, StoreError, disk};
-use rusqlite::{Connection, params};
+use rusqlite::{Connection, OpenFlags, params};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug)]
 pub(super) struct State {
     path: PathBuf,
-    /// `None` where the store does not exist yet and is only looked at.
+    /// `None` where the store is only looked at.
     database: Option<Connection>,
     records: BTreeMap<Key, Vec<Output>>,
     last: BTreeMap<(String, String), Key>,
@@ -46,7 +46,7 @@ impl State {
         let mut notices = Vec::new();
         let existed = path.exists();
         if existed {
-            match state.load() {
+            match state.load(write) {
                 Ok(()) => return Ok((state, notices)),
                 Err(e) => notices.push(format!("state.db could not be read ({e}); rebuilt from the records")),
             }
@@ -70,16 +70,24 @@ impl State {
         Ok((state, notices))
     }
 
-    fn connect(&self) -> rusqlite::Result<Connection> {
-        let database = Connection::open(&self.path)?;
+    /// Whoever only looks neither creates nor changes a database that a writer may be at work in.
+    fn connect(&self, write: bool) -> rusqlite::Result<Connection> {
+        let access = if write {
+            OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE
+        } else {
+            OpenFlags::SQLITE_OPEN_READ_ONLY
+        };
+        let database = Connection::open_with_flags(&self.path, access | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
         database.busy_timeout(std::time::Duration::from_secs(30))?;
-        database.pragma_update(None, "journal_mode", "WAL")?;
-        database.pragma_update(None, "synchronous", "NORMAL")?;
+        if write {
+            database.pragma_update(None, "journal_mode", "WAL")?;
+            database.pragma_update(None, "synchronous", "NORMAL")?;
+        }
         Ok(database)
     }
 
     fn create(&mut self) -> rusqlite::Result<()> {
-        let database = self.connect()?;
+        let database = self.connect(true)?;
         database.execute_batch(SCHEMA)?;
         database.pragma_update(None, "user_version", VERSION)?;
         self.database = Some(database);
@@ -87,20 +95,23 @@ impl State {
     }
 
     /// Reads everything; the error says why the database cannot be used.
-    fn load(&mut self) -> Result<(), String> {
-        let version = self.read_tables().map_err(|e| e.to_string())?;
+    fn load(&mut self, write: bool) -> Result<(), String> {
+        let version = self.read_tables(write).map_err(|e| e.to_string())?;
         if version == VERSION { Ok(()) } else { Err(format!("its version is {version}, not {VERSION}")) }
     }
 
-    fn read_tables(&mut self) -> rusqlite::Result<i64> {
-        let database = self.connect()?;
-        let version = database.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    fn read_tables(&mut self, write: bool) -> rusqlite::Result<i64> {
+        let database = self.connect(write)?;
+        // One moment for all tables, whatever a writer does meanwhile.
+        let snapshot = database.unchecked_transaction()?;
+        let version = snapshot.pragma_query_value(None, "user_version", |row| row.get(0))?;
         if version == VERSION {
-            self.records = read_records(&database)?;
-            self.last = read_last(&database)?;
-            self.stats = read_stats(&database)?;
-            self.database = Some(database);
+            self.records = read_records(&snapshot)?;
+            self.last = read_last(&snapshot)?;
+            self.stats = read_stats(&snapshot)?;
         }
+        snapshot.finish()?;
+        self.database = (version == VERSION && write).then_some(database);
         Ok(version)
     }
 
