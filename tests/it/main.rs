@@ -1,7 +1,6 @@
 //! The integration tests: one binary, one module a feature.
 
-#[cfg(test)]
-mod support;
-
-#[cfg(test)]
 mod render_golden;
+mod render_rules;
+mod render_same_bytes;
+mod support;

@@ -1,4 +1,6 @@
 //! What several features' tests share.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+pub(crate) mod gaussians;
 pub(crate) mod ply;
 pub(crate) mod shared;
