@@ -81,3 +81,71 @@ impl Frames for RenderedFrames {
         Ok(Some(Frame { index, t, luminance }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::render::RenderError;
+    use crate::se3::Se3;
+    use glam::{DQuat, DVec3};
+
+    const SIZE: Size = Size { width: 3, height: 2 };
+
+    /// Paints every pixel with the camera's x.
+    struct Flat;
+
+    impl Renderer for Flat {
+        fn fingerprint(&self) -> &str {
+            "flat/1"
+        }
+
+        #[expect(clippy::cast_possible_truncation, reason = "the test's values are small")]
+        fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+            assert_eq!(want, Channels { luminance: true, ..Channels::default() }, "one channel is blended");
+            let x = view.world_from_camera.translation.x;
+            if x > 8.0 {
+                return Err(RenderError::View("too far".into()));
+            }
+            out.luminance = Some(Image::filled(view.camera.size, x as f32));
+            Ok(Work { gaussians: 5, blended: 7, ..Work::default() })
+        }
+    }
+
+    fn frames(xs: &[f64]) -> RenderedFrames {
+        let pose = |&x| Se3 { rotation: DQuat::IDENTITY, translation: DVec3::new(x, 0.0, 0.0) };
+        let trajectory = Trajectory {
+            world_from_camera: xs.iter().map(pose).collect(),
+            stamps_us: [0, 417, 833, 1250][..xs.len()].to_vec(),
+        };
+        let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0 };
+        RenderedFrames::new(Box::new(Flat), camera, trajectory)
+    }
+
+    #[test]
+    fn each_pose_has_its_frame_at_its_stamp_on_the_grey_scale() {
+        let mut frames = frames(&[0.0, 0.5, 1.2]);
+        assert_eq!((frames.size(), frames.len(), frames.is_empty()), (SIZE, 3, false));
+        for (index, ns, grey) in [(0, 0, 0.0), (1, 417_000, 127.5), (2, 833_000, 306.0)] {
+            let frame = frames.next().unwrap().unwrap();
+            assert_eq!((frame.index, frame.t), (index, Timestamp(ns)));
+            assert!(frame.luminance.pixels().iter().all(|v| (v - grey).abs() < 1e-4), "{index}");
+        }
+        assert!(frames.next().unwrap().is_none());
+        assert_eq!(frames.work(), Work { gaussians: 15, blended: 21, ..Work::default() });
+    }
+
+    #[test]
+    fn failures_name_the_frame() {
+        let mut frames = frames(&[0.0, 9.0]);
+        frames.next().unwrap();
+        let error = frames.next().unwrap_err().to_string();
+        assert_eq!(error, "frame 1: the view cannot be rendered: too far");
+    }
+
+    #[test]
+    fn luminance_that_is_not_finite_is_refused() {
+        let error = frames(&[f64::NAN]).next().unwrap_err().to_string();
+        assert_eq!(error, "frame 0: luminance of pixel 0 is NaN, wanted a finite one");
+    }
+}

@@ -5,6 +5,9 @@
 //! whose opacity is within rounding of 1/255 is blended or not (at most 1/255 of a colour), and pixel positions are
 //! rounded to 6e-5 px at 1000 px.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+#![expect(clippy::print_stdout, reason = "the table of differences")]
+
 use crate::support::{ply, shared};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
@@ -95,6 +98,10 @@ impl Case {
     }
 }
 
+fn cases(root: &Path) -> Vec<Case> {
+    serde_json::from_slice(&std::fs::read(root.join("manifest.json")).unwrap()).unwrap()
+}
+
 fn npy(path: &Path) -> Vec<f32> {
     let bytes = std::fs::read(path).unwrap();
     npyz::NpyFile::new(&bytes[..]).unwrap().into_vec().unwrap()
@@ -119,8 +126,7 @@ fn row(name: &str, what: &str, [mean, largest, share]: [f64; 3]) -> bool {
 #[test]
 fn every_golden_of_the_rules_that_exist() {
     let Some(root) = shared::path("data/golden/render") else { return };
-    let cases: Vec<Case> =
-        serde_json::from_slice(&std::fs::read(root.join("manifest.json")).unwrap()).unwrap();
+    let cases = cases(&root);
     println!("{:28} {:9} {:>9} {:>9} {:>9}", "case", "channel", "mean", "max", "> 1e-3");
     let mut fine = true;
     for case in &cases {
@@ -145,4 +151,16 @@ fn every_golden_of_the_rules_that_exist() {
         fine &= counts_agree;
     }
     assert!(fine, "a golden is missed, see the table");
+}
+
+#[test]
+fn cases_said_to_be_the_same_have_the_same_bits() {
+    let Some(root) = shared::path("data/golden/render") else { return };
+    let cases = cases(&root);
+    for case in &cases {
+        let Some(twin) = cases.iter().find(|c| Some(&c.name) == case.same_as.as_ref()) else { continue };
+        let (Some(rules), Some(twins)) = (case.rules(), twin.rules()) else { continue };
+        let [a, b] = [case.render(&root, rules), twin.render(&root, twins)].map(|(image, _)| image.rgb);
+        assert!(a == b, "{} and {}", case.name, twin.name);
+    }
 }

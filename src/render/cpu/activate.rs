@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn opacity_keeps_its_full_range() {
-        assert_eq!([0.0, 40.0].map(sigmoid), [0.5, 1.0]);
+        assert_eq!([0.0, 40.0].map(|x| sigmoid(x).to_bits()), [0.5_f32, 1.0].map(f32::to_bits));
         // far down the logistic function is the exponential
         assert!((f64::from(sigmoid(-80.0)) / libm::exp(-80.0) - 1.0).abs() < 1e-7);
     }

@@ -150,9 +150,7 @@ impl Projection<'_> {
     fn place(&self, mean: [f32; 2], shape: &Footprint, opacity: f32) -> Option<Splat> {
         let reach = extent::reach(opacity);
         let [columns, rows] = extent::pixels(self.style.rules, mean, shape, reach, self.eye.size)?;
-        let w1 = (shape.c / shape.det).sqrt() * TO_BINARY;
-        let w = [w1, -(shape.b / shape.c) * w1, TO_BINARY / shape.c.sqrt()];
-        Some(Splat { mean, w, opacity, reach, columns, rows, ..Splat::default() })
+        Some(Splat { mean, w: shape.weights(), opacity, reach, columns, rows, ..Splat::default() })
     }
 
     /// The values to blend, one after another as [`Channels`] lists them.
@@ -201,6 +199,14 @@ pub(super) struct Footprint {
     pub(super) det0: f32,
     /// Standard deviation of depth, scene units.
     pub(super) depth_deviation: f32,
+}
+
+impl Footprint {
+    /// `w1, w2, w3` of [`Splat`]. `w2` is `-b / sqrt(c det)` without the product, which overflows first.
+    pub(super) fn weights(&self) -> [f32; 3] {
+        let w1 = (self.c / self.det).sqrt() * TO_BINARY;
+        [w1, -(self.b / self.c) * w1, TO_BINARY / self.c.sqrt()]
+    }
 }
 
 impl Eye {

@@ -39,10 +39,11 @@ pub(super) fn edge_margin(distance: f32) -> f32 {
     0.02 + 1e-6 * distance
 }
 
-/// The pixels whose centres lie in `[low, high]`: first and end, within `0..end`.
+/// The pixels whose centres lie between `low` and `high`: first and end, within `0..end`.
+#[inline]
 pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
-    // a float below 0 or NaN becomes 0
-    [(low - 0.5).ceil().clamp(0.0, end) as u16, ((high - 0.5).floor() + 1.0).clamp(0.0, end) as u16]
+    // floor(low + 1/2): after the clamp, truncation is floor; NaN becomes 0
+    [low, high].map(|edge| (edge + 0.5).clamp(0.0, end) as u16)
 }
 
 impl Splat {
@@ -82,5 +83,98 @@ impl Splat {
         let high = chord(turn).map_or(self.mean[0] + wide, |[_, high]| high);
         let [x0, x1] = pixels_within(low, high, f32::from(self.columns[1]));
         [x0.max(self.columns[0]), x1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::exp2::exp2_neg;
+    use super::super::extent;
+    use super::super::project::Footprint;
+    use super::*;
+    use crate::render::Rules;
+    use crate::render::shared::{DILATION, MIN_ALPHA, TILE};
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
+    const EDGE: u16 = 96;
+
+    /// A splat of standard deviations `long`, `short` px before dilation, its long axis turned by `angle`.
+    fn splat(mean: [f32; 2], long: f32, short: f32, angle: f32, opacity: f32) -> Option<Splat> {
+        let (s, c) = angle.sin_cos();
+        let [a0, a1] = [[long * c, -short * s], [long * s, short * c]];
+        let det0 = (a0[0] * a1[1] - a0[1] * a1[0]).powi(2);
+        let (aa, cc) = (a0[0] * a0[0] + a0[1] * a0[1], a1[0] * a1[0] + a1[1] * a1[1]);
+        let shape = Footprint {
+            a: aa + DILATION,
+            b: a0[0] * a1[0] + a0[1] * a1[1],
+            c: cc + DILATION,
+            det: det0 + DILATION * (aa + cc) + DILATION * DILATION,
+            det0,
+            depth_deviation: 0.0,
+        };
+        let reach = extent::reach(opacity);
+        let size = [f32::from(EDGE); 2];
+        let [columns, rows] = extent::pixels(Rules::Exact, mean, &shape, reach, size)?;
+        let w = shape.weights();
+        Some(Splat { mean, w, opacity, reach, columns, rows, ..Splat::default() })
+    }
+
+    /// The raster pass's own arithmetic, at a pixel.
+    fn counts(splat: &Splat, x: u16, y: u16) -> bool {
+        let [w1, w2, w3] = splat.w;
+        let dy = f32::from(y) + 0.5 - splat.mean[1];
+        let (e1, e2) = (w1 * (f32::from(x) + 0.5 - splat.mean[0]) + w2 * dy, w3 * dy);
+        splat.opacity * exp2_neg(e1 * e1 + e2 * e2) >= MIN_ALPHA
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(7),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        /// What the extents leave out never counts: from dots to needles 100,000 px long, on and off the image.
+        #[test]
+        fn no_pixel_that_counts_is_left_out(
+            mean in prop::array::uniform2(prop_oneof![3 => -40.0..140.0_f32, 1 => -5e4..5e4_f32]),
+            long in (-3.0..11.5_f32).prop_map(f32::exp),
+            aspect in (0.0..14.0_f32).prop_map(f32::exp),
+            angle in 0.0..std::f32::consts::PI,
+            opacity in prop_oneof![0.004..0.05_f32, 0.05..1.0_f32],
+        ) {
+            let found = splat(mean, long, long / aspect, angle, opacity);
+            for y in 0..EDGE {
+                let dy = f32::from(y) + 0.5 - mean[1];
+                let band = [y / TILE as u16 * TILE as u16, (y / TILE as u16 + 1) * TILE as u16];
+                for x in 0..EDGE {
+                    let Some(splat) = found else { continue };
+                    if !counts(&splat, x, y) {
+                        continue;
+                    }
+                    let inside = |[first, end]: [u16; 2], v: u16| first <= v && v < end;
+                    prop_assert!(inside(splat.columns, x) && inside(splat.rows, y), "box of ({x}, {y})");
+                    let [low, high] = splat.chord(dy).expect("the line of a pixel that counts");
+                    let centre = f32::from(x) + 0.5;
+                    prop_assert!(low <= centre && centre <= high, "chord {low}..{high} at ({x}, {y})");
+                    let rows = [band[0].max(splat.rows[0]), band[1].min(splat.rows[1])];
+                    let columns = splat.columns_in(rows[0], rows[1]);
+                    prop_assert!(inside(columns, x), "band {columns:?} of ({x}, {y})");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_diagonal_needle_covers_few_tiles() {
+        let needle = splat([48.0, 48.0], 300.0, 0.1, std::f32::consts::FRAC_PI_4, 1.0).unwrap();
+        assert_eq!((needle.columns, needle.rows), ([0, EDGE], [0, EDGE]));
+        let tiles = |row: u16| {
+            let [first, end] = needle.columns_in(row * 16, row * 16 + 16);
+            usize::from(end).div_ceil(TILE) - usize::from(first) / TILE
+        };
+        // it runs through the tiles' corners, so each row has its own tile and the corners' two neighbours
+        assert_eq!((0..6).map(tiles).collect::<Vec<_>>(), [2, 3, 3, 3, 3, 2]);
     }
 }

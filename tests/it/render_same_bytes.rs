@@ -1,0 +1,108 @@
+//! What must not change a rendered bit: threads, frames rendered before, other images asked for, the world's origin.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+
+use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, render, scene};
+use glam::{DQuat, DVec3};
+use gs2e::image::luminance;
+use gs2e::render::cpu::Cpu;
+use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, View, Work};
+use std::sync::Arc;
+
+const GAUSSIANS: usize = 6000;
+
+/// Sizes that are no multiple of a tile, and a pose without zeros.
+fn askew() -> View {
+    let mut view = ahead(203, 117, 150.0);
+    view.world_from_camera.rotation = DQuat::from_xyzw(0.02, -0.05, 0.01, 1.0).normalize();
+    view.world_from_camera.translation = DVec3::new(0.3, -0.2, -1.5);
+    view
+}
+
+/// Bits, so that NaN equals itself.
+fn bits(image: &Rendered) -> Vec<u32> {
+    let planes = [&image.luminance, &image.alpha, &image.depth];
+    let grey = planes.into_iter().flatten().flat_map(|plane| plane.pixels().iter());
+    let colour = image.rgb.iter().flat_map(|plane| plane.pixels().as_flattened());
+    grey.chain(colour).map(|v| v.to_bits()).collect()
+}
+
+fn on_threads(threads: usize) -> (Vec<u32>, Work) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        let (image, work) = render(scene(&crowd(GAUSSIANS, 1)), OFFICIAL, &askew());
+        (bits(&image), work)
+    })
+}
+
+#[test]
+fn the_number_of_threads() {
+    let (one, four) = (on_threads(1), on_threads(4));
+    assert!(one.1.blended > 100_000 && one.1.stopped > 1000, "the scene is a test: {:?}", one.1);
+    assert_eq!(one, four);
+}
+
+#[test]
+fn frames_rendered_before() {
+    let mut cpu = Cpu::new(Arc::new(scene(&crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
+    let mut out = Rendered::default();
+    let first = (cpu.render(&askew(), ALL, &mut out).unwrap(), bits(&out));
+    let small = Channels { depth: true, ..Channels::default() };
+    cpu.render(&ahead(64, 300, 90.0), small, &mut out).unwrap();
+    assert_eq!((cpu.render(&askew(), ALL, &mut out).unwrap(), bits(&out)), first);
+}
+
+#[test]
+fn other_images_asked_for() {
+    let mut cpu = Cpu::new(Arc::new(scene(&crowd(GAUSSIANS, 1))), OFFICIAL).unwrap();
+    let none = Channels::default();
+    let [mut all, mut one] = [Rendered::default(), Rendered::default()];
+    let work = cpu.render(&askew(), ALL, &mut all).unwrap();
+    let mut t = |want: Channels, pick: fn(&mut Rendered) -> Rendered| {
+        assert_eq!(cpu.render(&askew(), want, &mut one).unwrap(), work, "{want:?}");
+        assert_eq!(bits(&one), bits(&pick(&mut all)), "{want:?}");
+    };
+    t(Channels { luminance: true, ..none }, |r| Rendered {
+        luminance: r.luminance.take(),
+        ..Rendered::default()
+    });
+    t(Channels { alpha: true, ..none }, |r| Rendered { alpha: r.alpha.take(), ..Rendered::default() });
+    t(Channels { depth: true, ..none }, |r| Rendered { depth: r.depth.take(), ..Rendered::default() });
+    t(Channels { rgb: true, ..none }, |r| Rendered { rgb: r.rgb.take(), ..Rendered::default() });
+}
+
+#[test]
+fn the_origin_of_the_world() {
+    // the shift is a power of two times 0.1 steps away from nothing: exact in 64 bits beside the camera's centre
+    let shift = DVec3::new(1_048_576.0, -524_288.0, 262_144.0);
+    let mut moved = scene(&crowd(GAUSSIANS, 1));
+    moved.origin = shift;
+    let mut view = askew();
+    // rounded to 2^-30, so that adding the shift loses nothing
+    let coarse = |v: f64| (v * f64::from(1 << 30)).round() / f64::from(1 << 30);
+    view.world_from_camera.translation = view.world_from_camera.translation.map(coarse);
+    let here = render(scene(&crowd(GAUSSIANS, 1)), OFFICIAL, &view);
+    view.world_from_camera.translation += shift;
+    let there = render(moved, OFFICIAL, &view);
+    assert_eq!((bits(&here.0), here.1), (bits(&there.0), there.1));
+}
+
+#[test]
+fn a_shuffled_file_without_equal_depths() {
+    let blobs = crowd(GAUSSIANS, 1);
+    let shuffled: Vec<_> = (0..GAUSSIANS).map(|i| blobs[i * 1009 % GAUSSIANS]).collect();
+    let [a, b] = [blobs, shuffled].map(|blobs| render(scene(&blobs), OFFICIAL, &askew()));
+    assert_eq!((bits(&a.0), a.1), (bits(&b.0), b.1));
+}
+
+#[test]
+fn luminance_is_that_of_the_colour_up_to_rounding() {
+    for rules in [Rules::Official, Rules::Exact] {
+        let style = Style { rules, background: [0.3, 0.1, 0.9], ..OFFICIAL };
+        let (found, _) = render(scene(&crowd(GAUSSIANS, 2)), style, &askew());
+        let pairs =
+            found.luminance.as_ref().unwrap().pixels().iter().zip(found.rgb.as_ref().unwrap().pixels());
+        let worst = pairs.map(|(y, &rgb)| (y - luminance(rgb)).abs()).fold(0.0, f32::max);
+        // the limit of numerics.md 7.4
+        assert!(worst <= 2e-6, "{worst:e}");
+    }
+}
