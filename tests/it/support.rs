@@ -1,8 +1,8 @@
 //! What several features' tests share.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-pub(crate) mod given;
 pub(crate) mod gaussians;
+pub(crate) mod given;
 pub(crate) mod ply;
 pub(crate) mod shared;
 pub(crate) mod workspace;

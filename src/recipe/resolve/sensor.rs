@@ -140,7 +140,6 @@ impl Resolver<'_> {
             Field::Bad => None,
         }
     }
-
 }
 
 fn initial(field: &Field<schema::Initial>) -> Option<Initial> {
