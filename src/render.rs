@@ -109,7 +109,7 @@ pub struct Work {
     pub gaussians: u64,
     /// Left out: not in front of the near plane.
     pub behind: u64,
-    /// Left out: projected covariance not positive or not finite.
+    /// Left out: a field, or what is projected from it, is not finite.
     pub degenerate: u64,
     /// Left out: touches no tile of the image, or too transparent to count.
     pub outside: u64,
@@ -119,7 +119,7 @@ pub struct Work {
     pub blended: u64,
     /// Pixels whose blend stopped early.
     pub stopped: u64,
-    /// Gaussians whose depth deviation is above 0.1 of their depth: the affine approximation is doubtful.
+    /// Of those drawn: depth deviation above 0.1 of the depth, so the affine approximation is doubtful.
     pub affine_doubtful: u64,
     /// The same, above 0.3.
     pub affine_invalid: u64,
