@@ -2,9 +2,9 @@
 //!
 //! `rate` is events per pixel and second, told and held against the recipe's `min` and `max`. `flow` is events per
 //! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
-//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems.
+//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems. A sensor of a contrast
+//! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound.
 
-use super::drift::DriftLaw;
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,8 @@ pub struct Limits {
 const PER_FLOW: [f64; 2] = [0.02, 1.0];
 /// The contrast that [`PER_FLOW`] was found at.
 const CONTRAST: f64 = 0.2;
+/// Sensors that need more than this may make no events.
+const INSENSITIVE: f64 = 0.5;
 /// Greys at which the noise is bounded.
 const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];
 
@@ -55,7 +57,7 @@ fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let limits = subject.limits.event_rate.unwrap_or_default();
     let least = Bound::of(limits.min, Bound::warning(0.0));
     let most = Bound::of(limits.max, Bound::warning(f64::INFINITY));
-    let pixels = subject.size.pixels() as f64;
+    let pixels = tally.size.pixels() as f64;
     let measured = tally.events as f64 / (pixels * seconds);
     let (verdict, limit) = within(measured, least, most);
     let because = format!(
@@ -72,7 +74,7 @@ fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
 }
 
 fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
-    let (Some(flow), Ok(law)) = (subject.flow, DriftLaw::of(subject.sensor)) else {
+    let (Some(flow), Ok(law)) = (subject.flow, subject.drift_law()) else {
         return subject.not_run(
             NAME,
             "flow",
@@ -89,11 +91,13 @@ fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
         );
     }
     let [on, off] = law.contrast();
-    let sensitivity = CONTRAST / (0.5 * (on + off));
+    let contrast = 0.5 * (on + off);
+    let sensitivity = CONTRAST / contrast;
     let noise = GREYS.map(|grey| law.most_noise_events(grey, subject.seconds() * 1e6));
     let noise = noise.into_iter().fold(0.0, f64::max) / moved;
-    let [least, most] = [PER_FLOW[0] * sensitivity, PER_FLOW[1] * sensitivity + noise];
-    let measured = tally.events as f64 / subject.size.pixels() as f64 / moved;
+    let least = if contrast > INSENSITIVE { 0.0 } else { PER_FLOW[0] * sensitivity };
+    let most = PER_FLOW[1] * sensitivity + noise;
+    let measured = tally.events as f64 / tally.size.pixels() as f64 / moved;
     let (verdict, limit) = within(measured, Bound::warning(least), Bound::warning(most));
     let because = format!(
         "{measured:.4} events per pixel for each of {moved:.1} px of median flow; {least:.3} to {most:.3} are usual"

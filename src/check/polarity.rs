@@ -5,7 +5,6 @@
 //! balanced scene gives one half, a leaking sensor on a still scene gives 1, and the usual 0.35 to 0.65 become 0.15
 //! to either side of what is predicted.
 
-use super::drift::DriftLaw;
 use super::event_frame::fit::Fit;
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, limits};
@@ -71,7 +70,7 @@ fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
 
 /// The share of ON events that the frames and the number of events predict.
 fn predicted(subject: &Subject<'_>, tally: &Tally) -> Option<f64> {
-    let [a, b] = DriftLaw::of(subject.sensor).ok()?.thresholds;
+    let [a, b] = subject.drift_law().ok()?.thresholds;
     let Fit { expected, events, .. } = tally.fits.last()?;
     Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))
 }

@@ -21,7 +21,7 @@ impl Check for Schema {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        let (events, size) = (tally.events, subject.size);
+        let (events, size) = (tally.events, tally.size);
         let place = format!("{} of {events} events lie outside the {size} sensor", tally.off_sensor);
         let order = format!("{} of {events} events sort before the one in front of them", tally.disordered);
         let wrong = |part, count: u64, because| {

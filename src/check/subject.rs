@@ -1,7 +1,7 @@
 //! What passes see: the values of one trajectory, and how a finding about them is written.
 
+use super::drift::DriftLaw;
 use super::{Finding, Limits, Tally, Verdict};
-use crate::image::Size;
 use crate::render::flow::Quantiles;
 use crate::sensor::{Account, Sensor};
 use crate::trajectory::Trajectory;
@@ -14,16 +14,14 @@ use crate::units::Hertz;
 pub struct Subject<'a> {
     /// `scene/trajectory`.
     pub name: &'a str,
-    /// Size of the sensor and of its frames.
-    pub size: Size,
     /// Frame rate.
     pub rate: Hertz,
     /// The poses and their stamps.
     pub trajectory: &'a Trajectory,
     /// What the trajectory's own report says.
     pub speed: Option<&'a Report>,
-    /// The sensor.
-    pub sensor: &'a Sensor,
+    /// The sensor, where there are events.
+    pub sensor: Option<&'a Sensor>,
     /// The sensor's account of its run.
     pub account: Option<&'a Account>,
     /// The events, counted.
@@ -43,6 +41,11 @@ impl Subject<'_> {
             (Some(first), Some(last)) => (last - first) as f64 * 1e-6,
             _ => 0.0,
         }
+    }
+
+    /// The law of the sensor's drift, or why there is none.
+    pub(super) fn drift_law(&self) -> Result<DriftLaw, &'static str> {
+        self.sensor.ok_or("there is no sensor").and_then(DriftLaw::of)
     }
 
     /// A finding of `check`; `part` names the statement where the pass makes several.

@@ -14,6 +14,8 @@ const PHASES: usize = 16;
 /// A stream, counted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tally {
+    /// Size of the sensor.
+    pub size: Size,
     /// Events.
     pub events: u64,
     /// Of these, brighter.
@@ -85,7 +87,7 @@ impl<'a> Observer<'a> {
         let counts = Counts { on: vec![0; size.pixels()], off: vec![0; size.pixels()] };
         let balance = seen.and_then(|(law, anchors)| Balance::new(size, law, anchors));
         let millisecond = (0, 0);
-        Self { tally: Tally::empty(), size, rate, end_us, previous: None, millisecond, counts, balance }
+        Self { tally: Tally::empty(size), size, rate, end_us, previous: None, millisecond, counts, balance }
     }
 
     /// Counts a chunk.
@@ -164,8 +166,9 @@ impl<'a> Observer<'a> {
 }
 
 impl Tally {
-    fn empty() -> Self {
+    fn empty(size: Size) -> Self {
         Self {
+            size,
             events: 0,
             on: 0,
             off_sensor: 0,
