@@ -96,9 +96,10 @@ impl Parts {
     }
 
     fn recipe(self, file: &Path) -> Result<Read, Vec<Fault>> {
-        let (raw, resolved) = self
-            .resolve(|raw: &schema::Recipe, resolver| resolver.recipe(raw))
-            .map_err(|faults| self.other_version().map_or(faults, |fault| vec![fault]))?;
+        if let Some(fault) = self.other_version() {
+            return Err(vec![fault]);
+        }
+        let (raw, resolved) = self.resolve(|raw: &schema::Recipe, resolver| resolver.recipe(raw))?;
         let at = |field: Option<Place>| field.map(|place| self.position(place));
         let named_at = NamedAt {
             scene: at(raw.scene.place()),
