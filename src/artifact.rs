@@ -130,7 +130,7 @@ impl Artifact for Motion {
     const KIND: &'static str = "trajectory";
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
-        let trajectory = files.read("poses.txt", |file| Trajectory::read_poses(file))?;
+        let trajectory = files.read("poses.txt", Trajectory::read_poses)?;
         Ok(Self { trajectory, report: files.json("speed.json")? })
     }
 }

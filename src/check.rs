@@ -244,6 +244,17 @@ mod tests {
     }
 
     #[test]
+    fn voltages_may_start_anywhere() {
+        let initial = crate::sensor::voltmeter::Initial::Stationary;
+        let mut world = World::new(Setting { initial, dawn: 0.5, ..Setting::default() });
+        world.flow = None;
+        assert_eq!(world.faults(), [""; 0], "{:#?}", world.findings());
+        assert_eq!(world.finding("event_frame#threshold-on").verdict, Verdict::NotRun);
+        world.events.retain(|e| e.polarity == Polarity::On);
+        assert_eq!(world.finding("event_frame#residual").verdict, Verdict::Fail);
+    }
+
+    #[test]
     fn a_dropped_chunk_is_found() {
         let drop = |w: &mut World| {
             let tenth = w.events.len() / 10;

@@ -361,7 +361,7 @@ impl Job<'_> {
             warnings: warnings.clone(),
         };
         let record = Record::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);
-        let outputs = self.store.publish(workspace, record)?;
+        let outputs = self.store.publish(&workspace, record)?;
         Ok(Made { outputs, seconds, warnings })
     }
 

@@ -59,7 +59,7 @@ pub trait Inputs {
     ///
     /// # Errors
     /// When an artifact cannot be opened.
-    fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<Self::Opened, ArtifactError>;
+    fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<Self::Opened, ArtifactError>;
 }
 
 impl Inputs for () {
@@ -69,7 +69,7 @@ impl Inputs for () {
         Vec::new()
     }
 
-    fn open<'f>(&self, _: &mut dyn Iterator<Item = &'f Files>) -> Result<(), ArtifactError> {
+    fn open(&self, _: &mut dyn Iterator<Item = &Files>) -> Result<(), ArtifactError> {
         Ok(())
     }
 }
@@ -81,7 +81,7 @@ impl<A: Artifact> Inputs for Target<A> {
         vec![(A::KIND, self.step)]
     }
 
-    fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<A, ArtifactError> {
+    fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<A, ArtifactError> {
         A::open(files.next().expect("one set of files for each target"))
     }
 }
@@ -93,7 +93,7 @@ impl<I: Inputs> Inputs for Option<I> {
         self.as_ref().map(I::targets).unwrap_or_default()
     }
 
-    fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<Self::Opened, ArtifactError> {
+    fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<Self::Opened, ArtifactError> {
         self.as_ref().map(|inputs| inputs.open(files)).transpose()
     }
 }
@@ -107,7 +107,7 @@ macro_rules! tuple_inputs {
                 [$(self.$index.targets()),+].concat()
             }
 
-            fn open<'f>(&self, files: &mut dyn Iterator<Item = &'f Files>) -> Result<Self::Opened, ArtifactError> {
+            fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<Self::Opened, ArtifactError> {
                 Ok(($(self.$index.open(files)?,)+))
             }
         }

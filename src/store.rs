@@ -325,8 +325,8 @@ impl Store {
     ///
     /// # Errors
     /// When a file cannot be read or written, or the key is on record with other bytes that are still there.
-    pub fn publish(&self, workspace: Workspace, mut record: Record) -> Result<Vec<Output>, StoreError> {
-        record.outputs = self.blobs.take_all(&workspace)?;
+    pub fn publish(&self, workspace: &Workspace, mut record: Record) -> Result<Vec<Output>, StoreError> {
+        record.outputs = self.blobs.take_all(workspace)?;
         if let Some(before) = self.full_record(&record.key) {
             let kept = before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)));
             if kept && before.outputs != record.outputs {

@@ -1,7 +1,7 @@
 //! The drift of a pixel's voltage between two frames, as the sensor's law has it.
 
 use crate::sensor::Sensor;
-use crate::sensor::voltmeter::{Gain, Voltmeter};
+use crate::sensor::voltmeter::{Gain, Initial, Voltmeter};
 
 /// The part of a sensor's law that frames alone decide: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
 /// microseconds and greys (numerics.md section 1).
@@ -10,6 +10,8 @@ pub struct DriftLaw {
     k: [f64; 6],
     /// Thresholds of ON and OFF events.
     pub thresholds: [f64; 2],
+    /// Whether all voltages are 0 at the first frame; else they lie anywhere between the thresholds.
+    pub from_zero: bool,
 }
 
 impl DriftLaw {
@@ -18,13 +20,22 @@ impl DriftLaw {
     /// # Errors
     /// Where the frames at two instants do not decide the drift between them; the text says why.
     pub fn of(sensor: &Sensor) -> Result<Self, &'static str> {
-        let Sensor::Voltmeter(Voltmeter { k, threshold_on, threshold_off, gain, .. }) = sensor;
+        let Sensor::Voltmeter(Voltmeter { k, threshold_on, threshold_off, gain, initial, .. }) = sensor;
+        let from_zero = *initial == Initial::Zero;
         match gain {
-            Gain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off] }),
+            Gain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off], from_zero }),
             Gain::Midpoint => {
                 Err("under `gain: midpoint` the drift depends on every frame between two anchors")
             }
         }
+    }
+
+    /// The largest difference that a pixel's drift and its events can have without noise (numerics.md O1): the
+    /// voltage that is left, less the one that it began with.
+    #[must_use]
+    pub fn most_residual(&self) -> f64 {
+        let [on, off] = self.thresholds;
+        if self.from_zero { on.max(off) } else { on + off }
     }
 
     /// Change of `ln(L + k2)` for one ON and one OFF event.
@@ -82,7 +93,8 @@ mod tests {
 
     #[test]
     fn noise_is_largest_where_luminance_is_k2() {
-        let law = DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2] };
+        let law =
+            DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2], from_zero: true };
         let most = law.most_noise(1e4);
         for luminance in [0.0, 1.0, 10.0, 19.0, 21.0, 40.0, 128.0, 255.0] {
             assert!(law.noise(luminance, 1e4) < most, "{luminance}");
@@ -91,7 +103,8 @@ mod tests {
 
     #[test]
     fn a_brighter_pixel_drifts_by_the_logarithm_and_leaks() {
-        let law = DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2] };
+        let law =
+            DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2], from_zero: true };
         let logs = law.log_brightness(128.0) - law.log_brightness(64.0);
         // ln(148 / 84) = 0.566396...; numerics.md 1.1 gives 0.74 leak events a second at grey 128.
         assert!((law.drift(logs, 0.0, 0.0) - 5.265 * 0.566_395).abs() < 1e-5);

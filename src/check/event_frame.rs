@@ -17,10 +17,11 @@
 //! residuals all have one sign, and sound streams give 1.1 to 1.7. So its limits are widened by what residuals can
 //! do, [`fit::Slope::allowance`], and the threshold is read off the edge of what the residuals reach, which is sharp
 //! to 2 %. A residual is possible when `|dv - s| <= max(A, B)` (O1), with 2 %, six standard deviations of the noise
-//! and the leak's uncertainty added. Gate.
+//! and the leak's uncertainty added. Where voltages do not start at 0 the bound is `A + B`, and there is no edge. Gate.
 
 pub mod fit;
 
+use super::drift::DriftLaw;
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};
 use fit::{Fit, Slope};
@@ -76,7 +77,7 @@ impl Check for EventFrame {
         if tally.fits.is_empty() {
             return vec![subject.not_run(NAME, "", "a single frame changes nothing")];
         }
-        let pass = Pass { subject, tally, thresholds: law.thresholds };
+        let pass = Pass { subject, tally, law };
         let all = |fit: &Fit| fit.slopes[0] + fit.slopes[1];
         vec![
             pass.gain("gain", all),
@@ -93,7 +94,7 @@ impl Check for EventFrame {
 struct Pass<'a> {
     subject: &'a Subject<'a>,
     tally: &'a Tally,
-    thresholds: [f64; 2],
+    law: DriftLaw,
 }
 
 impl Pass<'_> {
@@ -102,7 +103,7 @@ impl Pass<'_> {
     }
 
     fn gain(&self, part: &str, of: impl Fn(&Fit) -> Slope) -> Finding {
-        let most = self.thresholds[0].max(self.thresholds[1]);
+        let most = self.law.most_residual();
         let tolerance = self.limits().gain.unwrap_or(GAIN);
         let excess = |s: &Slope| (s.factor() - 1.0).abs() - s.allowance(most);
         let slopes = self.tally.fits.iter().map(of).filter(|s| s.pixels >= LEAST_PIXELS && s.squares > 0.0);
@@ -123,7 +124,14 @@ impl Pass<'_> {
     /// The largest of the thresholds that the instants show: a lower one may only mean that no pixel was about to
     /// fire, while none shows more than there is.
     fn threshold(&self, part: &str, side: usize) -> Finding {
-        let stated = self.thresholds[side];
+        if !self.law.from_zero {
+            return self.subject.not_run(
+                NAME,
+                part,
+                "voltages start anywhere, so residuals show no threshold",
+            );
+        }
+        let stated = self.law.thresholds[side];
         let tolerance = self.limits().threshold.unwrap_or(THRESHOLD);
         let edges = self.tally.fits.iter().filter_map(|fit| fit.edges[side]);
         let usable = edges.filter(|edge| edge.reachable >= LEAST_REACHABLE);

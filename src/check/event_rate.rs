@@ -2,7 +2,8 @@
 //!
 //! `rate` is events per pixel and second, told and held against the recipe's `min` and `max`. `flow` is events per
 //! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
-//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems.
+//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems. A sensor of a contrast
+//! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound.
 
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};
@@ -24,6 +25,8 @@ pub struct Limits {
 const PER_FLOW: [f64; 2] = [0.02, 1.0];
 /// The contrast that [`PER_FLOW`] was found at.
 const CONTRAST: f64 = 0.2;
+/// Sensors that need more than this may make no events.
+const INSENSITIVE: f64 = 0.5;
 /// Greys at which the noise is bounded.
 const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];
 
@@ -88,10 +91,12 @@ fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
         );
     }
     let [on, off] = law.contrast();
-    let sensitivity = CONTRAST / (0.5 * (on + off));
+    let contrast = 0.5 * (on + off);
+    let sensitivity = CONTRAST / contrast;
     let noise = GREYS.map(|grey| law.most_noise_events(grey, subject.seconds() * 1e6));
     let noise = noise.into_iter().fold(0.0, f64::max) / moved;
-    let [least, most] = [PER_FLOW[0] * sensitivity, PER_FLOW[1] * sensitivity + noise];
+    let least = if contrast > INSENSITIVE { 0.0 } else { PER_FLOW[0] * sensitivity };
+    let most = PER_FLOW[1] * sensitivity + noise;
     let measured = tally.events as f64 / tally.size.pixels() as f64 / moved;
     let (verdict, limit) = within(measured, Bound::warning(least), Bound::warning(most));
     let because = format!(

@@ -14,7 +14,7 @@ use crate::frames::anchors::Anchors;
 use crate::image::{Image, Size};
 use crate::render::flow::Quantiles;
 use crate::se3::Se3;
-use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::voltmeter::{Initial, Voltmeter};
 use crate::sensor::{Account, Sensor};
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::{Follow, Meaning, Report, Summation};
@@ -51,12 +51,20 @@ pub(super) struct Setting {
     pub(super) contrast: f64,
     /// Relative growth of all luminance over the clip.
     pub(super) dawn: f64,
+    pub(super) initial: Initial,
     pub(super) frames: usize,
 }
 
 impl Default for Setting {
     fn default() -> Self {
-        Self { pace: 0.3, thresholds: [1.0; 2], contrast: 0.6, dawn: 0.0, frames: FRAMES }
+        Self {
+            pace: 0.3,
+            thresholds: [1.0; 2],
+            contrast: 0.6,
+            dawn: 0.0,
+            initial: Initial::Zero,
+            frames: FRAMES,
+        }
     }
 }
 
@@ -65,6 +73,7 @@ impl World {
         let stamps_us: Vec<i64> = (0..setting.frames as u64).map(|j| rate().stamp_us(j)).collect();
         let mut sensor = Voltmeter::new([5.265, 20.0, 0.0, 1e-7, 0.0, 0.0]);
         [sensor.threshold_on, sensor.threshold_off] = setting.thresholds;
+        sensor.initial = setting.initial;
         let images: Vec<Image<f32>> = (0..setting.frames).map(|j| picture(setting, j)).collect();
         let events = fire(&sensor, &images, &stamps_us);
         let mut anchors = Anchors::empty();
@@ -155,7 +164,16 @@ fn fire(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Eve
         let volts = |j: usize| {
             k1 * (f64::from(images[j].pixels()[i]) + k2).ln() + k4 * (stamps_us[j] - stamps_us[0]) as f64
         };
-        let (mut level, mut from) = (volts(0), volts(0));
+        let mut from = volts(0);
+        // The golden ratio spreads starts evenly over (-B, A).
+        let start = match sensor.initial {
+            Initial::Zero => 0.0,
+            Initial::Stationary => {
+                let width = sensor.threshold_on + sensor.threshold_off;
+                (i as f64 * 0.618_033_988_749_895).fract() * width - sensor.threshold_off
+            }
+        };
+        let mut level = from - start;
         for j in 1..images.len() {
             let to = volts(j);
             let [t0, t1] = [stamps_us[j - 1], stamps_us[j]].map(|t| (1000 * t) as f64);

@@ -3,7 +3,9 @@
 //! The net count follows from the frames: with `s = A N_on - B N_off` summed over pixels and `N = N_on + N_off`, the
 //! share of ON events is `(B + s / N) / (A + B)`. What `s` must be is the drift of each pixel in whole thresholds. A
 //! balanced scene gives one half, a leaking sensor on a still scene gives 1, and the usual 0.35 to 0.65 become 0.15
-//! to either side of what is predicted.
+//! to either side of what is predicted. Where voltages do not start at 0, each pixel that fires shifts `s` by up to
+//! `A + B` by what it began with and ends with, so the width grows by the pixels that fire over `N`: a sensor whose
+//! leak outweighs its noise begins anywhere between 0 and `A`, and its first events are ON.
 
 use super::event_frame::fit::Fit;
 use super::subject::{Bound, Judged, within};
@@ -54,8 +56,9 @@ fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
     let limits = subject.limits.polarity.unwrap_or_default();
     let predicted = predicted(subject, tally);
     let center = predicted.unwrap_or(0.5);
-    let least = Bound::of(limits.min, Bound::warning((center - WIDTH).max(0.0)));
-    let most = Bound::of(limits.max, Bound::warning((center + WIDTH).min(1.0)));
+    let width = WIDTH + shift(subject, tally);
+    let least = Bound::of(limits.min, Bound::warning((center - width).max(0.0)));
+    let most = Bound::of(limits.max, Bound::warning((center + width).min(1.0)));
     let (verdict, limit) = within(share, least, most);
     let because = match predicted {
         Some(p) => format!("{share:.4} of {} events are ON, the frames predict {p:.4}", tally.events),
@@ -66,6 +69,12 @@ fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
         "",
         Judged { verdict, measured: Some(share), limit: Some(limit), unit: "1", because },
     )
+}
+
+/// How far the share may be shifted by voltages that start anywhere.
+fn shift(subject: &Subject<'_>, tally: &Tally) -> f64 {
+    let anywhere = subject.drift_law().is_ok_and(|law| !law.from_zero);
+    if anywhere { tally.active_pixels as f64 / tally.events as f64 } else { 0.0 }
 }
 
 /// The share of ON events that the frames and the number of events predict.

@@ -11,8 +11,15 @@ use std::path::PathBuf;
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Capturing {
-    /// The capture of the embedded scene.
-    Procedural(StillLife),
+    /// The capture of the embedded scene, whatever the number of its Gaussians.
+    Procedural {
+        /// Number of key views.
+        views: u32,
+        /// Extent of the arc in degrees.
+        arc: f64,
+        /// Seed of the capture's unevenness.
+        seed: u64,
+    },
     /// A COLMAP model.
     Colmap {
         /// Its folder.
@@ -28,10 +35,11 @@ pub enum Capturing {
 }
 
 impl Capturing {
-    /// The capture of an embedded scene, whatever the number of its Gaussians.
+    /// The capture of an embedded scene.
     #[must_use]
     pub fn procedural(still_life: &StillLife) -> Self {
-        Self::Procedural(StillLife { gaussians: StillLife::default().gaussians, ..still_life.clone() })
+        let StillLife { views, arc, seed, .. } = *still_life;
+        Self::Procedural { views, arc, seed }
     }
 }
 
@@ -43,7 +51,7 @@ impl Stage for Capturing {
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let (root, listed) = match self {
-            Self::Procedural(_) => return Ok(Vec::new()),
+            Self::Procedural { .. } => return Ok(Vec::new()),
             Self::Colmap { dir } => (dir, colmap::files(dir)),
             Self::Nerfstudio { path } => (path, nerfstudio::files(path)),
         };
@@ -56,7 +64,10 @@ impl Stage for Capturing {
 
     fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
         let (capture, warnings) = match self {
-            Self::Procedural(still_life) => (procedural::capture(still_life), Vec::new()),
+            Self::Procedural { views, arc, seed } => {
+                let still_life = StillLife { views: *views, arc: *arc, seed: *seed, ..StillLife::default() };
+                (procedural::capture(&still_life), Vec::new())
+            }
             Self::Colmap { dir } => {
                 colmap::read(dir).map_err(StageError::work(&format!("read {}", dir.display())))?
             }

@@ -12,8 +12,13 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reconstructing {
-    /// The embedded scene.
-    Procedural(StillLife),
+    /// The embedded scene, whatever its capture.
+    Procedural {
+        /// Number of Gaussians.
+        gaussians: u32,
+        /// Seed of the scene.
+        seed: u64,
+    },
     /// A scene file, whose content enters the key by its digest.
     Given {
         /// Its form, where only the file's name tells it.
@@ -26,11 +31,11 @@ pub enum Reconstructing {
 }
 
 impl Reconstructing {
-    /// The Gaussians of an embedded scene, whatever its capture.
+    /// The Gaussians of an embedded scene.
     #[must_use]
     pub fn procedural(still_life: &StillLife) -> Self {
         let StillLife { gaussians, seed, .. } = *still_life;
-        Self::Procedural(StillLife { gaussians, seed, ..StillLife::default() })
+        Self::Procedural { gaussians, seed }
     }
 
     /// A scene file. A `.splat` has no magic number, so its name is part of what it is.
@@ -49,14 +54,17 @@ impl Stage for Reconstructing {
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         Ok(match self {
-            Self::Procedural(_) => Vec::new(),
+            Self::Procedural { .. } => Vec::new(),
             Self::Given { file, .. } => vec![SourceFile { name: "scene".into(), path: file.clone() }],
         })
     }
 
     fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
         let gaussians = match self {
-            Self::Procedural(still_life) => procedural::gaussians(still_life),
+            Self::Procedural { gaussians, seed } => {
+                let still_life = StillLife { gaussians: *gaussians, seed: *seed, ..StillLife::default() };
+                procedural::gaussians(&still_life)
+            }
             Self::Given { file, .. } => {
                 scene::read(file).map_err(StageError::work(&format!("read {}", file.display())))?
             }

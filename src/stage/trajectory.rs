@@ -45,8 +45,8 @@ impl Stage for Moving {
             });
             written.map_err(StageError::io(&out))
         };
-        write("poses.txt", &|mut file| refined.trajectory.write_poses(&mut file))?;
-        write("timestamps_us.txt", &|mut file| refined.trajectory.write_stamps(&mut file))?;
+        write("poses.txt", &|file| refined.trajectory.write_poses(file))?;
+        write("timestamps_us.txt", &|file| refined.trajectory.write_stamps(file))?;
         write("trajectory.svg", &|file| {
             file.write_all(picture::svg(&refined.trajectory, &refined.report).as_bytes())
         })?;

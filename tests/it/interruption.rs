@@ -1,18 +1,20 @@
 //! Builds that are stopped: asked to, they keep what is finished; killed, they lose nothing that was. The next run just
 //! works, and its tree is that of a build that nobody disturbed.
 
+mod instants;
+
 use crate::support::workspace::{Ended, TINY, Workspace, same_tree};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::Child;
 
-/// [`TINY`] and a scene whose events and frames take some seconds: enough to be caught at.
+/// [`TINY`] and a scene whose events and frames take a second or more: enough to be caught at.
 fn two_scenes() -> Workspace {
     let place = Workspace::with_tiny();
     let long = TINY
         .replace("scene: tiny", "scene: long")
-        .replace("width: 64, height: 48", "width: 256, height: 192")
-        .replace("factor: 2", "factor: 50");
+        .replace("width: 64, height: 48", "width: 128, height: 96")
+        .replace("factor: 2", "factor: 10");
     place.write("long.yaml", long);
     place
 }

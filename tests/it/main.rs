@@ -1,18 +1,18 @@
 //! The integration tests: one binary, one module a feature.
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stderr,
-    reason = "a test that cannot go on panics, and one that is left out says so"
-)]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 mod audit;
 mod bad_input;
 mod cli;
 mod codecs;
+mod cutoff;
 mod determinism;
 mod event_statistics;
 mod interruption;
+mod keys;
+mod locks;
 mod manifest;
+mod real;
 mod recipes;
 mod release;
 mod render_golden;

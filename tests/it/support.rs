@@ -5,4 +5,5 @@ pub(crate) mod gaussians;
 pub(crate) mod given;
 pub(crate) mod ply;
 pub(crate) mod shared;
+pub(crate) mod steps;
 pub(crate) mod workspace;

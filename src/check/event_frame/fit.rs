@@ -18,7 +18,7 @@ const MOST_BLUR: f64 = 0.04;
 /// The state of all pixels at one anchor, in numbers.
 ///
 /// For each pixel, `dv` is the drift since the first frame and `s = A on - B off` what its events say of it. The
-/// residual voltage is `dv - s`: it starts at 0 and stays between `-B` and `A`.
+/// residual voltage is `dv - s`, less what the pixel began with: between `-B` and `A`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// Stamp of the anchor.
@@ -33,8 +33,8 @@ pub struct Fit {
     pub doubled: [u64; 2],
     /// Where ON and OFF events happen, relative to the thresholds.
     pub edges: [Option<Edge>; 2],
-    /// Sum over pixels of the drift in whole thresholds, rounded towards 0, each times its threshold: what `sum(s)`
-    /// is expected to be.
+    /// What the sum of `s` over pixels is expected to be: the drift, in whole thresholds towards 0 where voltages
+    /// start there, in the mean exact where they start anywhere.
     pub expected: f64,
 }
 
@@ -135,7 +135,7 @@ impl<'a> Balance<'a> {
         let (step, total) =
             ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
         let leak_error = self.law.leak_error(step, number);
-        let mut stock = Stock::new(self.law.thresholds, 6.0 * self.law.most_noise(total) + leak_error);
+        let mut stock = Stock::new(&self.law, 6.0 * self.law.most_noise(total) + leak_error);
         for i in 0..now.len() {
             // The trapezoid rule; numerics.md pass 10 asks for no more.
             self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
@@ -151,7 +151,10 @@ impl<'a> Balance<'a> {
 /// Sums over pixels on the way to a [`Fit`].
 struct Stock {
     thresholds: [f64; 2],
-    slack: f64,
+    /// Larger differences of drift and events are impossible.
+    most_residual: f64,
+    /// Whether residuals are 0 at the first frame.
+    from_zero: bool,
     events: u64,
     slopes: [Slope; 2],
     possible: u64,
@@ -161,10 +164,19 @@ struct Stock {
 }
 
 impl Stock {
-    fn new(thresholds: [f64; 2], slack: f64) -> Self {
-        let near = [Vec::new(), Vec::new()];
-        let slopes = [Slope::default(); 2];
-        Self { thresholds, slack, events: 0, slopes, possible: 0, doubled: [0; 2], near, expected: 0.0 }
+    fn new(law: &DriftLaw, slack: f64) -> Self {
+        Self {
+            thresholds: law.thresholds,
+            // 2 % for events that the anchor's own microsecond holds and the law's finer steps.
+            most_residual: 1.02 * law.most_residual() + slack,
+            from_zero: law.from_zero,
+            events: 0,
+            slopes: [Slope::default(); 2],
+            possible: 0,
+            doubled: [0; 2],
+            near: [Vec::new(), Vec::new()],
+            expected: 0.0,
+        }
     }
 
     fn add(&mut self, dv: f64, [on, off]: [u32; 2], blur: f64) {
@@ -173,17 +185,16 @@ impl Stock {
         self.events += u64::from(on) + u64::from(off);
         let (side, threshold) = if dv > 0.0 { (0, a) } else { (1, b) };
         let steps = (dv.abs() / threshold).floor();
-        self.expected += steps * threshold.copysign(dv);
+        self.expected += if self.from_zero { steps * threshold.copysign(dv) } else { dv };
         if dv.abs() > threshold {
             self.slopes[side].add(s, dv);
-            // 2 % for events that the anchor's own microsecond holds and the law's finer steps.
-            self.possible += u64::from((dv - s).abs() <= 1.02 * a.max(b) + self.slack);
+            self.possible += u64::from((dv - s).abs() <= self.most_residual);
         }
         if dv.abs() > 2.0 * threshold {
             self.doubled[0] += 1;
             self.doubled[1] += u64::from(s * dv > 0.0);
         }
-        if dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
+        if self.from_zero && dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
             self.near[side].push(ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
     }

@@ -1,0 +1,101 @@
+//! The checks over what the program itself makes, in varied settings: no false alarm, and the thresholds are shown.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+
+use crate::release::small::{gs2e, said};
+use serde_json::Value;
+use std::fs;
+
+/// One scene.
+struct Setting {
+    sensor: &'static str,
+    /// Degrees.
+    arc: f64,
+    /// Poses a view.
+    factor: u32,
+    speed: &'static str,
+    /// Thresholds, where the scene is rich enough to show them.
+    shown: Option<[f64; 2]>,
+}
+
+fn recipe(index: usize, setting: &Setting) -> String {
+    let Setting { sensor, arc, factor, speed, .. } = setting;
+    format!(
+        "version: 1\nscene: varied/{index}\nseed: {index}\n\
+         source:\n  procedural: {{ kind: still-life, gaussians: 3000, views: 8, arc: {arc}, seed: 1 }}\n\
+         camera: {{ width: 160, height: 120 }}\n\
+         trajectories:\n  - name: base\n    refine: {{ window: 1, factor: {factor} }}\n    \
+         speed: {{ function: \"{speed}\" }}\n\
+         sensor:\n  voltmeter: {{ {sensor} }}\noutputs: [events]\n"
+    )
+}
+
+/// The records of `gs2e check` over recipes in a fresh folder.
+fn records(settings: &[Setting]) -> Vec<Value> {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("recipes")).unwrap();
+    for (i, setting) in settings.iter().enumerate() {
+        fs::write(folder.path().join(format!("recipes/{i}.yaml")), recipe(i, setting)).unwrap();
+    }
+    let built = gs2e(folder.path(), &["build"]);
+    assert!(built.status.success(), "{}", said(&built));
+    let checked = gs2e(folder.path(), &["check", "--json"]);
+    let text = String::from_utf8(checked.stdout).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
+    let even = "1";
+    let law = "0.25*sin(t) + 1.1";
+    let settings = [
+        Setting { sensor: "preset: dvs346", arc: 12.0, factor: 6, speed: law, shown: Some([1.0, 1.0]) },
+        Setting { sensor: "preset: dvs240", arc: 12.0, factor: 6, speed: even, shown: None },
+        Setting { sensor: "preset: gs2e-si", arc: 12.0, factor: 6, speed: law, shown: None },
+        Setting {
+            sensor: "preset: dvs346, threshold: { on: 0.6, off: 0.9 }",
+            arc: 12.0,
+            factor: 6,
+            speed: "1 + 4*t",
+            shown: Some([0.6, 0.9]),
+        },
+        Setting {
+            sensor: "preset: dvs346, threshold: { on: 1.5, off: 1.2 }",
+            arc: 30.0,
+            factor: 10,
+            speed: even,
+            shown: Some([1.5, 1.2]),
+        },
+        Setting {
+            sensor: "preset: dvs346, initial: stationary",
+            arc: 12.0,
+            factor: 6,
+            speed: law,
+            shown: None,
+        },
+        // Nearly at rest, and the other extreme: tens of pixels a frame, about which `sampling` must speak.
+        Setting { sensor: "preset: dvs346", arc: 0.5, factor: 6, speed: even, shown: None },
+        Setting { sensor: "preset: dvs346", arc: 180.0, factor: 3, speed: law, shown: Some([1.0, 1.0]) },
+    ];
+    let records = records(&settings);
+    let text = |record: &Value, key: &str| record[key].as_str().unwrap().to_owned();
+    for (i, setting) in settings.iter().enumerate() {
+        let subject = format!("varied/{i}/base");
+        let of_scene: Vec<&Value> =
+            records.iter().filter(|r| text(r, "subject").starts_with(&subject)).collect();
+        assert!(of_scene.len() >= 20, "{of_scene:#?}");
+        for record in &of_scene {
+            let may_warn = setting.arc > 90.0 && record["check"] == "sampling";
+            let wanted = if may_warn { "warn" } else { "pass" };
+            let sound = [wanted, "not-run"].contains(&&*text(record, "verdict"));
+            assert!(sound, "{}: {record:#}", setting.sensor);
+        }
+        for (part, wanted) in ["on", "off"].into_iter().zip(setting.shown.into_iter().flatten()) {
+            let name = format!("{subject}#threshold-{part}");
+            let shown = of_scene.iter().find(|r| text(r, "subject") == name).unwrap();
+            let measured = shown["measured"].as_f64().unwrap_or_else(|| panic!("{shown:#}"));
+            // An edge is sharp to 2 %; the leak between anchors blurs it by as much again.
+            assert!((measured / wanted - 1.0).abs() < 0.04, "{}: {shown:#}", setting.sensor);
+        }
+    }
+}

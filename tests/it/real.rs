@@ -1,0 +1,79 @@
+//! Real scenes and real captures, small, where the folder of test data is there.
+
+use crate::support::shared;
+use crate::support::steps::{recipe, steps};
+use crate::support::workspace::Workspace;
+use serde_json::{Value, json};
+use std::fs;
+
+/// The finding of one check about one part of the stream.
+fn finding<'a>(findings: &'a [Value], check: &str, part: &str) -> &'a Value {
+    let found =
+        findings.iter().find(|f| f["check"] == check && f["subject"].as_str().unwrap().ends_with(part));
+    found.unwrap_or_else(|| panic!("no finding of {check}, {part} in {findings:#?}"))
+}
+
+/// A scene of 31,000 Gaussians and 30 views of it: released, judged, and its thresholds found in the events.
+#[test]
+fn a_real_scene_at_a_small_size() {
+    let (Some(scene), Some(views)) =
+        (shared::path("data/scenes/playbot_lod3.ply"), shared::path("data/scenes/playbot.transforms.json"))
+    else {
+        return;
+    };
+    let mut value = recipe("playbot");
+    value["source"] = json!({ "nerfstudio": { "path": views } });
+    value["reconstruct"] = json!({ "given": { "path": scene } });
+    value["camera"] = json!({ "width": 160, "height": 90 });
+    value["licence"] = json!({ "expression": "CC-BY-4.0", "holder": "Stephane Agullo" });
+    // Unlike thresholds, so that one cannot stand for the other.
+    value["sensor"] = json!({ "voltmeter": { "threshold": { "on": 1.0, "off": 1.25 } } });
+    let place = Workspace::new();
+    place.write("playbot.yaml", value.to_string());
+    place.ok("build playbot.yaml");
+
+    let told = place.ok("check --json --recipes playbot.yaml").stdout;
+    let findings: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let failed: Vec<&Value> = findings.iter().filter(|f| f["verdict"] == "fail").collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+    for (part, stated) in [("threshold-on", 1.0), ("threshold-off", 1.25)] {
+        let fitted = finding(&findings, "event_frame", part);
+        assert_eq!(fitted["verdict"], "pass", "{fitted}");
+        let (measured, limit) = (fitted["measured"].as_f64().unwrap(), fitted["limit"].as_f64().unwrap());
+        eprintln!("playbot at 160x90, {part}: fitted {measured:.4}, stated {stated}");
+        assert!((measured - stated).abs() <= (limit - stated).abs(), "{fitted}");
+    }
+    assert_eq!(finding(&findings, "event_frame", "gain")["verdict"], "pass");
+
+    let outputs = &steps(&place, "playbot.yaml")["playbot/base/events"].outputs;
+    let simulation: Value = serde_json::from_slice(&fs::read(&outputs["simulation.json"]).unwrap()).unwrap();
+    let account = &simulation["account"];
+    let [on, off] = ["on", "off"].map(|side| account[side].as_f64().unwrap());
+    eprintln!("playbot at 160x90, 60 poses: {} events, ON share {:.3}", on + off, on / (on + off));
+    assert!(on + off > 10_000.0, "{account}");
+    assert!((0.3..0.7).contains(&(on / (on + off))), "{account}");
+}
+
+/// A hand-held capture's COLMAP model through `capture` and `trajectory`. The scene is another one: only the wiring is
+/// tried.
+#[test]
+fn a_colmap_model_at_a_small_size() {
+    let (Some(scene), Some(model)) =
+        (shared::path("data/scenes/playbot_lod3.ply"), shared::path("data/captures/fox"))
+    else {
+        return;
+    };
+    let mut value = recipe("fox");
+    value["source"] = json!({ "colmap": { "path": model } });
+    value["reconstruct"] = json!({ "given": { "path": scene } });
+    value["outputs"] = json!(["sharp"]);
+    value["sharp"] = json!({ "every": 1000 });
+    let place = Workspace::new();
+    place.write("fox.yaml", value.to_string());
+    place.ok("build fox.yaml");
+    let outputs = &steps(&place, "fox.yaml")["fox/base/trajectory"].outputs;
+    let poses = fs::read_to_string(&outputs["poses.txt"]).unwrap();
+    // 50 views, all registered, made twice as dense.
+    assert_eq!(poses.lines().filter(|line| !line.starts_with('#')).count(), 100);
+    assert_eq!(place.build("fox.yaml"), [""; 0]);
+}
