@@ -106,14 +106,3 @@ fn checks_of_what_is_not_built_and_releases_without_a_build() {
     place.ok("build tiny.yaml");
     place.ok("release --no-build --to out tiny.yaml");
 }
-
-/// A folder that is no release of ours is not touched.
-#[test]
-fn a_foreign_folder_is_left_alone() {
-    let place = Workspace::with_tiny();
-    place.write("out/thesis.tex", "two years of work");
-    let ended = place.gs2e("release --to out tiny.yaml");
-    assert_eq!(ended.code, 2, "{}", ended.stderr);
-    assert!(ended.stderr.contains("--replace"), "{}", ended.stderr);
-    assert_eq!(crate::support::workspace::tree(&place.path("out")).len(), 1);
-}
