@@ -61,7 +61,7 @@ impl Tally {
 pub struct Observer<'a> {
     tally: Tally,
     size: Size,
-    rate: Hertz,
+    frames_per_us: f64,
     end_us: i64,
     previous: Option<Event>,
     millisecond: (i64, u64),
@@ -87,7 +87,17 @@ impl<'a> Observer<'a> {
         let counts = Counts { on: vec![0; size.pixels()], off: vec![0; size.pixels()] };
         let balance = seen.and_then(|(law, anchors)| Balance::new(size, law, anchors));
         let millisecond = (0, 0);
-        Self { tally: Tally::empty(size), size, rate, end_us, previous: None, millisecond, counts, balance }
+        let frames_per_us = rate.to_f64() * 1e-6;
+        Self {
+            tally: Tally::empty(size),
+            size,
+            frames_per_us,
+            end_us,
+            previous: None,
+            millisecond,
+            counts,
+            balance,
+        }
     }
 
     /// Counts a chunk.
@@ -151,6 +161,7 @@ impl<'a> Observer<'a> {
         tally.distinct_us += u64::from(after.0 != before.0);
     }
 
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number from 0 to PHASES")]
     fn count_time(&mut self, t_us: i64) {
         let ms = t_us.div_euclid(1000);
         if ms != self.millisecond.0 {
@@ -159,9 +170,9 @@ impl<'a> Observer<'a> {
         }
         self.millisecond.1 += 1;
         self.tally.off_time += u64::from(t_us < 0 || t_us > self.end_us);
-        let (p, q) = (i128::from(self.rate.0.numerator()), i128::from(self.rate.0.denominator()));
-        let bins = i128::from(t_us) * p * PHASES as i128 / (1_000_000 * q);
-        self.tally.phases[bins.rem_euclid(PHASES as i128) as usize] += 1;
+        // The middle of the microsecond, so that no frame's stamp lies on the edge of a bin.
+        let phase = ((t_us as f64 + 0.5) * self.frames_per_us).rem_euclid(1.0);
+        self.tally.phases[((phase * PHASES as f64) as usize).min(PHASES - 1)] += 1;
     }
 }
 
