@@ -5,7 +5,7 @@ use super::problem::{Exit, Problem};
 use super::progress::Progress;
 use super::{Common, Targets, on_interrupt};
 use crate::plan::Plan;
-use crate::plan::assess::assess;
+use crate::plan::assess::{Action, assess};
 use crate::recipe::{self, Recipe};
 use crate::run::{self, Options, Summary};
 use crate::sensor::Sensor;
@@ -89,10 +89,10 @@ pub(super) fn build(
     console: &Console,
 ) -> Result<(Summary, f64), Problem> {
     let started = Instant::now();
-    tell_sensors(plan, console)?;
     // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
-    if !common.keep_going {
-        assess(plan, store)?;
+    let idle = !common.keep_going && assess(plan, store)?.iter().all(|a| a.action == Action::Keep);
+    if !idle {
+        tell_sensors(plan, console)?;
     }
     let cores = common.jobs.map_or_else(all_cores, usize::from);
     let options = Options { cores, keep_going: common.keep_going };
