@@ -5,7 +5,6 @@
 //! ```
 //! [`refine`](refine::refine) is that chain for the paper's section 3.5.1. Each step is a file of its own.
 
-pub mod camera;
 pub mod curve;
 pub mod knots;
 pub mod metric;
@@ -184,16 +183,6 @@ pub enum Warning {
         ratio: f64,
         /// Largest turn between neighbouring poses.
         degrees: f64,
-    },
-    /// The views do not share a camera.
-    #[error(
-        "{others} views differ from the first view's camera, by up to {most_px:.1} px; the first view's is used"
-    )]
-    Cameras {
-        /// How many views differ by more than 1 px.
-        others: usize,
-        /// Largest difference in focal length, principal point or size, px.
-        most_px: f64,
     },
     /// The law is not smooth.
     #[error("the speed need not be twice differentiable: {because}")]

@@ -330,49 +330,44 @@ impl Fields {
     }
 }
 
-impl ser::SerializeSeq for Elements {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
-        self.push(v)
-    }
-    fn end(self) -> Described {
-        Ok(Some(self.close()))
-    }
+macro_rules! elements {
+    ($($kind:ident $add:ident),+) => {$(
+        impl ser::$kind for Elements {
+            type Ok = Option<Value>;
+            type Error = Undescribable;
+            fn $add<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
+                self.push(v)
+            }
+            fn end(self) -> Described {
+                Ok(Some(self.close()))
+            }
+        }
+    )+};
 }
+elements!(
+    SerializeSeq serialize_element, SerializeTuple serialize_element, SerializeTupleStruct serialize_field,
+    SerializeTupleVariant serialize_field
+);
 
-impl ser::SerializeTuple for Elements {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
-        self.push(v)
-    }
-    fn end(self) -> Described {
-        Ok(Some(self.close()))
-    }
+macro_rules! fields {
+    ($($kind:ident),+) => {$(
+        impl ser::$kind for Fields {
+            type Ok = Option<Value>;
+            type Error = Undescribable;
+            fn serialize_field<T: Serialize + ?Sized>(
+                &mut self,
+                name: &'static str,
+                v: &T,
+            ) -> Result<(), Undescribable> {
+                self.put(name, v)
+            }
+            fn end(self) -> Described {
+                Ok(Some(self.close()))
+            }
+        }
+    )+};
 }
-
-impl ser::SerializeTupleStruct for Elements {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
-        self.push(v)
-    }
-    fn end(self) -> Described {
-        Ok(Some(self.close()))
-    }
-}
-
-impl ser::SerializeTupleVariant for Elements {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
-        self.push(v)
-    }
-    fn end(self) -> Described {
-        Ok(Some(self.close()))
-    }
-}
+fields!(SerializeStruct, SerializeStructVariant);
 
 impl ser::SerializeMap for Fields {
     type Ok = Option<Value>;
@@ -387,36 +382,6 @@ impl ser::SerializeMap for Fields {
     fn serialize_value<T: Serialize + ?Sized>(&mut self, v: &T) -> Result<(), Undescribable> {
         let name = self.key.take().expect("serde calls serialize_key first");
         self.put(&name, v)
-    }
-    fn end(self) -> Described {
-        Ok(Some(self.close()))
-    }
-}
-
-impl ser::SerializeStruct for Fields {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    fn serialize_field<T: Serialize + ?Sized>(
-        &mut self,
-        name: &'static str,
-        v: &T,
-    ) -> Result<(), Undescribable> {
-        self.put(name, v)
-    }
-    fn end(self) -> Described {
-        Ok(Some(self.close()))
-    }
-}
-
-impl ser::SerializeStructVariant for Fields {
-    type Ok = Option<Value>;
-    type Error = Undescribable;
-    fn serialize_field<T: Serialize + ?Sized>(
-        &mut self,
-        name: &'static str,
-        v: &T,
-    ) -> Result<(), Undescribable> {
-        self.put(name, v)
     }
     fn end(self) -> Described {
         Ok(Some(self.close()))
