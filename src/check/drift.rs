@@ -79,11 +79,11 @@ impl DriftLaw {
         self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise
     }
 
-    /// How far the leak may be off when the luminance is known at intervals of `dt_us` only, after `intervals` of
-    /// them: a quarter of the grey scale in each, and at random.
+    /// Standard deviation of the leak where the luminance is known at the ends of `intervals` of `dt_us` only: in each
+    /// its mean is off by an eighth of the grey scale, as pictures with contrast have it, and at random.
     #[must_use]
     pub fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
-        64.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt()
+        32.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt()
     }
 }
 

@@ -17,7 +17,7 @@
 //! residuals all have one sign, and sound streams give 1.1 to 1.7. So its limits are widened by what residuals can
 //! do, [`fit::Slope::allowance`], and the threshold is read off the edge of what the residuals reach, which is sharp
 //! to 2 %. A residual is possible when `|dv - s| <= max(A, B)` (O1), with 2 %, six standard deviations of the noise
-//! and the leak's uncertainty added. Where voltages do not start at 0 the bound is `A + B`, and there is no edge. Gate.
+//! and two of the leak added. Where voltages do not start at 0 the bound is `A + B`, and there is no edge. Gate.
 
 pub mod fit;
 
@@ -139,7 +139,7 @@ impl Pass<'_> {
             return self.subject.not_run(
                 NAME,
                 part,
-                "too few pixels were about to fire to show the threshold",
+                "too few pixels whose drift is known to a few percent were about to fire",
             );
         };
         let verdict = Bound::gate(tolerance).at_most((edge.shown - 1.0).abs());

@@ -135,7 +135,7 @@ impl<'a> Balance<'a> {
         let (step, total) =
             ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
         let leak_error = self.law.leak_error(step, number);
-        let mut stock = Stock::new(&self.law, 6.0 * self.law.most_noise(total) + leak_error);
+        let mut stock = Stock::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
         for i in 0..now.len() {
             // The trapezoid rule; numerics.md pass 10 asks for no more.
             self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
