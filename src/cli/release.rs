@@ -10,7 +10,7 @@ use crate::recipe;
 use crate::release::{self, GatherError, Options, ReleaseError};
 use crate::store::Store;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `release`.
 #[derive(Debug, clap::Args)]
@@ -36,6 +36,7 @@ impl Release {
         let plan = read_plan(&self.targets.recipes)?;
         let info = recipe::read_release(&self.targets.recipes)?;
         let store = open(common, console)?;
+        self.keep_ours(common)?;
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
@@ -59,6 +60,21 @@ impl Release {
             console.result(&json!({ "release": self.to, "files": written.files, "bytes": written.bytes }));
         }
         Ok(Exit::Done)
+    }
+}
+
+impl Release {
+    /// Refuses a target that holds the store or the place we work in: replacing it would delete them.
+    fn keep_ours(&self, common: &Common) -> Result<(), Problem> {
+        let Ok(target) = self.to.canonicalize() else { return Ok(()) };
+        for (what, path) in [("the store", common.store.as_path()), ("the current folder", Path::new("."))] {
+            if path.canonicalize().is_ok_and(|path| path.starts_with(&target)) {
+                let message =
+                    format!("{} holds {what}, and a release replaces its folder", self.to.display());
+                return Err(Problem::usage("foreign-folder", message).help("choose another folder"));
+            }
+        }
+        Ok(())
     }
 }
 
