@@ -58,7 +58,7 @@ impl Stage for Capturing {
         if !root.exists() {
             return Err(StageError::Missing { path: root.clone() });
         }
-        let listed = listed.map_err(StageError::work(&format!("read {}", root.display())))?;
+        let listed = listed.map_err(StageError::work("read the source"))?;
         Ok(listed.into_iter().map(|(name, path)| SourceFile { name, path }).collect())
     }
 
@@ -68,11 +68,9 @@ impl Stage for Capturing {
                 let still_life = StillLife { views: *views, arc: *arc, seed: *seed, ..StillLife::default() };
                 (procedural::capture(&still_life), Vec::new())
             }
-            Self::Colmap { dir } => {
-                colmap::read(dir).map_err(StageError::work(&format!("read {}", dir.display())))?
-            }
+            Self::Colmap { dir } => colmap::read(dir).map_err(StageError::work("read the source"))?,
             Self::Nerfstudio { path } => {
-                nerfstudio::read(path).map_err(StageError::work(&format!("read {}", path.display())))?
+                nerfstudio::read(path).map_err(StageError::work("read the source"))?
             }
         };
         cx.warnings.extend(warnings.iter().map(ToString::to_string));

@@ -65,9 +65,7 @@ impl Stage for Reconstructing {
                 let still_life = StillLife { gaussians: *gaussians, seed: *seed, ..StillLife::default() };
                 procedural::gaussians(&still_life)
             }
-            Self::Given { file, .. } => {
-                scene::read(file).map_err(StageError::work(&format!("read {}", file.display())))?
-            }
+            Self::Given { file, .. } => scene::read(file).map_err(StageError::work("read the scene"))?,
         };
         let out = cx.out.join("scene.ply");
         File::create(&out).and_then(|file| write_ply(&gaussians, file)).map_err(StageError::io(&out))
