@@ -6,7 +6,8 @@ use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use glam::DMat4;
 use serde_json::{Value, json};
 
-/// Composes the file. Frames without a picture carry a pose and a stamp only.
+/// Composes the file: the poses that have a picture, since readers of this form open one for each frame; all poses,
+/// without pictures, where the recipe asks for none. `poses.txt` has every pose in any case.
 pub(super) fn compose(camera: &Camera, trajectory: &BuiltTrajectory) -> Value {
     let path = &trajectory.motion.trajectory;
     let pictures: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
@@ -15,13 +16,14 @@ pub(super) fn compose(camera: &Camera, trajectory: &BuiltTrajectory) -> Value {
         .iter()
         .zip(&path.stamps_us)
         .enumerate()
-        .map(|(j, (pose, t_us))| {
+        .filter_map(|(j, (pose, t_us))| {
             let name = format!("{j:06}.png");
             let mut frame = json!({ "transform_matrix": opengl_matrix(pose), "t_us": t_us });
-            if pictures.binary_search(&name.as_str()).is_ok() {
+            if !pictures.is_empty() {
+                pictures.binary_search(&name.as_str()).ok()?;
                 frame["file_path"] = json!(format!("sharp/{name}"));
             }
-            frame
+            Some(frame)
         })
         .collect();
     json!({

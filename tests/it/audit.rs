@@ -268,7 +268,11 @@ fn unreadable_contents_are_found() {
     damage("sharp/000004.png", &|_| fs::read(release().join("README.md")).unwrap(), "unreadable");
     damage("poses.txt", &text(|t| t.replacen(' ', " nan ", 1)), "unreadable");
     damage("timestamps_us.txt", &text(|t| t.replace("417\n", "418\n")), "claims-disagree");
-    damage("transforms.json", &text(|t| t.replacen("\"t_us\": 417", "\"t_us\": 418", 1)), "claims-disagree");
+    damage(
+        "transforms.json",
+        &text(|t| t.replacen("\"t_us\": 1667", "\"t_us\": 1668", 1)),
+        "claims-disagree",
+    );
     damage("checks.json", &text(|t| t.replacen("pass", "fine", 1)), "unreadable");
 }
 

@@ -1,6 +1,7 @@
 //! What the files of a release say, judged by arithmetic written out here and by readers that are not ours.
 
 use crate::release::small::{read, release};
+use crate::support::workspace::{TINY, Workspace};
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
@@ -64,7 +65,7 @@ fn poses_are_unit_quaternions_at_the_recipes_stamps() {
 fn transforms_agree_with_poses() {
     let (transforms, poses) = (json("transforms.json"), poses());
     let frames = transforms["frames"].as_array().expect("a list");
-    assert_eq!(frames.len(), poses.len());
+    assert_eq!(frames.len(), poses.len().div_ceil(4), "every fourth pose has a picture");
     for frame in frames {
         let [tx, ty, tz, x, y, z, w] = poses[&frame["t_us"].as_i64().expect("a stamp")];
         // The third column of a rotation, written from its quaternion, is the optical axis; OpenGL's looks back.
@@ -75,8 +76,25 @@ fn transforms_agree_with_poses() {
             assert!((entry(3) - centre).abs() < 1e-14 && (entry(2) + axis).abs() < 1e-14, "{frame}");
         }
         let picture = frame["file_path"].as_str();
-        assert!(picture.is_none_or(|name| release().join(BASE).join(name).is_file()), "{frame}");
+        assert!(picture.is_some_and(|name| release().join(BASE).join(name).is_file()), "{frame}");
     }
+}
+
+/// Readers of `transforms.json` open a picture for each frame; a thinned trajectory lists no frame without one.
+#[test]
+fn thinned_pictures_thin_the_transforms_alone() {
+    let place = Workspace::new();
+    place.write("thin.yaml", format!("{TINY}sharp: {{ every: 5 }}\n"));
+    place.ok("release --to out thin.yaml");
+    let base = place.path("out/tiny/base");
+    let text = fs::read_to_string(base.join("transforms.json")).expect("it is there");
+    let transforms: Value = serde_json::from_str(&text).expect("it is JSON");
+    let frames = transforms["frames"].as_array().expect("a list");
+    let names: Vec<&str> = frames.iter().filter_map(|frame| frame["file_path"].as_str()).collect();
+    assert_eq!(names, ["sharp/000000.png", "sharp/000005.png", "sharp/000010.png"]);
+    assert!(names.iter().all(|name| base.join(name).is_file()));
+    let poses = fs::read_to_string(base.join("poses.txt")).expect("it is there");
+    assert_eq!(poses.lines().count(), 12);
 }
 
 #[test]
