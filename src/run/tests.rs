@@ -1,0 +1,189 @@
+//! The executor on toy stages.
+
+use super::*;
+use crate::artifact::{Artifact, ArtifactError};
+use crate::recipe;
+use crate::stage::{SourceFile, Stage, Target};
+use crate::store::Access;
+use std::path::{Path, PathBuf};
+
+/// What steps of these tests hand on.
+#[derive(Debug)]
+struct Note;
+
+impl Artifact for Note {
+    const KIND: &'static str = "note";
+
+    fn open(_: &Files) -> Result<Self, ArtifactError> {
+        Ok(Self)
+    }
+}
+
+/// What a step does before it writes its note.
+#[derive(Debug, Clone, Default)]
+enum Act {
+    #[default]
+    Nothing,
+    Overwrite(PathBuf),
+    Fail,
+    Panic,
+}
+
+/// A step that writes a note.
+#[derive(Debug, Clone, Default, serde::Serialize)]
+struct Toy {
+    parameter: &'static str,
+    #[serde(skip)]
+    note: &'static str,
+    #[serde(skip)]
+    source: Option<PathBuf>,
+    #[serde(skip)]
+    act: Act,
+}
+
+impl Stage for Toy {
+    const NAME: &'static str = "toy";
+    const REVISION: u32 = 1;
+    type Inputs = Option<Target<Note>>;
+    type Output = Note;
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        let file = |path: &PathBuf| SourceFile { name: "source".into(), path: path.clone() };
+        Ok(self.source.iter().map(file).collect())
+    }
+
+    fn run(&self, _: Option<Note>, cx: &mut Context<'_>) -> Result<(), StageError> {
+        match &self.act {
+            Act::Nothing => {}
+            Act::Overwrite(path) => std::fs::write(path, "moved").map_err(StageError::io(path))?,
+            Act::Fail => return Err(StageError::Work("please".into())),
+            Act::Panic => panic!("the panic of a test"),
+        }
+        let out = cx.out.join("note");
+        std::fs::write(&out, self.note).map_err(StageError::io(&out))
+    }
+}
+
+struct Silent;
+
+impl Observer for Silent {
+    fn tell(&self, _: &Event<'_>) {}
+}
+
+/// Steps by name, each with the index of the step before it.
+type Steps = Vec<(Toy, Option<usize>)>;
+
+fn plan(folder: &Path, steps: Steps) -> Plan {
+    let file = folder.join("recipe.yaml");
+    let text =
+        "{ version: 1, scene: s, source: { procedural: {} }, trajectories: [{ name: a, refine: {} }] }";
+    std::fs::write(&file, text).unwrap();
+    let recipes = recipe::read_all(&[file]).unwrap_or_else(|faults| panic!("{}", faults.render_text()));
+    Plan::of_steps(recipes, |wiring| {
+        let mut targets: Vec<Target<Note>> = Vec::new();
+        for (i, (toy, before)) in steps.into_iter().enumerate() {
+            targets.push(wiring.add(format!("step{i}"), toy, before.map(|b| targets[b])));
+        }
+    })
+}
+
+fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> Summary {
+    let store = Store::open(&folder.join("store"), Access::Write, &mut |_| {}).unwrap();
+    let options = Options { cores: 1, keep_going };
+    run(&plan(folder, steps), &store, options, &AtomicBool::new(cancelled), &Silent).unwrap()
+}
+
+fn counts(summary: &Summary) -> [usize; 4] {
+    [summary.made, summary.kept, summary.failures.len(), summary.unreached]
+}
+
+fn toy(parameter: &'static str) -> Toy {
+    Toy { parameter, note: parameter, ..Toy::default() }
+}
+
+#[test]
+fn an_input_that_changes_while_it_is_read_is_not_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("source");
+    std::fs::write(&source, "still").unwrap();
+    let reader = Toy { source: Some(source.clone()), ..toy("reader") };
+    let moving = Toy { act: Act::Overwrite(source.clone()), ..reader.clone() };
+    let summary = run_with(folder.path(), vec![(moving, None)], false, false);
+    assert_eq!(counts(&summary), [0, 0, 1, 0]);
+    let error = &summary.failures[0].error;
+    assert_eq!(error.to_string(), "file source changed while it was read; nothing was recorded");
+    // The next build is right: the new bytes are read once, and the old ones still count as never read.
+    assert_eq!(counts(&run_with(folder.path(), vec![(reader.clone(), None)], false, false)), [1, 0, 0, 0]);
+    std::fs::write(&source, "still").unwrap();
+    assert_eq!(counts(&run_with(folder.path(), vec![(reader, None)], false, false)), [1, 0, 0, 0]);
+}
+
+/// The key of a step that waits for a core is older than its work.
+#[test]
+fn an_input_that_changes_while_its_step_waits_is_not_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("source");
+    std::fs::write(&source, "still").unwrap();
+    let first = Toy { act: Act::Overwrite(source.clone()), ..toy("first") };
+    let reader = Toy { source: Some(source), ..toy("reader") };
+    let summary = run_with(folder.path(), vec![(first, None), (reader.clone(), None)], true, false);
+    assert_eq!(counts(&summary), [1, 0, 1, 0]);
+    assert!(matches!(summary.failures[0].error, StepError::Moved(_)), "{:?}", summary.failures);
+    assert_eq!(counts(&run_with(folder.path(), vec![(reader, None)], false, false)), [1, 0, 0, 0]);
+}
+
+#[test]
+fn equal_bytes_stop_the_wave() {
+    let folder = tempfile::tempdir().unwrap();
+    let chain = |parameter, note| {
+        vec![(Toy { parameter, note, ..Toy::default() }, None), (toy("b"), Some(0)), (toy("c"), Some(1))]
+    };
+    let t = |parameter, note, wanted| {
+        let summary = run_with(folder.path(), chain(parameter, note), false, false);
+        assert_eq!(counts(&summary), wanted, "{parameter}, {note}");
+    };
+    t("one", "same", [3, 0, 0, 0]);
+    t("two", "same", [1, 2, 0, 0]);
+    // The second step is made from other bytes, and makes what it made before.
+    t("three", "other", [2, 1, 0, 0]);
+    t("one", "same", [0, 3, 0, 0]);
+}
+
+#[test]
+fn a_failure_stops_what_is_behind_it_and_with_keep_going_nothing_else() {
+    let steps = || {
+        let failing = Toy { act: Act::Fail, ..toy("a") };
+        vec![(failing, None), (toy("b"), Some(0)), (toy("c"), None), (toy("d"), Some(2))]
+    };
+    for (keep_going, wanted) in [(true, [2, 0, 1, 1]), (false, [0, 0, 1, 3])] {
+        let folder = tempfile::tempdir().unwrap();
+        let summary = run_with(folder.path(), steps(), keep_going, false);
+        assert_eq!(counts(&summary), wanted, "keep going: {keep_going}");
+        assert_eq!(summary.failures[0].error.to_string(), "failed to please");
+    }
+}
+
+#[test]
+fn equal_keys_run_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let summary = run_with(folder.path(), vec![(toy("a"), None), (toy("a"), None)], false, false);
+    assert_eq!(counts(&summary), [1, 1, 0, 0]);
+    assert_eq!(summary.outputs[&StepId(0)], summary.outputs[&StepId(1)]);
+}
+
+#[test]
+fn a_run_that_is_cancelled_starts_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let summary = run_with(folder.path(), vec![(toy("a"), None), (toy("b"), Some(0))], false, true);
+    assert_eq!((counts(&summary), summary.interrupted), ([0, 0, 0, 2], true));
+}
+
+/// A broken invariant in a step ends the program; it must not wait for the step for ever.
+#[test]
+fn a_panic_of_a_step_is_carried_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let panicking = Toy { act: Act::Panic, ..toy("a") };
+    let ended = catch_unwind(|| run_with(folder.path(), vec![(panicking, None)], false, false));
+    let panic = ended.expect_err("the step panics");
+    assert_eq!(panic.downcast_ref::<&str>(), Some(&"the panic of a test"));
+}
