@@ -35,14 +35,6 @@ impl Digest {
         Self(*blake3::hash(bytes).as_bytes())
     }
 
-    /// The digest of a whole file.
-    ///
-    /// # Errors
-    /// When the file cannot be read.
-    pub fn of_file(path: &Path) -> std::io::Result<Self> {
-        disk::digest(path)
-    }
-
     /// The 32 bytes.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8; 32] {
@@ -178,7 +170,8 @@ pub struct Store {
     state: Mutex<State>,
     stats: Mutex<StatCache>,
     notices: Vec<String>,
-    lock: Option<lock::Lock>,
+    /// Held, not read: the kernel frees it with the store.
+    _lock: Option<lock::Lock>,
 }
 
 /// How a store is opened.
@@ -222,7 +215,7 @@ impl Store {
             state: Mutex::new(state),
             stats: Mutex::new(stats),
             notices,
-            lock,
+            _lock: lock,
         })
     }
 
@@ -230,12 +223,6 @@ impl Store {
     #[must_use]
     pub fn notices(&self) -> &[String] {
         &self.notices
-    }
-
-    /// Whether this process may write.
-    #[must_use]
-    pub fn is_writable(&self) -> bool {
-        self.lock.is_some()
     }
 
     /// The outputs on record for a key, if there is a record. The index is asked first; what a process recorded
