@@ -102,6 +102,17 @@ impl Capture {
     }
 }
 
+impl Capture {
+    /// A warning where the photos' lenses bend the picture and trajectories will not: a scene that was trained on
+    /// photos as taken is bent likewise, one that was trained on undistorted photos is right as it is.
+    #[must_use]
+    pub fn distortion(&self) -> Option<Warning> {
+        let bent = |view: &View| view.lens.max_displacement_px(&view.camera);
+        let most_px = self.views.iter().map(bent).fold(0.0, f64::max);
+        (most_px > lens::NEGLIGIBLE_PX).then_some(Warning::DistortionIgnored { most_px })
+    }
+}
+
 /// Whether trajectories through one camera misrepresent the other.
 fn differs(a: &Camera, b: &Camera) -> bool {
     let pairs = [(a.fx, b.fx), (a.fy, b.fy), (a.cx, b.cx), (a.cy, b.cy)];
@@ -111,6 +122,15 @@ fn differs(a: &Camera, b: &Camera) -> bool {
 /// Something about a source that its user should know, and that does not stop a build.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Warning {
+    /// Lens distortion that trajectories do not have.
+    #[error(
+        "the photos are distorted by up to {most_px:.1} px, which trajectories leave out: the scene must have been \
+         trained on undistorted photos"
+    )]
+    DistortionIgnored {
+        /// Largest displacement, px of the photo.
+        most_px: f64,
+    },
     /// Views have different cameras.
     #[error(
         "{count} views have another camera than `{taken}`, whose camera is taken; the first is `{other}`"

@@ -73,7 +73,7 @@ impl Stage for Capturing {
                 nerfstudio::read(path).map_err(StageError::work("read the source"))?
             }
         };
-        cx.warnings.extend(warnings.iter().map(ToString::to_string));
+        cx.warnings.extend(warnings.iter().chain(&capture.distortion()).map(ToString::to_string));
         let out = cx.out.join("capture.json");
         write_json(&out, &capture).map_err(StageError::io(&out))
     }

@@ -4,7 +4,7 @@ use super::planted::{self, Planted, model};
 use super::{shared, size};
 use glam::DVec3;
 use gs2e::camera::Camera;
-use gs2e::source::{Lens, colmap};
+use gs2e::source::{Capture, Lens, View, colmap};
 use std::path::Path;
 
 /// Mean distance in pixels between the key points of a model and its points seen through the capture: over points (of
@@ -44,6 +44,11 @@ fn colmaps_points_fall_on_its_key_points() {
             "{name}: {px} px over points, {over_observations} over observations"
         );
         assert!(capture.views.iter().all(|v| v.sha256.is_some()), "every photo is there");
+        // Both were taken through a real lens: the user must hear that trajectories leave it out.
+        let told = capture.distortion().expect("a bent lens is told").to_string();
+        assert!(told.contains("distorted by up to"), "{told}");
+        let straight = View { lens: Lens::Pinhole, ..capture.views[0].clone() };
+        assert_eq!(Capture { views: vec![straight] }.distortion(), None);
     }
 }
 
