@@ -7,6 +7,7 @@ mod audit;
 mod build;
 mod check;
 mod console;
+mod machine;
 mod plan;
 mod problem;
 mod progress;
