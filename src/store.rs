@@ -10,6 +10,7 @@
 pub mod blob;
 pub mod description;
 mod disk;
+mod hash;
 mod lock;
 pub mod record;
 mod stat_cache;

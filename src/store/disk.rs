@@ -2,7 +2,7 @@
 
 use super::{Digest, StoreError};
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 pub(super) fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
@@ -93,16 +93,7 @@ pub(super) fn read_optional(path: &Path) -> Result<Option<Vec<u8>>, StoreError> 
     }
 }
 
-/// BLAKE3 of a file's bytes, in pieces.
+/// BLAKE3 of a file's bytes.
 pub(super) fn digest(path: &Path) -> io::Result<Digest> {
-    let mut file = File::open(path)?;
-    let mut hasher = blake3::Hasher::new();
-    let mut piece = vec![0; 1 << 16];
-    loop {
-        let n = file.read(&mut piece)?;
-        if n == 0 {
-            return Ok(Digest(*hasher.finalize().as_bytes()));
-        }
-        hasher.update(&piece[..n]);
-    }
+    Digest::of_file(path)
 }
