@@ -7,6 +7,7 @@ mod audit;
 mod build;
 mod check;
 mod console;
+mod diff;
 mod plan;
 mod problem;
 mod progress;
@@ -47,6 +48,8 @@ enum Verb {
     Release(release::Release),
     /// Read every byte of a release tree and say whether it is whole and consistent
     Audit(audit::Audit),
+    /// Show what differs between two release trees, and why
+    Diff(diff::Diff),
 }
 
 /// Options of every verb.
@@ -143,6 +146,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Check(verb) => verb.run(common, console),
         Verb::Release(verb) => verb.run(common, console),
         Verb::Audit(verb) => verb.run(console),
+        Verb::Diff(verb) => verb.run(console),
     }
 }
 

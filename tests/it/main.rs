@@ -8,6 +8,7 @@ mod cli;
 mod codecs;
 mod cutoff;
 mod determinism;
+mod diff;
 mod event_statistics;
 mod interruption;
 mod keys;
