@@ -10,6 +10,7 @@ mod cutoff;
 mod determinism;
 mod diff;
 mod event_statistics;
+mod golden_digests;
 mod interruption;
 mod keys;
 mod locks;
