@@ -75,10 +75,15 @@ pub(super) fn open(common: &Common, console: &Console) -> Result<Store, Problem>
     let store = Store::open(&common.store, access, &mut |holder| {
         console.insist(&format!("waiting: {} is in use by {holder}", common.store.display()));
     })?;
-    for notice in store.notices() {
+    tell_notices(&store, console);
+    Ok(store)
+}
+
+/// What the store had to mend since it was last asked.
+pub(super) fn tell_notices(store: &Store, console: &Console) {
+    for notice in store.take_notices() {
         console.insist(&format!("warning: {notice}"));
     }
-    Ok(store)
 }
 
 /// Builds what is stale; the seconds are for people.
@@ -100,6 +105,7 @@ pub(super) fn build(
     let progress = Progress::new(plan, console);
     let summary = run::run(plan, store, options, &cancel, &progress);
     progress.close();
+    tell_notices(store, console);
     Ok((summary?, started.elapsed().as_secs_f64()))
 }
 
