@@ -8,6 +8,7 @@ mod build;
 mod check;
 mod console;
 mod diff;
+mod gc;
 mod plan;
 mod problem;
 mod progress;
@@ -50,6 +51,8 @@ enum Verb {
     Audit(audit::Audit),
     /// Show what differs between two release trees, and why
     Diff(diff::Diff),
+    /// Delete what no recipe and no release refers to any more
+    Gc(gc::Gc),
 }
 
 /// Options of every verb.
@@ -147,6 +150,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Release(verb) => verb.run(common, console),
         Verb::Audit(verb) => verb.run(console),
         Verb::Diff(verb) => verb.run(console),
+        Verb::Gc(verb) => verb.run(common, console),
     }
 }
 
