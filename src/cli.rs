@@ -7,6 +7,8 @@ mod audit;
 mod build;
 mod check;
 mod console;
+mod diff;
+mod gc;
 mod machine;
 mod plan;
 mod problem;
@@ -48,6 +50,10 @@ enum Verb {
     Release(release::Release),
     /// Read every byte of a release tree and say whether it is whole and consistent
     Audit(audit::Audit),
+    /// Show what differs between two release trees, and why
+    Diff(diff::Diff),
+    /// Delete what no recipe and no release refers to any more
+    Gc(gc::Gc),
 }
 
 /// Options of every verb.
@@ -144,6 +150,8 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Check(verb) => verb.run(common, console),
         Verb::Release(verb) => verb.run(common, console),
         Verb::Audit(verb) => verb.run(console),
+        Verb::Diff(verb) => verb.run(console),
+        Verb::Gc(verb) => verb.run(common, console),
     }
 }
 

@@ -8,13 +8,14 @@ pub mod audit;
 mod built;
 mod card;
 mod checksum;
+pub mod diff;
 mod manifest;
 mod scene;
 mod transforms;
 mod tree;
 
 pub use built::GatherError;
-pub use manifest::{Manifest, ManifestFile, ManifestScene, ManifestStep};
+pub use manifest::{Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep};
 pub use scene::SceneFile;
 
 use crate::check::{Finding, Verdict};

@@ -14,14 +14,17 @@ pub mod description;
 mod digest;
 mod disk;
 pub mod fs;
+pub mod gc;
 mod hash;
 mod lock;
 mod memo;
 pub mod record;
+mod root;
 pub mod stat_cache;
 mod state;
 
 pub use digest::{Digest, Key};
+pub use root::Root;
 
 use blob::Blobs;
 use disk::Disk;

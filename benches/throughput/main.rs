@@ -28,12 +28,23 @@ fn main() -> ExitCode {
     let timings = measure::measure(workloads::all(&wanted), options.runs);
     let threads = rayon::current_num_threads();
     if options.json {
-        let rows: Vec<_> = timings.iter().map(measure::Timing::json).collect();
-        println!("{}", serde_json::json!({ "threads": threads, "runs": options.runs, "parts": rows }));
+        let parts: Vec<_> = timings.iter().map(measure::Timing::json).collect();
+        let ratios = measure::ratios(&timings).into_iter();
+        let ratios: Vec<_> = ratios
+            .map(|(part, [median, best])| serde_json::json!({ "part": part, "median": median, "best": best }))
+            .collect();
+        let runs = options.runs;
+        println!(
+            "{}",
+            serde_json::json!({ "threads": threads, "runs": runs, "parts": parts, "ratios": ratios })
+        );
         return ExitCode::SUCCESS;
     }
     println!("{} runs each after one to warm up, {threads} threads", options.runs);
     timings.iter().for_each(|timing| println!("{}", timing.lines()));
+    for (part, [median, best]) in measure::ratios(&timings) {
+        println!("{part}: {median:.2} of the rival's rate at the median, {best:.2} at the best");
+    }
     ExitCode::SUCCESS
 }
 

@@ -28,6 +28,8 @@ pub(crate) struct Workload {
     pub(crate) part: &'static str,
     /// What exactly is done, sizes included.
     pub(crate) what: String,
+    /// Another program at the work of the workload before it: the ratio of the two is told.
+    pub(crate) rival: bool,
     /// Does it once. Deterministic: every run does the same amounts.
     pub(crate) run: Box<dyn FnMut() -> Run>,
 }
@@ -36,6 +38,7 @@ pub(crate) struct Workload {
 pub(crate) struct Timing {
     part: &'static str,
     what: String,
+    rival: bool,
     amounts: Vec<Amount>,
     /// Sorted.
     seconds: Vec<f64>,
@@ -46,7 +49,8 @@ pub(crate) struct Timing {
 pub(crate) fn measure(workloads: Vec<Workload>, runs: usize) -> Vec<Timing> {
     let warm = |mut work: Workload| {
         let amounts = (work.run)().amounts;
-        let timing = Timing { part: work.part, what: work.what.clone(), amounts, seconds: Vec::new() };
+        let (part, what, rival) = (work.part, work.what.clone(), work.rival);
+        let timing = Timing { part, what, rival, amounts, seconds: Vec::new() };
         (work, timing)
     };
     let mut all: Vec<(Workload, Timing)> = workloads.into_iter().map(warm).collect();
@@ -95,6 +99,12 @@ impl Timing {
             "rates": self.amounts.iter().map(rate).collect::<Vec<_>>(),
         })
     }
+}
+
+/// How fast each workload is that a rival follows, as a share of the rival's rate: (part, at the median, at the best).
+pub(crate) fn ratios(timings: &[Timing]) -> Vec<(&'static str, [f64; 2])> {
+    let pairs = timings.iter().zip(timings.iter().skip(1)).filter(|(_, rival)| rival.rival);
+    pairs.map(|(own, rival)| (own.part, [rival.median() / own.median(), rival.min() / own.min()])).collect()
 }
 
 /// Three significant digits and never an exponent: `0.0123`, `1.23`, `12.3`, `123`, `1234`.

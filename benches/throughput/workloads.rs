@@ -1,6 +1,7 @@
-//! What is timed: one file a part. Inputs are made before the clock runs; nothing is read from disk while it does.
+//! What is timed: one file a part. Inputs are made before the clock runs, and those that are files lie in memory then.
 
 mod event;
+mod hash;
 mod render;
 mod scene;
 mod sensor;
@@ -10,12 +11,18 @@ use crate::measure::{Amount, Workload};
 use std::path::{Path, PathBuf};
 
 /// The parts that can be named on the command line.
-pub(crate) const PARTS: [&str; 5] = ["scene", "trajectory", "render", "sensor", "event"];
+pub(crate) const PARTS: [&str; 6] = ["scene", "trajectory", "render", "sensor", "event", "hash"];
 
 /// The workloads of the wanted parts.
 pub(crate) fn all(wanted: &dyn Fn(&str) -> bool) -> Vec<Workload> {
-    let makers: [fn() -> Vec<Workload>; 5] =
-        [scene::workloads, trajectory::workloads, render::workloads, sensor::workloads, event::workloads];
+    let makers: [fn() -> Vec<Workload>; 6] = [
+        scene::workloads,
+        trajectory::workloads,
+        render::workloads,
+        sensor::workloads,
+        event::workloads,
+        hash::workloads,
+    ];
     PARTS.iter().zip(makers).filter(|(part, _)| wanted(part)).flat_map(|(_, maker)| maker()).collect()
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Build {
 }
 
 /// How much is taken on trust, and what may be used.
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct Care {
     /// Read every file that counts as up to date, instead of trusting its stat fields
     #[arg(long)]
@@ -43,8 +43,9 @@ pub(super) struct Care {
     memory: Option<u64>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 enum Sync {
+    #[default]
     Batch,
     Always,
 }

@@ -8,7 +8,8 @@ use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::recipe;
 use crate::release::{self, GatherError, Options, ReleaseError};
-use crate::store::Store;
+use crate::run::Summary;
+use crate::store::{Root, Store};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -56,6 +57,7 @@ impl Release {
         let written = release::write(&self.to, &plan, &summary, &store, &info, options);
         store.flush()?;
         let written = written.map_err(|error| problem(error, console))?;
+        self.keep_its_steps(&summary, &store)?;
         for warning in &written.warnings {
             console.say(&format!("warning: {warning}"));
         }
@@ -70,6 +72,16 @@ impl Release {
 }
 
 impl Release {
+    /// Has `gc` leave what the release was made from.
+    fn keep_its_steps(&self, summary: &Summary, store: &Store) -> Result<(), Problem> {
+        let release = self
+            .to
+            .canonicalize()
+            .map_err(|e| Problem::failed("release", format!("failed to find {}: {e}", self.to.display())))?;
+        let keys = summary.products.values().map(|product| product.key).collect();
+        Ok(store.write_root(&Root { release, keys })?)
+    }
+
     /// Refuses a target that holds the store or the place we work in: replacing it would delete them.
     fn keep_ours(&self, common: &Common) -> Result<(), Problem> {
         let Ok(target) = self.to.canonicalize() else { return Ok(()) };

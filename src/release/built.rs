@@ -10,6 +10,7 @@ use crate::run::Summary;
 use crate::scene::{Gaussians, Screening};
 use crate::source::Capture;
 use crate::stage::StepId;
+use crate::store::description::Line;
 use crate::store::record::Output;
 use crate::store::{Key, Store};
 use std::path::PathBuf;
@@ -59,6 +60,7 @@ pub(super) struct BuiltStep {
     pub(super) name: String,
     pub(super) stage: &'static str,
     pub(super) key: Key,
+    pub(super) description: Vec<Line>,
     pub(super) outputs: Vec<Output>,
 }
 
@@ -128,7 +130,8 @@ pub(super) fn gather<'a>(
     for (id, planned) in plan.steps_of(index) {
         let (key, outputs) = made(summary, id).ok_or_else(|| not_built(&planned.name))?;
         let (name, stage) = (planned.name.clone(), planned.step.stage());
-        steps.push(BuiltStep { name, stage, key, outputs });
+        let description = store.full_record(&key).ok_or_else(|| not_built(&name))?.description;
+        steps.push(BuiltStep { name, stage, key, description, outputs });
     }
     let shelf = Shelf { scene: &recipe.scene, store, steps };
     let (capture, _) = shelf.open("capture")?;

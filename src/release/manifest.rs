@@ -5,6 +5,7 @@ use super::built::{BuiltScene, BuiltStep};
 use crate::check::{Finding, Verdict};
 use crate::render::Work;
 use crate::store::Digest;
+use crate::store::description::Line;
 use crate::store::record::Output;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -64,8 +65,43 @@ pub struct ManifestStep {
     pub stage: String,
     /// Its key.
     pub key: Digest,
+    /// What the key is made of; absent in a release of a program that did not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub made_of: Option<Ingredients>,
     /// Its outputs.
     pub outputs: Vec<Output>,
+}
+
+/// What a step's key is made of, so that two releases can say why a step was made anew.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ingredients {
+    /// Revision of the stage.
+    pub revision: u32,
+    /// Numerical class, where the stage has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class: Option<String>,
+    /// Digest of the parameters as `gs2e why` lists them.
+    pub params: Digest,
+    /// Digest of each input by its role; a file of the source is `file NAME`.
+    pub inputs: BTreeMap<String, Digest>,
+}
+
+impl Ingredients {
+    /// From the description on a step's record; `None` where that is none of a step.
+    pub(super) fn of(description: &[Line]) -> Option<Self> {
+        let text = |path: &str| description.iter().find(|line| line.path == path).map(|line| &line.text);
+        let input =
+            |line: &Line| Some((line.path.strip_prefix("inputs.")?.to_owned(), line.text.parse().ok()?));
+        let params = description.iter().filter(|l| l.path == "params" || l.path.starts_with("params."));
+        let params: String = params.map(|line| format!("{} = {}\n", line.path, line.text)).collect();
+        Some(Self {
+            revision: text("revision")?.parse().ok()?,
+            class: text("class").cloned(),
+            params: Digest::of(params.as_bytes()),
+            inputs: description.iter().filter_map(input).collect(),
+        })
+    }
 }
 
 /// A file of the tree.
@@ -105,6 +141,7 @@ fn step(built: &BuiltStep) -> ManifestStep {
         step: built.name.clone(),
         stage: built.stage.to_owned(),
         key: built.key.0,
+        made_of: Ingredients::of(&built.description),
         outputs: built.outputs.clone(),
     }
 }

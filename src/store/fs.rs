@@ -3,7 +3,7 @@
 //! The database does its own input and output; what it commits is told to [`Fs::committed`]. Steps write into their
 //! workspace by themselves: the store sees those files when it publishes them.
 
-use super::{Digest, hash};
+use super::Digest;
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -111,7 +111,7 @@ impl Fs for Real {
     }
 
     fn digest(&self, path: &Path) -> io::Result<Digest> {
-        hash::file(path)
+        Digest::of_file(path)
     }
 
     fn stat(&self, path: &Path) -> io::Result<Stat> {

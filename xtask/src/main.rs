@@ -15,6 +15,8 @@ usage: cargo xtask <task>
   ci                 what CI runs: formatting, clippy, tests, documentation, the README's first command
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
   bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, names of workloads)
+  bench build [ARGS]...
+                     builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
   manifest           builds the demo release and rewrites manifests/demo.json from it
 ";
 
@@ -25,6 +27,9 @@ fn main() -> ExitCode {
     let done = match (task.as_deref(), rest.as_slice()) {
         (Some("ci"), []) => ci::run(),
         (Some("test"), args) => suite::run(args),
+        (Some("bench"), [part, args @ ..]) if part == "build" => {
+            command::cargo(&["bench", "--quiet", "--bench", "build", "--"]).args(args).run()
+        }
         (Some("bench"), args) => {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()
         }

@@ -29,7 +29,7 @@ fn workload(name: &str, write: Write, events: &Arc<[Event]>) -> Workload {
             vec![amount(events.len(), "Mevent")]
         })
     };
-    Workload { part: "event", what, run: Box::new(run) }
+    Workload { part: "event", what, rival: false, run: Box::new(run) }
 }
 
 fn write_h5(path: &Path, events: &[Event]) {

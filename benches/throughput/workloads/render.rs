@@ -54,7 +54,7 @@ fn workload(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> W
             vec![amount(gaussians, "MGaussian"), amount(size.pixels(), "Mpixel"), amount(1, "frame")]
         })
     };
-    Workload { part: "render", what, run: Box::new(run) }
+    Workload { part: "render", what, rival: false, run: Box::new(run) }
 }
 
 /// A camera with a horizontal field of view of 60 degrees, its image's down along world y.

@@ -23,5 +23,5 @@ fn workload(name: &str, bytes: Vec<u8>, read: Reader) -> Workload {
     let scene = read(&bytes).expect("the scene is sound");
     let what = format!("read {name}: {} Gaussians, SH degree {}", scene.len(), scene.sh_degree);
     let run = move || timed(|| vec![amount(read(&bytes).expect("it was sound").len(), "MGaussian")]);
-    Workload { part: "scene", what, run: Box::new(run) }
+    Workload { part: "scene", what, rival: false, run: Box::new(run) }
 }

@@ -48,7 +48,7 @@ fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>) -> 
             vec![amount(steps * SIZE.pixels(), "Mpixel-frame"), amount(events.0, "Mevent")]
         })
     };
-    Workload { part: "sensor", what, run: Box::new(run) }
+    Workload { part: "sensor", what, rival: false, run: Box::new(run) }
 }
 
 fn advance(pixels: &mut dyn Pixels, frames: &[Frame], sink: &mut Counted) {

@@ -27,7 +27,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         })
     };
     let what = format!("refine {VIEWS} views on a half circle into {POSES} poses, reports included");
-    vec![Workload { part: "trajectory", what, run: Box::new(run) }]
+    vec![Workload { part: "trajectory", what, rival: false, run: Box::new(run) }]
 }
 
 /// View `i` of a half circle of radius 2, looking at its centre, unevenly spaced.

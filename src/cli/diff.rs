@@ -1,0 +1,121 @@
+//! `gs2e diff`: what differs between two release trees, and why.
+
+use super::console::Console;
+use super::problem::{Exit, Problem};
+use crate::release::diff::{Change, Difference, FileChange, Reason, SceneChange, SceneSize, diff};
+use crate::store::Digest;
+use serde_json::Value;
+use std::path::PathBuf;
+
+/// Arguments of `diff`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Reads manifest.json and scene.json of both trees and no other file; whether a tree is what \
+    it says, `gs2e audit` tells. Differences are no failure: the exit code is 0 with and without."
+)]
+pub(super) struct Diff {
+    /// Folder of the older release
+    #[arg(value_name = "DIR")]
+    old: PathBuf,
+    /// Folder of the newer release
+    #[arg(value_name = "DIR")]
+    new: PathBuf,
+}
+
+impl Diff {
+    pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
+        let told = diff(&self.old, &self.new).map_err(|error| {
+            Problem::usage("not-a-release", error.to_string())
+                .help("name two folders that `gs2e release --to DIR` wrote")
+        })?;
+        if console.json {
+            console.result(&serde_json::to_value(&told).expect("a difference is plain data"));
+        } else {
+            lines(&told).iter().for_each(|line| console.print(line));
+        }
+        let Difference { added, removed, changed, unchanged, .. } = &told;
+        let counts = [added.len(), removed.len(), changed.len(), *unchanged];
+        let [added, removed, changed, unchanged] = counts;
+        console.say(&format!(
+            "scenes: {added} added, {removed} removed, {changed} changed, {unchanged} unchanged"
+        ));
+        Ok(Exit::Done)
+    }
+}
+
+/// Of the files of one scene that differ, as many are named; `--json` names all.
+const FILES_NAMED: usize = 12;
+
+fn lines(told: &Difference) -> Vec<String> {
+    let mut lines: Vec<String> =
+        told.release.iter().map(|c| format!("release  {}: {}", c.path, arrow(c))).collect();
+    lines.extend(files(&told.files).into_iter().map(|line| format!("file     {line}")));
+    let whole = |SceneSize { id, files, bytes }: &SceneSize| {
+        format!("{id}  ({files} files, {:.1} MB)", *bytes as f64 * 1e-6)
+    };
+    lines.extend(told.added.iter().map(|scene| format!("added    {}", whole(scene))));
+    lines.extend(told.removed.iter().map(|scene| format!("removed  {}", whole(scene))));
+    for scene in &told.changed {
+        lines.push(format!("changed  {}", scene.id));
+        lines.extend(scene_lines(scene).into_iter().map(|line| format!("  {line}")));
+    }
+    lines
+}
+
+fn scene_lines(scene: &SceneChange) -> Vec<String> {
+    let of = |kind: &str, changes: &[Change]| -> Vec<String> {
+        changes.iter().map(|c| format!("{kind:7}  {}: {}", c.path, arrow(c))).collect()
+    };
+    let mut lines = of("recipe", &scene.recipe);
+    lines.extend(of("photo", &scene.photos));
+    lines.extend(of("claim", &scene.claims));
+    for step in &scene.steps {
+        let reasons: Vec<String> = step.reasons.iter().map(|r| words(r, scene)).collect();
+        let same = if step.same_bytes { " (equal bytes)" } else { "" };
+        lines.push(format!("step     {}: {}{same}", step.step, reasons.join("; ")));
+    }
+    lines.extend(files(&scene.files).into_iter().map(|line| format!("file     {line}")));
+    lines
+}
+
+fn files(changes: &[FileChange]) -> Vec<String> {
+    let size = |size: Option<u64>| size.map_or("absent".to_owned(), |bytes| format!("{bytes} bytes"));
+    let named = changes.iter().take(FILES_NAMED);
+    let mut lines: Vec<String> = named
+        .map(|FileChange { path, old, new }| match (old, new) {
+            (Some(a), Some(b)) if a == b => format!("{path}: other content, {a} bytes as before"),
+            _ => format!("{path}: {} -> {}", size(*old), size(*new)),
+        })
+        .collect();
+    if changes.len() > FILES_NAMED {
+        lines.push(format!("and {} more; --json names them", changes.len() - FILES_NAMED));
+    }
+    lines
+}
+
+fn arrow(change: &Change) -> String {
+    let text = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
+    format!("{} -> {}", text(&change.old), text(&change.new))
+}
+
+fn words(reason: &Reason, scene: &SceneChange) -> String {
+    let brief = |digest: &Option<Digest>| digest.map_or("absent".to_owned(), |digest| digest.short());
+    match reason {
+        Reason::StepAdded => "new".to_owned(),
+        Reason::StepRemoved => "no longer there".to_owned(),
+        Reason::Revision { old, new } => format!("revision {old} -> {new}"),
+        Reason::Class { old, new } => {
+            let text = |class: &Option<String>| class.clone().unwrap_or_else(|| "none".to_owned());
+            format!("numerical class {} -> {}", text(old), text(new))
+        }
+        Reason::ParamsChanged if scene.recipe.is_empty() => {
+            "parameters: this program reads an equal recipe otherwise".to_owned()
+        }
+        Reason::ParamsChanged => "parameters".to_owned(),
+        Reason::InputChanged { name, old, new } => {
+            format!("input `{name}` changed: {} -> {}", brief(old), brief(new))
+        }
+        Reason::Nondeterministic => "other bytes from an equal key: the step is not deterministic".to_owned(),
+        Reason::Untold => "another key; the releases do not say why".to_owned(),
+    }
+}

@@ -1,0 +1,136 @@
+//! `gs2e gc`: deletes what no recipe and no release refers to any more.
+
+use super::build::{Care, open, read_plan};
+use super::console::Console;
+use super::problem::{Exit, Problem};
+use super::{Common, Targets};
+use crate::plan::Plan;
+use crate::plan::assess::{Action, assess};
+use crate::store::gc::{Sweep, Swept};
+use crate::store::{Access, Key, Store};
+use serde_json::json;
+use std::collections::BTreeSet;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// Arguments of `gc`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Kept are what the recipes named ask for now, what a step of theirs that is not up to date last \
+    made, and what a release was made from, as long as its folder is there. Name every recipe whose results shall stay."
+)]
+pub(super) struct Gc {
+    #[command(flatten)]
+    targets: Targets,
+    /// Keep what is younger than this, as 90s, 30m, 12h or 1d
+    #[arg(long, value_name = "AGE", default_value = "1d", value_parser = age)]
+    min_age: Duration,
+    /// Only say what would be deleted
+    #[arg(long)]
+    dry_run: bool,
+}
+
+impl Gc {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        let plan = read_plan(&self.targets.recipes)?;
+        // A look needs no lock and makes no store.
+        let store = if self.dry_run || !common.store.exists() {
+            Store::open(&common.store, Access::Read, &mut |_| {})?
+        } else {
+            open(common, &Care::default(), console)?
+        };
+        let mut marked = marks_of_recipes(&plan, &store)?;
+        marked.extend(self.marks_of_releases(&store, console)?);
+        let until =
+            SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().saturating_sub(self.min_age);
+        let until_ns = i64::try_from(until.as_nanos()).unwrap_or(i64::MAX);
+        let swept = store.sweep(&marked, Sweep { until_ns, dry_run: self.dry_run })?;
+        store.flush()?;
+        self.tell(&swept, console);
+        Ok(Exit::Done)
+    }
+
+    /// The keys of the releases that are there; the roots of the others are removed.
+    fn marks_of_releases(&self, store: &Store, console: &Console) -> Result<BTreeSet<Key>, Problem> {
+        let mut marked = BTreeSet::new();
+        for root in store.roots()? {
+            if root.release.is_dir() {
+                marked.extend(root.keys);
+                continue;
+            }
+            let gone = root.release.display();
+            console
+                .say(&format!("the release {gone} is gone: what it was made from is no longer kept for it"));
+            if !self.dry_run {
+                store.remove_root(&root)?;
+            }
+        }
+        Ok(marked)
+    }
+
+    fn tell(&self, swept: &Swept, console: &Console) {
+        let Swept { records, blobs, bytes, kept_blobs, kept_bytes, trash, trash_bytes } = *swept;
+        let done = if self.dry_run { "would delete" } else { "deleted" };
+        let mb = |bytes: u64| bytes as f64 * 1e-6;
+        let (size, kept, left) = (mb(bytes), mb(kept_bytes), mb(trash_bytes));
+        console.say(&format!("{done} {blobs} blobs, {size:.1} MB, and {records} records"));
+        if trash > 0 {
+            console.say(&format!("{done} {trash} files of trash, {left:.1} MB"));
+        }
+        console.say(&format!("kept {kept_blobs} blobs, {kept:.1} MB"));
+        if console.json {
+            let mut told = json!(swept);
+            told["dry_run"] = json!(self.dry_run);
+            console.result(&told);
+        }
+    }
+}
+
+/// For each step the key that it has now, and where it is not up to date also the one that it last had.
+fn marks_of_recipes(plan: &Plan, store: &Store) -> Result<BTreeSet<Key>, Problem> {
+    let assessed = assess(plan, store)?;
+    let mut marked = BTreeSet::new();
+    for (step, assessed) in plan.steps().iter().zip(&assessed) {
+        marked.extend(assessed.key);
+        if assessed.action != Action::Keep {
+            marked.extend(store.last_key(plan.scene_of(step), &step.name));
+        }
+    }
+    Ok(marked)
+}
+
+fn age(text: &str) -> Result<Duration, String> {
+    let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len()));
+    let seconds: u64 = match unit {
+        "s" => 1,
+        "m" => 60,
+        "h" => 3600,
+        "d" => 86_400,
+        "" if number == "0" => 1,
+        _ => return Err("wanted a whole number with s, m, h or d after it, as 12h".to_owned()),
+    };
+    let number: u64 = number.parse().map_err(|e| format!("{number:?}: {e}"))?;
+    number.checked_mul(seconds).map(Duration::from_secs).ok_or_else(|| "that is too long".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ages_are_numbers_with_a_unit() {
+        let t = |text: &str, seconds: Option<u64>| {
+            assert_eq!(age(text).ok(), seconds.map(Duration::from_secs), "{text}");
+        };
+        t("0", Some(0));
+        t("0s", Some(0));
+        t("90s", Some(90));
+        t("30m", Some(1800));
+        t("12h", Some(43_200));
+        t("1d", Some(86_400));
+        for wrong in
+            ["", "1", "d", "1w", "-1d", "1.5d", "1 d", "1d2h", "99999999999999999999d", "9999999999999999d"]
+        {
+            t(wrong, None);
+        }
+    }
+}

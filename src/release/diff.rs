@@ -1,0 +1,288 @@
+//! What differs between two releases, and why.
+//!
+//! Told from the claims of the trees alone: `manifest.json` of both, and `scene.json` of the scenes that differ. No
+//! blob is read, no store asked, nothing built; whether the claims are true is for the audit to say.
+
+mod values;
+
+pub use values::Change;
+
+use super::manifest::{self, Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep};
+use super::scene::SceneFile;
+use crate::store::Digest;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// What differs between an old and a new release.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Difference {
+    /// What the releases say of themselves: name, version, tool, licence.
+    pub release: Vec<Change>,
+    /// Files that belong to no scene, by path.
+    pub files: Vec<FileChange>,
+    /// Scenes that only the new release has, by id.
+    pub added: Vec<SceneSize>,
+    /// Scenes that only the old release has, by id.
+    pub removed: Vec<SceneSize>,
+    /// Scenes that both have and that differ, by id.
+    pub changed: Vec<SceneChange>,
+    /// Number of scenes that are the same in both.
+    pub unchanged: usize,
+}
+
+/// A scene that only one release has.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SceneSize {
+    /// Scene id.
+    pub id: String,
+    /// Number of its files.
+    pub files: usize,
+    /// Their bytes.
+    pub bytes: u64,
+}
+
+/// A scene that differs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SceneChange {
+    /// Scene id.
+    pub id: String,
+    /// Values of the merged recipe.
+    pub recipe: Vec<Change>,
+    /// Photos of the source, by name and SHA-256.
+    pub photos: Vec<Change>,
+    /// What the manifest claims of it: kind of source, licence, checks, waivers, what was left out of rendering.
+    pub claims: Vec<Change>,
+    /// Steps with another key or other bytes, in the order of the new release, then those that it has not.
+    pub steps: Vec<StepChange>,
+    /// Its files, by path.
+    pub files: Vec<FileChange>,
+}
+
+/// A file that differs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FileChange {
+    /// Path below the release folder.
+    pub path: String,
+    /// Length in the old release in bytes; `None` where it was absent.
+    pub old: Option<u64>,
+    /// Length in the new release in bytes; `None` where it is absent.
+    pub new: Option<u64>,
+}
+
+/// A step that differs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct StepChange {
+    /// Its name within the scene.
+    pub step: String,
+    /// Name of its stage.
+    pub stage: String,
+    /// Whether it made the same bytes all the same.
+    pub same_bytes: bool,
+    /// Why it differs.
+    pub reasons: Vec<Reason>,
+}
+
+/// Why a step differs. The codes are those of `plan`, where it has them.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "code", rename_all = "kebab-case")]
+pub enum Reason {
+    /// Only the new release has the step.
+    StepAdded,
+    /// Only the old release has the step.
+    StepRemoved,
+    /// Another revision of the stage made it.
+    Revision {
+        /// Then.
+        old: u32,
+        /// Now.
+        new: u32,
+    },
+    /// Another numerical class made it.
+    Class {
+        /// Then.
+        old: Option<String>,
+        /// Now.
+        new: Option<String>,
+    },
+    /// It has other parameters: those of the recipe values that differ, or another reading of equal ones.
+    ParamsChanged,
+    /// It was made from another input.
+    InputChanged {
+        /// Its role; a file of the source is `file NAME`.
+        name: String,
+        /// Digest then; `None` where there was none.
+        old: Option<Digest>,
+        /// Digest now; `None` where there is none.
+        new: Option<Digest>,
+    },
+    /// One key made two contents.
+    Nondeterministic,
+    /// The releases do not say: an older program wrote one of them, or the same parts are hashed otherwise now.
+    Untold,
+}
+
+/// A folder that cannot be compared.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: found {found}, wanted {wanted}", path.display())]
+pub struct DiffError {
+    path: PathBuf,
+    found: String,
+    wanted: &'static str,
+}
+
+/// Compares the releases in two folders.
+///
+/// # Errors
+/// When one of them is no release, or a `scene.json` that is needed to say why cannot be read.
+pub fn diff(old: &Path, new: &Path) -> Result<Difference, DiffError> {
+    let before = read_manifest(old)?;
+    let after = read_manifest(new)?;
+    let id = |scene: &ManifestScene| scene.id.clone();
+    let mut told = Difference {
+        release: values::changes(&claims(&before), &claims(&after)),
+        files: files(&before.files, &after.files),
+        added: Vec::new(),
+        removed: Vec::new(),
+        changed: Vec::new(),
+        unchanged: 0,
+    };
+    for pair in paired(&before.scenes, &after.scenes, id) {
+        match pair {
+            (None, Some(scene)) => told.added.push(size(scene)),
+            (Some(scene), None) => told.removed.push(size(scene)),
+            (Some(a), Some(b)) if a != b => {
+                let [a_file, b_file] = [read_scene(old, a)?, read_scene(new, b)?];
+                told.changed.push(scene([a, b], [&a_file, &b_file]));
+            }
+            _ => told.unchanged += 1,
+        }
+    }
+    Ok(told)
+}
+
+fn read_manifest(dir: &Path) -> Result<Manifest, DiffError> {
+    const WANTED: &str = "the folder of a release";
+    let no_release = |path: &Path, found: &str| DiffError {
+        path: path.to_owned(),
+        found: found.to_owned(),
+        wanted: WANTED,
+    };
+    if !dir.is_dir() {
+        return Err(no_release(dir, if dir.exists() { "a file" } else { "nothing" }));
+    }
+    let path = dir.join(manifest::NAME);
+    if !path.exists() {
+        return Err(no_release(dir, "a folder without manifest.json"));
+    }
+    let manifest: Manifest = read_json(&path, "the manifest of a release of format 1")?;
+    if manifest.format != 1 {
+        let (found, wanted) = (format!("format {}", manifest.format), "format 1");
+        return Err(DiffError { path, found, wanted });
+    }
+    Ok(manifest)
+}
+
+fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneFile, DiffError> {
+    read_json(&dir.join(&scene.id).join("scene.json"), "what the release says of a scene")
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path, wanted: &'static str) -> Result<T, DiffError> {
+    let failed = |found: String| DiffError { path: path.to_owned(), found, wanted };
+    let bytes = std::fs::read(path).map_err(|e| failed(format!("no way to read it ({e})")))?;
+    serde_json::from_slice(&bytes).map_err(|e| failed(format!("other JSON ({e})")))
+}
+
+/// Elements of two lists that have one name, sorted by it.
+fn paired<'a, T, K: Ord>(
+    old: &'a [T],
+    new: &'a [T],
+    name: impl Fn(&T) -> K,
+) -> Vec<(Option<&'a T>, Option<&'a T>)> {
+    let by_name = |list: &'a [T]| list.iter().map(|x| (name(x), x)).collect::<BTreeMap<K, &'a T>>();
+    let (old, new) = (by_name(old), by_name(new));
+    let names: BTreeSet<&K> = old.keys().chain(new.keys()).collect();
+    names.into_iter().map(|name| (old.get(name).copied(), new.get(name).copied())).collect()
+}
+
+/// What is claimed beside the lists that are compared one by one.
+fn claims<T: Serialize>(listed: &T) -> Value {
+    let mut value = serde_json::to_value(listed).expect("a manifest is plain data");
+    if let Some(fields) = value.as_object_mut() {
+        fields.retain(|name, _| !["id", "scenes", "steps", "files"].contains(&name.as_str()));
+    }
+    value
+}
+
+fn size(scene: &ManifestScene) -> SceneSize {
+    let bytes = scene.files.iter().map(|file| file.size).sum();
+    SceneSize { id: scene.id.clone(), files: scene.files.len(), bytes }
+}
+
+fn files(old: &[ManifestFile], new: &[ManifestFile]) -> Vec<FileChange> {
+    let pairs = paired(old, new, |file| file.path.clone()).into_iter().filter(|(old, new)| old != new);
+    let change = |(old, new): (Option<&ManifestFile>, Option<&ManifestFile>)| {
+        let path = new.or(old).map(|file| file.path.clone())?;
+        Some(FileChange { path, old: old.map(|file| file.size), new: new.map(|file| file.size) })
+    };
+    pairs.filter_map(change).collect()
+}
+
+fn scene([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneFile; 2]) -> SceneChange {
+    let photos = |file: &SceneFile| -> Value {
+        file.images.iter().map(|photo| (photo.name.clone(), Value::from(photo.sha256.clone()))).collect()
+    };
+    SceneChange {
+        id: new.id.clone(),
+        recipe: values::changes(&old_file.recipe, &new_file.recipe),
+        photos: values::changes(&photos(old_file), &photos(new_file)),
+        claims: values::changes(&claims(old), &claims(new)),
+        steps: steps(&old.steps, &new.steps),
+        files: files(&old.files, &new.files),
+    }
+}
+
+fn steps(old: &[ManifestStep], new: &[ManifestStep]) -> Vec<StepChange> {
+    let find = |list: &'_ [ManifestStep], step: &ManifestStep| list.iter().position(|s| s.step == step.step);
+    let there = new.iter().filter_map(|step| match find(old, step) {
+        None => Some(StepChange::new(step, false, vec![Reason::StepAdded])),
+        Some(i) => step_change(&old[i], step),
+    });
+    let gone = old.iter().filter(|step| find(new, step).is_none());
+    let gone = gone.map(|step| StepChange::new(step, false, vec![Reason::StepRemoved]));
+    there.chain(gone).collect()
+}
+
+impl StepChange {
+    fn new(step: &ManifestStep, same_bytes: bool, reasons: Vec<Reason>) -> Self {
+        Self { step: step.step.clone(), stage: step.stage.clone(), same_bytes, reasons }
+    }
+}
+
+fn step_change(old: &ManifestStep, new: &ManifestStep) -> Option<StepChange> {
+    let same_bytes = old.outputs == new.outputs;
+    let reasons = match (&old.made_of, &new.made_of) {
+        _ if old.key == new.key && same_bytes => return None,
+        _ if old.key == new.key => vec![Reason::Nondeterministic],
+        (Some(old), Some(new)) => reasons(old, new),
+        _ => vec![Reason::Untold],
+    };
+    Some(StepChange::new(new, same_bytes, reasons))
+}
+
+fn reasons(old: &Ingredients, new: &Ingredients) -> Vec<Reason> {
+    let revision =
+        (old.revision != new.revision).then_some(Reason::Revision { old: old.revision, new: new.revision });
+    let class =
+        (old.class != new.class).then(|| Reason::Class { old: old.class.clone(), new: new.class.clone() });
+    let params = (old.params != new.params).then_some(Reason::ParamsChanged);
+    let roles: BTreeSet<&String> = old.inputs.keys().chain(new.inputs.keys()).collect();
+    let inputs = roles.into_iter().filter_map(|name| {
+        let [old, new] = [old, new].map(|side| side.inputs.get(name).copied());
+        (old != new).then(|| Reason::InputChanged { name: name.clone(), old, new })
+    });
+    let known: Vec<Reason> = revision.into_iter().chain(class).chain(params).chain(inputs).collect();
+    if known.is_empty() { vec![Reason::Untold] } else { known }
+}
