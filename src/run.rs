@@ -4,13 +4,16 @@
 //! the keys they had, and the wave stops. Two steps with one key run once. The clock is read here for durations
 //! only; nothing read from it reaches a file of the release.
 
+pub mod estimate;
+
 use crate::artifact::Files;
 use crate::plan::assess::{Action, Assessment, PlanError, Reason, source_digests, step_alone};
 use crate::plan::{Plan, PlannedStep};
 use crate::stage::{Context, StageError, StepId};
 use crate::store::description::Value;
 use crate::store::record::{Output, Provenance, Record};
-use crate::store::{Digest, Key, Store, StoreError};
+use crate::store::space::{Space, is_full};
+use crate::store::{Digest, Key, Store, StoreError, Workspace};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,20 +39,34 @@ pub enum Event<'a> {
         step: StepId,
         /// Why.
         reason: &'a Reason,
+        /// The cores that it is given.
+        cores: usize,
     },
     /// A step was made.
     Made {
         /// Which.
         step: StepId,
+        /// Its key.
+        key: &'a Key,
+        /// What it made.
+        outputs: &'a [Output],
         /// How long it took.
         seconds: f64,
+        /// The cores that it was given.
+        cores: usize,
         /// What it had to say.
         warnings: &'a [String],
+        /// A word on the size of its product.
+        remark: Option<&'a str>,
     },
     /// A step is up to date.
     Kept {
         /// Which.
         step: StepId,
+        /// Its key.
+        key: &'a Key,
+        /// What it made when it ran.
+        outputs: &'a [Output],
     },
     /// A step failed.
     Failed {
@@ -88,6 +105,16 @@ pub enum StepError {
     /// A file that it reads changed meanwhile.
     #[error("{0} changed while it was read; nothing was recorded")]
     Moved(String),
+    /// There is no room for its files.
+    #[error("no space: {cause}")]
+    Full {
+        /// Bytes that it had written.
+        wrote: u64,
+        /// The file system, where the system tells of it.
+        space: Option<Space>,
+        /// What it was told when it went on writing.
+        cause: String,
+    },
 }
 
 /// What a run came to.
@@ -105,6 +132,14 @@ pub struct Summary {
     pub interrupted: bool,
     /// Key and outputs of each step that was made or kept.
     pub outputs: BTreeMap<StepId, (Key, Vec<Output>)>,
+}
+
+impl Summary {
+    /// Whether a step found no room for its files.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.failures.iter().any(|failure| matches!(failure.error, StepError::Full { .. }))
+    }
 }
 
 /// Runs a plan.
@@ -130,7 +165,11 @@ pub fn run(
             executor.finish(finished);
         }
     });
-    store.flush()?;
+    match store.flush() {
+        // Told already, with the step; the records that are whole count without the database.
+        Err(error) if summary.is_full() && error.is_full() => {}
+        flushed => flushed?,
+    }
     Ok(summary)
 }
 
@@ -154,7 +193,9 @@ struct Finished {
 struct Made {
     outputs: Vec<Output>,
     seconds: f64,
+    cores: usize,
     warnings: Vec<String>,
+    remark: Option<String>,
 }
 
 struct Executor<'a> {
@@ -208,7 +249,8 @@ impl<'a> Executor<'a> {
 
     fn stopped(&self) -> bool {
         let failed = !self.summary.failures.is_empty() && !self.options.keep_going;
-        failed || self.cancel.load(Ordering::Relaxed)
+        // Where there is no room for one step, the next would only fill what the running ones still need.
+        failed || self.summary.is_full() || self.cancel.load(Ordering::Relaxed)
     }
 
     fn free_cores(&self) -> usize {
@@ -254,9 +296,10 @@ impl<'a> Executor<'a> {
         if action != Action::Keep {
             return Ok(Some(Stale { key, description, sources, reason }));
         }
+        let outputs = outputs.expect("a step that is kept has outputs");
         self.summary.kept += 1;
-        self.observer.tell(&Event::Kept { step });
-        self.done(step, key, outputs.expect("a step that is kept has outputs"));
+        self.observer.tell(&Event::Kept { step, key: &key, outputs: &outputs });
+        self.done(step, key, outputs);
         Ok(None)
     }
 
@@ -283,7 +326,7 @@ impl<'a> Executor<'a> {
         let cores = self.free_cores().div_ceil(self.stale.len());
         let stale = self.stale.remove(&step).expect("the step was found among the stale");
         self.running.insert(step, (stale.key, cores));
-        self.observer.tell(&Event::Started { step, reason: &stale.reason });
+        self.observer.tell(&Event::Started { step, reason: &stale.reason, cores });
         let files = self.open_inputs(step);
         let job = Job { plan: self.plan, store: self.store, cancel: self.cancel, cores };
         let sender = sender.clone();
@@ -309,9 +352,17 @@ impl<'a> Executor<'a> {
             self.ready.insert(twin);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
-            Ok(Made { outputs, seconds, warnings }) => {
+            Ok(Made { outputs, seconds, cores, warnings, remark }) => {
                 self.summary.made += 1;
-                self.observer.tell(&Event::Made { step, seconds, warnings: &warnings });
+                self.observer.tell(&Event::Made {
+                    step,
+                    key: &key,
+                    outputs: &outputs,
+                    seconds,
+                    cores,
+                    warnings: &warnings,
+                    remark: remark.as_deref(),
+                });
                 self.done(step, key, outputs);
             }
             Err(StepError::Stage(StageError::Cancelled)) => self.summary.interrupted = true,
@@ -343,17 +394,31 @@ struct Job<'a> {
 
 impl Job<'_> {
     fn run(&self, step: StepId, stale: &Stale, files: &[Files]) -> Result<Made, StepError> {
-        let planned = &self.plan.steps()[step.0];
         if let Reason::BlobAltered { digest } = &stale.reason {
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
-        let workspace = self.store.workspace()?;
+        let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
+        self.make(step, stale, files, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
+    }
+
+    fn make(
+        &self,
+        step: StepId,
+        stale: &Stale,
+        files: &[Files],
+        workspace: &Workspace,
+    ) -> Result<Made, StepError> {
+        let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
         let mut cx = Context::new(workspace.path(), self.cancel);
-        self.pool()?.install(|| planned.step.run(files, &mut cx))?;
+        let worked = self.pool()?.install(|| planned.step.run(files, &mut cx));
         let seconds = started.elapsed().as_secs_f64();
-        let warnings = cx.warnings;
-        self.refuse_moved(planned, &stale.sources)?;
+        // Half of a file that somebody is writing is like a broken one: that it moves is the better word for it.
+        if !matches!(worked, Err(StageError::Cancelled)) {
+            self.refuse_moved(planned, &stale.sources)?;
+        }
+        worked?;
+        let Context { warnings, remark, .. } = cx;
         let provenance = Provenance {
             tool: env!("CARGO_PKG_VERSION").to_owned(),
             seconds,
@@ -361,15 +426,32 @@ impl Job<'_> {
             warnings: warnings.clone(),
         };
         let record = Record::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);
-        let outputs = self.store.publish(&workspace, record)?;
-        Ok(Made { outputs, seconds, warnings })
+        let outputs = self.store.publish(workspace, record)?;
+        Ok(Made { outputs, seconds, cores: self.cores, warnings, remark })
+    }
+
+    /// The error, or that there is no room where that is behind it: by its causes, else by what is left, because not
+    /// every library passes on why it could not write.
+    fn with_space(&self, error: StepError, wrote: u64) -> StepError {
+        let may_have_written = match &error {
+            StepError::Stage(StageError::Work { .. } | StageError::Io { .. }) => true,
+            StepError::Store(error) => !matches!(error, StoreError::Nondeterministic { .. }),
+            _ => false,
+        };
+        let space = self.store.space().ok();
+        let is_used_up = may_have_written && space.as_ref().is_some_and(Space::is_used_up);
+        if !is_used_up && !is_full(&error) {
+            return error;
+        }
+        StepError::Full { wrote, space, cause: error.to_string() }
     }
 
     /// The bytes that were read must be those that the key holds: the step may have waited long for its start.
     fn refuse_moved(&self, planned: &PlannedStep, then: &[(String, Digest)]) -> Result<(), StepError> {
         let now = source_digests(self.plan, self.store, planned)?;
         let moved = now.iter().find(|file| !then.contains(file)).or(then.iter().find(|f| !now.contains(f)));
-        moved.map_or(Ok(()), |(role, _)| Err(StepError::Moved(role.clone())))
+        let name = |role: &str| role.strip_prefix("file ").unwrap_or(role).to_owned();
+        moved.map_or(Ok(()), |(role, _)| Err(StepError::Moved(name(role))))
     }
 
     fn pool(&self) -> Result<rayon::ThreadPool, StageError> {

@@ -12,11 +12,14 @@ pub mod description;
 mod disk;
 mod lock;
 pub mod record;
+pub mod space;
 mod stat_cache;
 mod state;
 
 use blob::Blobs;
+pub use lock::Claim;
 use record::{Output, Record};
+use space::Space;
 use stat_cache::StatCache;
 use state::State;
 use std::fmt;
@@ -148,14 +151,15 @@ pub enum StoreError {
         holder: String,
     },
     /// A key made other bytes than before.
-    #[error("nondeterministic step: key {key} made {first} before and {second} now")]
+    #[error(
+        "nondeterministic step: key {} made {} before and {} now",
+        before.key, record::content(&before.outputs), record::content(&now.outputs)
+    )]
     Nondeterministic {
-        /// The key.
-        key: Key,
-        /// Content digest on record.
-        first: Digest,
-        /// Content digest made now.
-        second: Digest,
+        /// What is on record, and stays.
+        before: Box<Record>,
+        /// What was made now; its blobs lie beside the others.
+        now: Box<Record>,
     },
 }
 
@@ -186,16 +190,30 @@ pub enum Access {
 }
 
 impl Store {
-    /// Opens the store at `root`, for writing creates it. `waiting` is told once for whom it waits.
+    /// Opens the store at `root`, for nobody in particular; else as [`Store::open_as`].
+    ///
+    /// # Errors
+    /// As [`Store::open_as`].
+    pub fn open(root: &Path, access: Access, waiting: &mut dyn FnMut(&str)) -> Result<Self, StoreError> {
+        Self::open_as(root, access, &Claim::default(), waiting)
+    }
+
+    /// Opens the store at `root`, for writing creates it. `waiting` is told for whom it waits, and again as often as
+    /// the claim says.
     ///
     /// # Errors
     /// When it cannot be read or made, was made by a newer program, or is locked and `access` does not wait.
-    pub fn open(root: &Path, access: Access, waiting: &mut dyn FnMut(&str)) -> Result<Self, StoreError> {
+    pub fn open_as(
+        root: &Path,
+        access: Access,
+        claim: &Claim,
+        waiting: &mut dyn FnMut(&str),
+    ) -> Result<Self, StoreError> {
         let lock = match access {
             Access::Read => None,
             Access::Write | Access::WriteNow => {
                 disk::create_dir(root)?;
-                Some(lock::Lock::take(root, access == Access::Write, waiting)?)
+                Some(lock::Lock::take(root, claim, access == Access::Write, waiting)?)
             }
         };
         disk::check_format(root, FORMAT, lock.is_some())?;
@@ -269,6 +287,14 @@ impl Store {
         }
     }
 
+    /// The file system that the store is on.
+    ///
+    /// # Errors
+    /// When the system does not tell.
+    pub fn space(&self) -> std::io::Result<Space> {
+        Space::around(&self.root)
+    }
+
     /// Where a blob lies.
     #[must_use]
     pub fn path_of(&self, digest: &Digest) -> PathBuf {
@@ -317,11 +343,7 @@ impl Store {
         if let Some(before) = self.full_record(&record.key) {
             let kept = before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)));
             if kept && before.outputs != record.outputs {
-                return Err(StoreError::Nondeterministic {
-                    key: record.key,
-                    first: record::content(&before.outputs),
-                    second: record::content(&record.outputs),
-                });
+                return Err(StoreError::Nondeterministic { before: Box::new(before), now: Box::new(record) });
             }
         }
         record.write(&self.root)?;
@@ -330,6 +352,30 @@ impl Store {
         }
         self.state().insert(&record.key, record.outputs.clone());
         Ok(record.outputs)
+    }
+
+    /// Remembers the recipe, as JSON text, with which a scene was built, for explanations.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn note_recipe(&self, scene: &str, recipe: &str) -> Result<(), StoreError> {
+        if self.last_recipe(scene).as_deref() == Some(recipe) {
+            return Ok(());
+        }
+        let path = self.recipe_path(scene);
+        disk::create_dir(&self.root.join("results"))?;
+        disk::write_atomically(&path, &path.with_extension("new"), recipe.as_bytes())
+    }
+
+    /// The recipe with which a scene was last built; `None` where that is not known.
+    #[must_use]
+    pub fn last_recipe(&self, scene: &str) -> Option<String> {
+        let bytes = disk::read_optional(&self.recipe_path(scene)).ok().flatten()?;
+        String::from_utf8(bytes).ok()
+    }
+
+    fn recipe_path(&self, scene: &str) -> PathBuf {
+        self.root.join("results").join(format!("{}.json", Digest::of(scene.as_bytes())))
     }
 
     /// Renews what is known of a blob after this program itself linked or unlinked it, which moves its ctime.

@@ -1,18 +1,20 @@
 //! `gs2e build`: makes what is stale, and nothing else.
 
 use super::console::Console;
+use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use super::progress::Progress;
-use super::{Common, Targets, on_interrupt};
+use super::{Common, Targets, clock, failure, on_interrupt};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::recipe::{self, Recipe};
 use crate::run::{self, Options, Summary};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
-use crate::store::{Access, Store};
+use crate::stage::StepId;
+use crate::store::{Access, Claim, Store};
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Arguments of `build`.
@@ -26,8 +28,8 @@ impl Build {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let plan = read_plan(&self.targets.recipes)?;
         let store = open(common, console)?;
-        let (summary, seconds) = build(&plan, &store, common, console)?;
-        console.say(&last_line(&summary, seconds));
+        let (summary, seconds) = build(&plan, &self.targets, &store, common, console)?;
+        tell_end(&summary, seconds, console);
         Ok(exit(&summary))
     }
 }
@@ -72,11 +74,13 @@ fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
 /// Opens the store for writing, waiting for another process where there is one.
 pub(super) fn open(common: &Common, console: &Console) -> Result<Store, Problem> {
     let access = if common.no_wait { Access::WriteNow } else { Access::Write };
-    let store = Store::open(&common.store, access, &mut |holder| {
-        console.insist(&format!("waiting: {} is in use by {holder}", common.store.display()));
+    let claim = Claim { command: common.command.clone(), since: clock::now(), ..Claim::default() };
+    let store = Store::open_as(&common.store, access, &claim, &mut |holder| {
+        let what = format!("{} is in use by {holder}", common.store.display());
+        console.tell(&Message::new(Level::Waiting, "locked", what));
     })?;
     for notice in store.notices() {
-        console.insist(&format!("warning: {notice}"));
+        console.tell(&Message::new(Level::Warning, "state-rebuilt", notice));
     }
     Ok(store)
 }
@@ -84,6 +88,7 @@ pub(super) fn open(common: &Common, console: &Console) -> Result<Store, Problem>
 /// Builds what is stale; the seconds are for people.
 pub(super) fn build(
     plan: &Plan,
+    targets: &Targets,
     store: &Store,
     common: &Common,
     console: &Console,
@@ -97,17 +102,46 @@ pub(super) fn build(
     let cores = common.jobs.map_or_else(all_cores, usize::from);
     let options = Options { cores, keep_going: common.keep_going };
     let cancel = on_interrupt()?;
-    let progress = Progress::new(plan, console);
+    let progress = Progress::new(plan, store, console, cores, &|_| None);
     let summary = run::run(plan, store, options, &cancel, &progress);
-    progress.close();
-    Ok((summary?, started.elapsed().as_secs_f64()))
+    let failed = progress.close();
+    if common.keep_going && !failed.is_empty() {
+        console.say(&failure::again(&failed, &to_find(targets, common)));
+    }
+    let summary = summary?;
+    note_recipes(plan, store, &summary)?;
+    Ok((summary, started.elapsed().as_secs_f64()))
+}
+
+/// The options by which another verb finds the same recipes and store.
+fn to_find(targets: &Targets, common: &Common) -> String {
+    let mut options = String::new();
+    if targets.recipes != [Path::new(Targets::DEFAULT)] {
+        targets.recipes.iter().for_each(|path| options.push_str(&format!(" --recipes {}", path.display())));
+    }
+    if common.store != Path::new(Common::STORE) {
+        options.push_str(&format!(" --store {}", common.store.display()));
+    }
+    options
+}
+
+/// Remembers with which recipe each scene was built that now is whole.
+fn note_recipes(plan: &Plan, store: &Store, summary: &Summary) -> Result<(), Problem> {
+    let mut whole = vec![true; plan.scenes().len()];
+    for (id, step) in plan.steps().iter().enumerate() {
+        whole[step.scene] &= summary.outputs.contains_key(&StepId(id));
+    }
+    for (recipe, _) in plan.scenes().iter().zip(whole).filter(|(_, whole)| *whole) {
+        store.note_recipe(&recipe.scene, &recipe.merged.to_string())?;
+    }
+    Ok(())
 }
 
 fn all_cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZero::get)
 }
 
-pub(super) fn last_line(summary: &Summary, seconds: f64) -> String {
+fn last_line(summary: &Summary, seconds: f64) -> String {
     let Summary { made, kept, failures, unreached, interrupted, .. } = summary;
     if *interrupted {
         let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
@@ -120,6 +154,15 @@ pub(super) fn last_line(summary: &Summary, seconds: f64) -> String {
         text.push_str(&format!(", not reached {unreached}"));
     }
     format!("{text}; {seconds:.2} s")
+}
+
+/// The last line, and for programs that a run was cut short.
+pub(super) fn tell_end(summary: &Summary, seconds: f64, console: &Console) {
+    let line = last_line(summary, seconds);
+    if summary.interrupted && console.json {
+        console.result(&Message::new(Level::Error, "interrupted", line.as_str()).to_json());
+    }
+    console.say(&line);
 }
 
 pub(super) fn exit(summary: &Summary) -> Exit {

@@ -1,6 +1,6 @@
 //! `gs2e release`: the whole job, from recipes to the tree that people download.
 
-use super::build::{build, exit, last_line, open, read_plan};
+use super::build::{build, exit, open, read_plan, tell_end};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets, check};
@@ -42,8 +42,8 @@ impl Release {
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
-        let (summary, seconds) = build(&plan, &store, common, console)?;
-        console.say(&last_line(&summary, seconds));
+        let (summary, seconds) = build(&plan, &self.targets, &store, common, console)?;
+        tell_end(&summary, seconds, console);
         let built = exit(&summary);
         if built != Exit::Done {
             return Ok(built);

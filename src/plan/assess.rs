@@ -116,6 +116,8 @@ pub enum PlanError {
     Missing {
         /// Scene id.
         scene: String,
+        /// The step that reads it.
+        step: String,
         /// What was looked for.
         path: std::path::PathBuf,
         /// Where the recipe names it.
@@ -230,7 +232,9 @@ pub fn source_digests(
         _ => None,
     };
     let failed = |cause| match cause {
-        StageError::Missing { path } => PlanError::Missing { scene: scene(), path, named_at: named_at() },
+        StageError::Missing { path } => {
+            PlanError::Missing { scene: scene(), step: step.name.clone(), path, named_at: named_at() }
+        }
         cause => PlanError::Source { scene: scene(), step: step.name.clone(), cause },
     };
     let mut digests = Vec::new();
