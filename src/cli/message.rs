@@ -109,9 +109,11 @@ impl Message {
     /// For programs: what there is not is null. `line` and `column` are places in a recipe, and then so is `path`.
     pub(super) fn to_json(&self) -> serde_json::Value {
         let level = if self.level == Level::Error { "error" } else { "warning" };
-        let message = std::iter::once(&self.what).chain(&self.details).chain(&self.why);
-        let message: Vec<&str> = message.map(String::as_str).collect();
         let at = self.named_at.as_ref();
+        // `path` is then the recipe's.
+        let other = self.path.as_ref().filter(|_| at.is_some());
+        let message = std::iter::once(&self.what).chain(other).chain(&self.details).chain(&self.why);
+        let message: Vec<&str> = message.map(String::as_str).collect();
         json!({
             "level": level, "code": self.code, "message": message.join(": "),
             "scene": self.scene, "step": self.step,
@@ -151,7 +153,7 @@ mod tests {
         let wanted = [
             "error",
             "input-missing",
-            "a/b: the source is not there: open data/b: no such file",
+            "a/b: the source is not there: data/b: open data/b: no such file",
             "a/b",
             "capture",
             "recipes/a.yaml",

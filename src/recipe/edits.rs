@@ -114,7 +114,11 @@ mod tests {
         let list = |paths: &[Value]| json!({ "trajectories": paths });
         let [base, mini] = [path("base", 2), path("mini", 2)];
         t(&list(&[base.clone(), mini.clone()]), &list(&[mini.clone(), base.clone()]), &[]);
-        t(&list(&[base.clone()]), &list(&[path("base", 3)]), &["trajectories.base.refine.window: 2 -> 3"]);
+        t(
+            &list(std::slice::from_ref(&base)),
+            &list(&[path("base", 3)]),
+            &["trajectories.base.refine.window: 2 -> 3"],
+        );
         let whole = r#"{"name":"mini","refine":{"window":2}}"#;
         let [come, gone] = [format!("absent -> {whole}"), format!("{whole} -> absent")];
         let both = [base.clone(), mini.clone()];
