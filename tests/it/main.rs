@@ -14,6 +14,7 @@ mod keys;
 mod locks;
 mod manifest;
 mod messages;
+mod progress;
 mod real;
 mod recipes;
 mod release;
