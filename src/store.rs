@@ -20,6 +20,7 @@ mod lock;
 mod memo;
 pub mod record;
 mod root;
+pub mod space;
 pub mod stat_cache;
 mod state;
 
@@ -27,6 +28,8 @@ pub use digest::{Digest, Key};
 pub use root::Root;
 
 use blob::Blobs;
+pub use lock::Claim;
+
 use disk::Disk;
 use fs::Fs;
 use memo::Memo;
@@ -34,6 +37,7 @@ use rayon::prelude::*;
 use record::{Brief, Output, Record};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use space::Space;
 use stat_cache::{Entry, Sighting};
 use state::{State, Table};
 use std::collections::BTreeSet;
@@ -81,15 +85,16 @@ pub enum StoreError {
         holder: String,
     },
     /// A key made other bytes than before.
-    #[error("nondeterministic step: key {key} made {first} before and {second} now")]
+    #[error(
+        "nondeterministic step: key {} made {} before and {} now",
+        before.key, record::content(&before.outputs), record::content(&now.outputs)
+    )]
     Nondeterministic {
-        /// The key.
-        key: Key,
-        /// Content digest on record.
-        first: Digest,
-        /// Content digest made now.
-        second: Digest,
-        /// Whether the first bytes were lost, and these took their place.
+        /// What is on record.
+        before: Box<Record>,
+        /// What was made now.
+        now: Box<Record>,
+        /// Whether the first bytes were lost, and these took their place; else the first stay.
         replaced: bool,
     },
 }
@@ -137,6 +142,8 @@ pub enum Access {
 pub struct Opening {
     /// What for.
     pub access: Access,
+    /// Who opens it to write.
+    pub claim: Claim,
     /// Read every file, whatever its stat fields say.
     pub verify: bool,
     /// Have each file on disk before the next is written, instead of a batch at once.
@@ -147,12 +154,13 @@ pub struct Opening {
 
 impl From<Access> for Opening {
     fn from(access: Access) -> Self {
-        Self { access, verify: false, sync_each: false, fs: Arc::new(fs::Real) }
+        Self { access, claim: Claim::default(), verify: false, sync_each: false, fs: Arc::new(fs::Real) }
     }
 }
 
 impl Store {
-    /// Opens the store at `root`, for writing creates it. `waiting` is told once for whom it waits.
+    /// Opens the store at `root`, for writing creates it. `waiting` is told for whom it waits, and again as often as
+    /// the claim says.
     ///
     /// # Errors
     /// When it cannot be read or made, was made by a newer program, or is locked and `access` does not wait.
@@ -161,13 +169,13 @@ impl Store {
         opening: impl Into<Opening>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let Opening { access, verify, sync_each, fs } = opening.into();
+        let Opening { access, claim, verify, sync_each, fs } = opening.into();
         let disk = Disk::new(fs.clone(), sync_each);
         let lock = match access {
             Access::Read => None,
             Access::Write | Access::WriteNow => {
                 disk.create_dir(root)?;
-                Some(lock::Lock::take(root, access == Access::Write, waiting)?)
+                Some(lock::Lock::take(root, &claim, access == Access::Write, waiting)?)
             }
         };
         disk.check_format(root, FORMAT, lock.is_some())?;
@@ -268,6 +276,14 @@ impl Store {
         }
     }
 
+    /// The file system that the store is on.
+    ///
+    /// # Errors
+    /// When the system does not tell.
+    pub fn space(&self) -> std::io::Result<Space> {
+        Space::around(&self.root)
+    }
+
     /// Where a blob lies.
     #[must_use]
     pub fn path_of(&self, digest: &Digest) -> PathBuf {
@@ -349,7 +365,8 @@ impl Store {
         if let Some(before) = &before
             && before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)))
         {
-            return Err(nondeterministic(before, &record, false));
+            self.set_beside(&files)?;
+            return Err(nondeterministic(before.clone(), record, false));
         }
         files.iter().try_for_each(|file| self.blobs.publish(file))?;
         record.write(&self.root, &self.disk)?;
@@ -358,7 +375,7 @@ impl Store {
         }
         self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
         match before {
-            Some(before) => Err(nondeterministic(&before, &record, true)),
+            Some(before) => Err(nondeterministic(before, record, true)),
             None => Ok(record.outputs),
         }
     }
@@ -369,11 +386,19 @@ impl Store {
     /// When a file cannot be read, or the bytes differ.
     pub fn compare(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<(), StoreError> {
         let files = self.blobs.finish(workspace.path())?;
-        record.outputs = files.into_iter().map(|file| file.output).collect();
+        record.outputs = files.iter().map(|file| file.output.clone()).collect();
         match self.full_record(&record.key).filter(|before| before.outputs != record.outputs) {
-            Some(before) => Err(nondeterministic(&before, &record, false)),
+            Some(before) => {
+                self.set_beside(&files)?;
+                Err(nondeterministic(before, record, false))
+            }
             None => Ok(()),
         }
+    }
+
+    /// Keeps files that no record names, so that they can be held against those that one does; `gc` takes them.
+    fn set_beside(&self, files: &[blob::Finished]) -> Result<(), StoreError> {
+        files.iter().try_for_each(|file| self.blobs.publish(file))
     }
 
     /// Renews what is known of a blob after this program itself linked or unlinked it, which moves its ctime.
@@ -459,13 +484,8 @@ fn last_name(scene: &str, step: &str) -> String {
     format!("{scene}\0{step}")
 }
 
-fn nondeterministic(before: &Record, now: &Record, replaced: bool) -> StoreError {
-    StoreError::Nondeterministic {
-        key: now.key,
-        first: record::content(&before.outputs),
-        second: record::content(&now.outputs),
-        replaced,
-    }
+fn nondeterministic(before: Record, now: Record, replaced: bool) -> StoreError {
+    StoreError::Nondeterministic { before: Box::new(before), now: Box::new(now), replaced }
 }
 
 /// What became of a blob.

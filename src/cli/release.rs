@@ -1,6 +1,6 @@
 //! `gs2e release`: the whole job, from recipes to the tree that people download.
 
-use super::build::{Care, build, exit, last_line, open, read_plan};
+use super::build::{Building, Care, exit, open, read_plan, tell_end};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets, check};
@@ -47,8 +47,9 @@ impl Release {
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
-        let summary = build(&plan, &store, common, &self.care, console)?;
-        console.say(&last_line(&summary, started.elapsed().as_secs_f64()));
+        let building = Building { targets: &self.targets, common, care: &self.care, console };
+        let summary = building.build(&plan, &store)?;
+        tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit(&summary);
         if built != Exit::Done {
             return Ok(built);
