@@ -7,13 +7,13 @@
 pub mod estimate;
 
 use crate::artifact::Files;
-use crate::plan::assess::{Action, Assessment, PlanError, Reason, source_digests, step_alone};
+use crate::plan::assess::{Action, Assessment, PlanError, Reason, Sources, read_sources, step_alone};
 use crate::plan::{Plan, PlannedStep};
 use crate::stage::{Context, StageError, StepId};
 use crate::store::description::Value;
 use crate::store::record::{Output, Provenance, Record};
 use crate::store::space::{Space, is_full};
-use crate::store::{Digest, Key, Store, StoreError, Workspace};
+use crate::store::{Key, Store, StoreError, Workspace};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -178,7 +178,7 @@ struct Stale {
     key: Key,
     description: Value,
     /// The files outside the store as the key has them.
-    sources: Vec<(String, Digest)>,
+    sources: Sources,
     reason: Reason,
 }
 
@@ -406,7 +406,7 @@ impl Job<'_> {
         step: StepId,
         stale: &Stale,
         files: &[Files],
-        workspace: &Workspace,
+        workspace: &Workspace<'_>,
     ) -> Result<Made, StepError> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
@@ -447,11 +447,9 @@ impl Job<'_> {
     }
 
     /// The bytes that were read must be those that the key holds: the step may have waited long for its start.
-    fn refuse_moved(&self, planned: &PlannedStep, then: &[(String, Digest)]) -> Result<(), StepError> {
-        let now = source_digests(self.plan, self.store, planned)?;
-        let moved = now.iter().find(|file| !then.contains(file)).or(then.iter().find(|f| !now.contains(f)));
-        let name = |role: &str| role.strip_prefix("file ").unwrap_or(role).to_owned();
-        moved.map_or(Ok(()), |(role, _)| Err(StepError::Moved(name(role))))
+    fn refuse_moved(&self, planned: &PlannedStep, then: &Sources) -> Result<(), StepError> {
+        let now = read_sources(self.plan, self.store, planned)?;
+        now.moved_since(then).map_or(Ok(()), |path| Err(StepError::Moved(path)))
     }
 
     fn pool(&self) -> Result<rayon::ThreadPool, StageError> {

@@ -152,6 +152,11 @@ pub trait Stage: serde::Serialize {
         Ok(Vec::new())
     }
 
+    /// The folders whose listing decides which files [`Stage::sources`] names, as far as they exist.
+    fn source_folders(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
     /// Writes the product's files into `cx.out`.
     ///
     /// # Errors
@@ -268,6 +273,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// When a source cannot be listed.
     fn sources(&self) -> Result<Vec<SourceFile>, StageError>;
 
+    /// Folders whose listing decides which files those are.
+    fn source_folders(&self) -> Vec<PathBuf>;
+
     /// What enters the key: the stage, its revision and class, its parameters, and the digests of its inputs by
     /// role.
     fn describe(&self, inputs: &[(String, Digest)]) -> Value;
@@ -294,6 +302,10 @@ where
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         self.stage.sources()
+    }
+
+    fn source_folders(&self) -> Vec<PathBuf> {
+        self.stage.source_folders()
     }
 
     fn describe(&self, inputs: &[(String, Digest)]) -> Value {

@@ -4,112 +4,44 @@
 //! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  tmp/  trash/
 //! ```
 //! `cas/` and `ac/` are the truth and never changed in place; `state.db` is an index of `ac/` and a cache of file
-//! digests: losing it costs time, never correctness. Publishing goes blobs, record, database row, in this order, so
-//! a record never names bytes that are not there. The store knows nothing of scenes, poses or events.
+//! digests: losing it costs time, never correctness. Publishing goes blobs, record, sync, database row, in this order,
+//! so a record never names bytes that are not there, and the database never one that a power cut may take. A process
+//! that is killed loses nothing that it published: the records count without the database. The store knows nothing
+//! of scenes, poses or events.
 
 pub mod blob;
 pub mod description;
+mod digest;
 mod disk;
+pub mod fs;
+mod hash;
 mod lock;
+mod memo;
 pub mod record;
 pub mod space;
-mod stat_cache;
+pub mod stat_cache;
 mod state;
+mod unlike;
+
+pub use digest::{Digest, Key};
+pub use lock::Claim;
+pub use unlike::Unlike;
 
 use blob::Blobs;
-pub use lock::Claim;
-use record::{Output, Record};
+use disk::Disk;
+use fs::Fs;
+use memo::Memo;
+use rayon::prelude::*;
+use record::{Brief, Output, Record};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use space::Space;
-use stat_cache::StatCache;
-use state::State;
-use std::fmt;
+use stat_cache::{Entry, Sighting};
+use state::{State, Table};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
-use std::sync::Mutex;
-
-/// BLAKE3 of some bytes.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Digest([u8; 32]);
-
-impl Digest {
-    /// The digest of `bytes`.
-    #[must_use]
-    pub fn of(bytes: &[u8]) -> Self {
-        Self(*blake3::hash(bytes).as_bytes())
-    }
-
-    /// The 32 bytes.
-    #[must_use]
-    pub fn as_bytes(&self) -> &[u8; 32] {
-        &self.0
-    }
-
-    /// The first 12 hexadecimal digits, for people.
-    #[must_use]
-    pub fn short(&self) -> String {
-        self.to_string()[..12].to_owned()
-    }
-}
-
-impl fmt::Display for Digest {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(blake3::Hash::from_bytes(self.0).to_hex().as_str())
-    }
-}
-
-impl From<blake3::Hash> for Digest {
-    fn from(hash: blake3::Hash) -> Self {
-        Self(*hash.as_bytes())
-    }
-}
-
-impl fmt::Debug for Digest {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
-    }
-}
-
-impl FromStr for Digest {
-    type Err = blake3::HexError;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Ok(Self(*blake3::Hash::from_hex(text)?.as_bytes()))
-    }
-}
-
-impl serde::Serialize for Digest {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
-impl<'de> serde::Deserialize<'de> for Digest {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let text = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
-        text.parse().map_err(serde::de::Error::custom)
-    }
-}
-
-/// What a step is: a hash of everything that may change its bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(transparent)]
-pub struct Key(pub Digest);
-
-impl Key {
-    /// The key of a description.
-    #[must_use]
-    pub fn of(description: &description::Value) -> Self {
-        let mut bytes = Vec::new();
-        description.encode(&mut bytes);
-        Self(Digest(blake3::derive_key("gs2e 2026 step key v1", &bytes)))
-    }
-}
-
-impl fmt::Display for Key {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// Why the store cannot do what it was asked.
 #[derive(Debug, thiserror::Error)]
@@ -151,16 +83,8 @@ pub enum StoreError {
         holder: String,
     },
     /// A key made other bytes than before.
-    #[error(
-        "nondeterministic step: key {} made {} before and {} now",
-        before.key, record::content(&before.outputs), record::content(&now.outputs)
-    )]
-    Nondeterministic {
-        /// What is on record, and stays.
-        before: Box<Record>,
-        /// What was made now; its blobs lie beside the others.
-        now: Box<Record>,
-    },
+    #[error("nondeterministic step: {0}")]
+    Nondeterministic(Box<Unlike>),
 }
 
 /// Format of the folder; raised when an older program could no longer use it.
@@ -170,15 +94,27 @@ const FORMAT: u32 = 1;
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
+    fs: Arc<dyn Fs>,
+    disk: Disk,
     blobs: Blobs,
     state: Mutex<State>,
-    stats: Mutex<StatCache>,
-    notices: Vec<String>,
+    /// Files whose bytes this process has read, where it trusts no stat fields.
+    verified: Option<Mutex<BTreeSet<PathBuf>>>,
+    counts: Counts,
+    /// The first failure of an operation whose result nobody waits for.
+    failed: Mutex<Option<StoreError>>,
     /// Held, not read: the kernel frees it with the store.
     _lock: Option<lock::Lock>,
 }
 
-/// How a store is opened.
+/// Where digests came from.
+#[derive(Debug, Default)]
+struct Counts {
+    trusted: AtomicUsize,
+    hashed: AtomicUsize,
+}
+
+/// What a store is opened for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// To look only: takes no lock, creates nothing.
@@ -189,87 +125,122 @@ pub enum Access {
     WriteNow,
 }
 
-impl Store {
-    /// Opens the store at `root`, for nobody in particular; else as [`Store::open_as`].
-    ///
-    /// # Errors
-    /// As [`Store::open_as`].
-    pub fn open(root: &Path, access: Access, waiting: &mut dyn FnMut(&str)) -> Result<Self, StoreError> {
-        Self::open_as(root, access, &Claim::default(), waiting)
-    }
+/// How a store is opened.
+#[derive(Debug, Clone)]
+pub struct Opening {
+    /// What for.
+    pub access: Access,
+    /// Read every file, whatever its stat fields say.
+    pub verify: bool,
+    /// Have each file on disk before the next is written, instead of a batch at once.
+    pub sync_each: bool,
+    /// What operates on the files.
+    pub fs: Arc<dyn Fs>,
+    /// Who opens it, for those who wait.
+    pub claim: Claim,
+}
 
-    /// Opens the store at `root`, for writing creates it. `waiting` is told for whom it waits, and again as often as
-    /// the claim says.
+impl From<Access> for Opening {
+    fn from(access: Access) -> Self {
+        Self { access, verify: false, sync_each: false, fs: Arc::new(fs::Real), claim: Claim::default() }
+    }
+}
+
+impl Store {
+    /// Opens the store at `root`, for writing creates it. `waiting` is told for whom it waits, and
+    /// again as often as the claim says.
     ///
     /// # Errors
     /// When it cannot be read or made, was made by a newer program, or is locked and `access` does not wait.
-    pub fn open_as(
+    pub fn open(
         root: &Path,
-        access: Access,
-        claim: &Claim,
+        opening: impl Into<Opening>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
+        let Opening { access, verify, sync_each, fs, claim } = opening.into();
+        let disk = Disk::new(fs.clone(), sync_each);
         let lock = match access {
             Access::Read => None,
             Access::Write | Access::WriteNow => {
-                disk::create_dir(root)?;
-                Some(lock::Lock::take(root, claim, access == Access::Write, waiting)?)
+                disk.create_dir(root)?;
+                Some(lock::Lock::take(root, &claim, access == Access::Write, waiting)?)
             }
         };
-        disk::check_format(root, FORMAT, lock.is_some())?;
-        let blobs = Blobs::new(root);
+        disk.check_format(root, FORMAT, lock.is_some())?;
         if lock.is_some() {
             for folder in ["cas", "ac", "tmp", "trash"] {
-                disk::create_dir(&root.join(folder))?;
+                disk.create_dir(&root.join(folder))?;
             }
             // Nobody else may write while the lock is held: what lies here was left by a process that died.
-            disk::empty_dir(&root.join("tmp"))?;
+            disk.empty_dir(&root.join("tmp"))?;
         }
-        let (state, notices) = State::open(root, lock.is_some())?;
-        let stats = StatCache::new(state.stat_entries());
+        let state = State::open(root, disk.clone(), lock.is_some())?;
         Ok(Self {
             root: root.to_owned(),
-            blobs,
+            blobs: Blobs::new(root, disk.clone()),
             state: Mutex::new(state),
-            stats: Mutex::new(stats),
-            notices,
+            verified: verify.then(Mutex::default),
+            counts: Counts::default(),
+            failed: Mutex::new(None),
+            fs,
+            disk,
             _lock: lock,
         })
     }
 
-    /// What opening had to mend, one line each.
+    /// What had to be mended since the last call, one line each.
     #[must_use]
-    pub fn notices(&self) -> &[String] {
-        &self.notices
+    pub fn take_notices(&self) -> Vec<String> {
+        self.state().take_notices()
     }
 
-    /// The outputs on record for a key, if there is a record. The index is asked first; what a process recorded
-    /// that was killed before it wrote the index, or that works just now, stands in `ac/` alone and counts as much.
+    /// How many digests were taken from stat fields, and how many from bytes.
     #[must_use]
-    pub fn record(&self, key: &Key) -> Option<Vec<Output>> {
-        let indexed = self.state().outputs(key);
-        indexed.or_else(|| {
-            let outputs = self.full_record(key)?.outputs;
-            self.state().insert(key, outputs.clone());
-            Some(outputs)
+    pub fn digests(&self) -> (usize, usize) {
+        (self.counts.trusted.load(Ordering::Relaxed), self.counts.hashed.load(Ordering::Relaxed))
+    }
+
+    /// The outputs on record for a key, if there is a record, and what it took. The index is asked first; what a
+    /// process recorded that was killed before it wrote the index, or that works just now, stands in `ac/` alone and
+    /// counts as much.
+    #[must_use]
+    pub fn record(&self, key: &Key) -> Option<Brief> {
+        let name = key.to_string();
+        let indexed = self.state().get(Table::Record, &name);
+        indexed.and_then(|row| serde_json::from_slice(&row).ok()).or_else(|| {
+            let brief = self.full_record(key)?.brief();
+            self.state().put(Table::Record, &name, brief.row());
+            Some(brief)
         })
     }
 
     /// The whole record of a key as it lies in `ac/`; `None` where it is absent or damaged.
     #[must_use]
     pub fn full_record(&self, key: &Key) -> Option<Record> {
-        Record::read(&self.root, key).ok().flatten()
+        Record::read(&self.root, &self.disk, key).ok().flatten()
     }
 
     /// The key that a step of a scene was last made with.
     #[must_use]
     pub fn last_key(&self, scene: &str, step: &str) -> Option<Key> {
-        self.state().last(scene, step)
+        let row = self.state().get(Table::Last, &last_name(scene, step))?;
+        std::str::from_utf8(&row).ok()?.parse().ok().map(Key)
     }
 
     /// Remembers that a step of a scene now stands at `key`, for explanations.
     pub fn note_last(&self, scene: &str, step: &str, key: Key) {
-        self.state().set_last(scene, step, key);
+        self.state().put_new(Table::Last, &last_name(scene, step), key.to_string().into_bytes());
+    }
+
+    /// The recipe that a scene was last made from.
+    #[must_use]
+    pub fn last_recipe(&self, scene: &str) -> Option<String> {
+        String::from_utf8(self.state().get(Table::Recipe, scene)?).ok()
+    }
+
+    /// Remembers the recipe that a scene is made from, for explanations.
+    pub fn note_recipe(&self, scene: &str, recipe: &str) {
+        self.state().put_new(Table::Recipe, scene, recipe.as_bytes().to_vec());
     }
 
     /// The state of a blob, by its stat fields where they are known and by its bytes where not.
@@ -278,13 +249,131 @@ impl Store {
     /// When the file is there and cannot be read.
     pub fn examine(&self, output: &Output) -> Result<BlobState, StoreError> {
         let path = self.blobs.path(&output.digest);
-        let found = self.stats().digest_of(&path);
-        match found {
-            Ok(digest) if digest == output.digest => Ok(BlobState::Sound),
+        match self.look(&path) {
+            Ok(entry) if entry.digest == output.digest => Ok(BlobState::Sound),
             Ok(_) => Ok(BlobState::Altered),
             Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(BlobState::Missing),
             Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
         }
+    }
+
+    /// Where a blob lies.
+    #[must_use]
+    pub fn path_of(&self, digest: &Digest) -> PathBuf {
+        self.blobs.path(digest)
+    }
+
+    /// What is known of a file, in the store or outside it; it is read only where its stat fields moved.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn look(&self, path: &Path) -> std::io::Result<Entry> {
+        let stat = self.disk.stat(path)?;
+        // A path that is not UTF-8 is hashed each time: correct, only slower.
+        let name = path.to_str().filter(|_| self.trusts(path));
+        let known = name.and_then(|name| self.state().get(Table::Stat, name));
+        let known = known.and_then(|row| postcard::from_bytes::<Entry>(&row).ok());
+        if let Some(entry) = known.filter(|entry| entry.seen.holds_for(&stat)) {
+            self.counts.trusted.fetch_add(1, Ordering::Relaxed);
+            return Ok(entry);
+        }
+        let seen = Sighting::now(stat);
+        let entry = Entry { seen, digest: self.disk.digest(path)? };
+        self.counts.hashed.fetch_add(1, Ordering::Relaxed);
+        self.enter(path, entry);
+        Ok(entry)
+    }
+
+    /// The stat fields of a file or folder, seen now.
+    ///
+    /// # Errors
+    /// When it is not there.
+    pub fn sight(&self, path: &Path) -> std::io::Result<Sighting> {
+        self.disk.stat(path).map(Sighting::now)
+    }
+
+    /// Whether what is on record of a file may be believed.
+    fn trusts(&self, path: &Path) -> bool {
+        self.verified.as_ref().is_none_or(|read| read.lock().expect("no holder panics").contains(path))
+    }
+
+    fn enter(&self, path: &Path, entry: Entry) {
+        if let Some(read) = &self.verified {
+            read.lock().expect("no holder panics").insert(path.to_owned());
+        }
+        if let Some(name) = path.to_str() {
+            let row = postcard::to_stdvec(&entry).expect("an entry is plain data");
+            self.state().put_new(Table::Stat, name, row);
+        }
+    }
+
+    /// Takes a blob that is altered out of the way, into `trash/`. One that another step has made anew meanwhile
+    /// stays.
+    ///
+    /// # Errors
+    /// When it cannot be read or moved.
+    pub fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
+        self.blobs.discard(digest)
+    }
+
+    /// An empty folder for a step to write its files in.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn workspace(&self) -> Result<Workspace<'_>, StoreError> {
+        let path = self.blobs.fresh("tmp");
+        self.disk.create_dir(&path)?;
+        Ok(Workspace { path, store: self })
+    }
+
+    /// Publishes the files of a workspace as what `record` made: blobs, then the record, then the index.
+    ///
+    /// # Errors
+    /// When a file cannot be read or written, or the key is on record with other bytes. Where those are still there
+    /// nothing is published; where they are lost the new ones take their place.
+    pub fn publish(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<Vec<Output>, StoreError> {
+        let files = self.blobs.finish(workspace.path())?;
+        record.outputs = files.iter().map(|file| file.output.clone()).collect();
+        let before = self.full_record(&record.key).filter(|before| before.outputs != record.outputs);
+        if let Some(before) = &before
+            && before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)))
+        {
+            return Err(self.nondeterministic(workspace, before.clone(), record, false));
+        }
+        files.iter().try_for_each(|file| self.blobs.publish(file))?;
+        record.write(&self.root, &self.disk)?;
+        for output in &record.outputs {
+            self.settle(&output.digest);
+        }
+        self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
+        match before {
+            Some(before) => Err(self.nondeterministic(workspace, before, record, true)),
+            None => Ok(record.outputs),
+        }
+    }
+
+    /// Holds the files of a workspace against what is on record for a key, and publishes nothing.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or the bytes differ.
+    pub fn compare(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<(), StoreError> {
+        let files = self.blobs.finish(workspace.path())?;
+        record.outputs = files.into_iter().map(|file| file.output).collect();
+        match self.full_record(&record.key).filter(|before| before.outputs != record.outputs) {
+            Some(before) => Err(self.nondeterministic(workspace, before, record, false)),
+            None => Ok(()),
+        }
+    }
+
+    fn nondeterministic(
+        &self,
+        workspace: &Workspace<'_>,
+        before: Record,
+        now: Record,
+        replaced: bool,
+    ) -> StoreError {
+        let first = unlike::first_difference(&before, &now, &|digest| self.path_of(digest), workspace.path());
+        StoreError::Nondeterministic(Box::new(Unlike { before, now, replaced, first }))
     }
 
     /// The file system that the store is on.
@@ -295,110 +384,87 @@ impl Store {
         Space::around(&self.root)
     }
 
-    /// Where a blob lies.
-    #[must_use]
-    pub fn path_of(&self, digest: &Digest) -> PathBuf {
-        self.blobs.path(digest)
-    }
-
-    /// The digest of a file outside the store, read only where its stat fields moved.
-    ///
-    /// # Errors
-    /// When the file cannot be read.
-    pub fn digest_of(&self, path: &Path) -> std::io::Result<Digest> {
-        self.stats().digest_of(path)
-    }
-
-    /// Takes a blob that is altered out of the way, into `trash/`. One that another step has made anew meanwhile
-    /// stays.
-    ///
-    /// # Errors
-    /// When it cannot be read or moved.
-    pub fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
-        let path = self.blobs.path(digest);
-        // Held to the end: between the look and the move, another step could put the sound blob there.
-        let mut stats = self.stats();
-        match stats.digest_of(&path) {
-            Ok(found) if found == *digest => Ok(()),
-            Ok(_) => self.blobs.discard(digest),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
-            Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
-        }
-    }
-
-    /// An empty folder for a step to write its files in.
-    ///
-    /// # Errors
-    /// When it cannot be made.
-    pub fn workspace(&self) -> Result<Workspace, StoreError> {
-        self.blobs.workspace()
-    }
-
-    /// Publishes the files of a workspace as what `record` made: blobs, then the record, then the index.
-    ///
-    /// # Errors
-    /// When a file cannot be read or written, or the key is on record with other bytes that are still there.
-    pub fn publish(&self, workspace: &Workspace, mut record: Record) -> Result<Vec<Output>, StoreError> {
-        record.outputs = self.blobs.take_all(workspace)?;
-        if let Some(before) = self.full_record(&record.key) {
-            let kept = before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)));
-            if kept && before.outputs != record.outputs {
-                return Err(StoreError::Nondeterministic { before: Box::new(before), now: Box::new(record) });
-            }
-        }
-        record.write(&self.root)?;
-        for output in &record.outputs {
-            self.settle(&output.digest);
-        }
-        self.state().insert(&record.key, record.outputs.clone());
-        Ok(record.outputs)
-    }
-
-    /// Remembers the recipe, as JSON text, with which a scene was built, for explanations.
-    ///
-    /// # Errors
-    /// When it cannot be written.
-    pub fn note_recipe(&self, scene: &str, recipe: &str) -> Result<(), StoreError> {
-        if self.last_recipe(scene).as_deref() == Some(recipe) {
-            return Ok(());
-        }
-        let path = self.recipe_path(scene);
-        disk::create_dir(&self.root.join("results"))?;
-        disk::write_atomically(&path, &path.with_extension("new"), recipe.as_bytes())
-    }
-
-    /// The recipe with which a scene was last built; `None` where that is not known.
-    #[must_use]
-    pub fn last_recipe(&self, scene: &str) -> Option<String> {
-        let bytes = disk::read_optional(&self.recipe_path(scene)).ok().flatten()?;
-        String::from_utf8(bytes).ok()
-    }
-
-    fn recipe_path(&self, scene: &str) -> PathBuf {
-        self.root.join("results").join(format!("{}.json", Digest::of(scene.as_bytes())))
-    }
-
     /// Renews what is known of a blob after this program itself linked or unlinked it, which moves its ctime.
     pub fn settle(&self, digest: &Digest) {
-        self.stats().settle(&self.blobs.path(digest), *digest);
+        let path = self.blobs.path(digest);
+        if let Ok(stat) = self.disk.stat(&path) {
+            self.enter(&path, Entry { seen: Sighting::settled(stat), digest: *digest });
+        }
     }
 
-    /// Writes what is pending to the database. The records themselves are already on disk.
+    /// The facts remembered under these names, where their grounds have not moved. Trusts stat fields, so a store
+    /// that was opened to verify remembers nothing.
+    #[must_use]
+    pub fn recall<T: DeserializeOwned + Send>(&self, names: &[String], tag: &Digest) -> Vec<Option<T>> {
+        /// Below this many, looking each one up is less than reading the table.
+        const FEW: usize = 64;
+        if self.verified.is_some() {
+            return names.iter().map(|_| None).collect();
+        }
+        let rows: Vec<Option<Vec<u8>>> = if names.len() < FEW {
+            names.iter().map(|name| self.state().get(Table::Memo, name)).collect()
+        } else {
+            let mut all = self.state().all(Table::Memo);
+            names.iter().map(|name| all.remove(name)).collect()
+        };
+        let recall = |row: Option<Vec<u8>>| {
+            let memo: Memo<T> = postcard::from_bytes(&row?).ok()?;
+            let holds = memo.holds(tag, &*self.fs, &|digest| self.blobs.path(digest));
+            holds.then_some(memo).inspect(|memo| {
+                self.counts.trusted.fetch_add(memo.files.len() + memo.blobs.len(), Ordering::Relaxed);
+            })
+        };
+        let memos: Vec<Option<Memo<T>>> = rows.into_par_iter().map(recall).collect();
+        memos.into_iter().map(|memo| memo.map(|memo| memo.fact)).collect()
+    }
+
+    /// Remembers a fact that was made from `files`, seen before they were read, and from `blobs`. Where one of them
+    /// is so young that it could still change unseen, nothing is remembered.
+    pub fn remember<T: Serialize>(
+        &self,
+        name: &str,
+        tag: Digest,
+        files: &[(PathBuf, Sighting)],
+        blobs: &[Digest],
+        fact: T,
+    ) {
+        let mut state = self.state();
+        let known = |digest: &Digest| {
+            let row = state.get(Table::Stat, self.blobs.path(digest).to_str()?)?;
+            let entry: Entry = postcard::from_bytes(&row).ok()?;
+            (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))
+        };
+        let blobs: Option<Vec<_>> = blobs.iter().map(known).collect();
+        let (Some(files), Some(blobs)) = (memo::firm(files), blobs) else { return };
+        let memo = Memo { tag, files, blobs, fact };
+        let row = postcard::to_stdvec(&memo).expect("a memo is plain data");
+        state.put_new(Table::Memo, name, row);
+    }
+
+    /// Has what was published on disk, and writes what is pending to the database.
     ///
     /// # Errors
-    /// When the database refuses.
+    /// When the disk or the database refuses, or an operation failed before whose result nobody waited for.
     pub fn flush(&self) -> Result<(), StoreError> {
-        let entries = self.stats().take_changes();
-        self.state().flush(&entries)
+        if let Some(error) = self.failed.lock().expect("no holder panics").take() {
+            return Err(error);
+        }
+        let mut state = self.state();
+        if !state.is_behind() {
+            return Ok(());
+        }
+        // With the state held: a row that is entered from here on speaks of bytes that this sync may have missed.
+        self.disk.sync_all(&self.root)?;
+        state.flush()
     }
 
-    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().expect("no holder of the state panics")
     }
+}
 
-    fn stats(&self) -> std::sync::MutexGuard<'_, StatCache> {
-        self.stats.lock().expect("no holder of the stat cache panics")
-    }
+fn last_name(scene: &str, step: &str) -> String {
+    format!("{scene}\0{step}")
 }
 
 /// What became of a blob.
@@ -414,11 +480,12 @@ pub enum BlobState {
 
 /// A folder under `tmp/` that is removed with its content when dropped.
 #[derive(Debug)]
-pub struct Workspace {
+pub struct Workspace<'s> {
     path: PathBuf,
+    store: &'s Store,
 }
 
-impl Workspace {
+impl Workspace<'_> {
     /// Where it is.
     #[must_use]
     pub fn path(&self) -> &Path {
@@ -426,9 +493,11 @@ impl Workspace {
     }
 }
 
-impl Drop for Workspace {
+impl Drop for Workspace<'_> {
     fn drop(&mut self) {
-        // Whatever stays is removed when the store is next opened for writing.
-        let _ = std::fs::remove_dir_all(&self.path);
+        // Whatever stays is removed when the store is next opened for writing; the failure is told at the next flush.
+        if let Err(error) = self.store.disk.remove(&self.path) {
+            self.store.failed.lock().expect("no holder panics").get_or_insert(error);
+        }
     }
 }

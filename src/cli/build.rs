@@ -12,7 +12,7 @@ use crate::run::{self, Options, Summary};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
 use crate::stage::StepId;
-use crate::store::{Access, Claim, Store};
+use crate::store::{Access, Claim, Opening, Store};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -75,14 +75,19 @@ fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
 pub(super) fn open(common: &Common, console: &Console) -> Result<Store, Problem> {
     let access = if common.no_wait { Access::WriteNow } else { Access::Write };
     let claim = Claim { command: common.command.clone(), since: clock::now(), ..Claim::default() };
-    let store = Store::open_as(&common.store, access, &claim, &mut |holder| {
+    let store = Store::open(&common.store, Opening { claim, ..access.into() }, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
         console.tell(&Message::new(Level::Waiting, "locked", what));
     })?;
-    for notice in store.notices() {
+    tell_notices(&store, console);
+    Ok(store)
+}
+
+/// What the store had to mend since it was last asked.
+pub(super) fn tell_notices(store: &Store, console: &Console) {
+    for notice in store.take_notices() {
         console.tell(&Message::new(Level::Warning, "state-rebuilt", notice));
     }
-    Ok(store)
 }
 
 /// Builds what is stale; the seconds are for people.
@@ -102,9 +107,10 @@ pub(super) fn build(
     let cores = common.jobs.map_or_else(all_cores, usize::from);
     let options = Options { cores, keep_going: common.keep_going };
     let cancel = on_interrupt()?;
-    let progress = Progress::new(plan, store, console, cores, &|_| None);
+    let progress = Progress::new(plan, store, console, cores);
     let summary = run::run(plan, store, options, &cancel, &progress);
     let failed = progress.close();
+    tell_notices(store, console);
     if common.keep_going && !failed.is_empty() {
         console.say(&failure::again(&failed, &to_find(targets, common)));
     }
@@ -132,9 +138,9 @@ fn note_recipes(plan: &Plan, store: &Store, summary: &Summary) -> Result<(), Pro
         whole[step.scene] &= summary.outputs.contains_key(&StepId(id));
     }
     for (recipe, _) in plan.scenes().iter().zip(whole).filter(|(_, whole)| *whole) {
-        store.note_recipe(&recipe.scene, &recipe.merged.to_string())?;
+        store.note_recipe(&recipe.scene, &recipe.merged.to_string());
     }
-    Ok(())
+    Ok(store.flush()?)
 }
 
 fn all_cores() -> usize {

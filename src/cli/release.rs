@@ -2,13 +2,14 @@
 
 use super::build::{build, exit, open, read_plan, tell_end};
 use super::console::Console;
-use super::problem::{Exit, Problem};
+use super::problem::{Exit, FULL, Problem};
 use super::{Common, Targets, check};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::recipe;
 use crate::release::{self, GatherError, Options, ReleaseError};
 use crate::store::Store;
+use crate::store::space::is_full;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -111,6 +112,7 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
         }
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),
         ReleaseError::Store(error) => error.into(),
+        _ if is_full(&error) => Problem::failed("disk-full", format!("no space: {message}")).help(FULL),
         _ => Problem::failed("release", message),
     }
 }

@@ -7,8 +7,10 @@ use crate::stage::reconstruct::Reconstructing;
 use crate::stage::{Stage, StageError, StepId};
 use crate::store::description::{Line, Value};
 use crate::store::record::{Output, content};
+use crate::store::stat_cache::Sighting;
 use crate::store::{BlobState, Digest, Key, Store, StoreError};
 use serde::Serialize;
+use std::path::PathBuf;
 
 /// What becomes of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -90,8 +92,8 @@ pub struct Assessment {
     pub key: Option<Key>,
     /// What the key is the hash of; without the inputs that are not known yet.
     pub description: Value,
-    /// Digests of the files outside the store that it reads, by role, as they are in the description.
-    pub sources: Vec<(String, Digest)>,
+    /// The files outside the store that it reads.
+    pub sources: Sources,
     /// Its outputs, where it is up to date.
     pub outputs: Option<Vec<Output>>,
 }
@@ -105,6 +107,28 @@ impl Assessment {
         let is_unknown = |c: &Change| c.path == "inputs" || c.path.starts_with("inputs.") && c.new.is_empty();
         changes.retain(|c| self.key.is_some() || !is_unknown(c));
         changes
+    }
+}
+
+/// The files outside the store that a step reads, at a moment.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sources {
+    /// Digests by role, as they are in the description.
+    pub digests: Vec<(String, Digest)>,
+    /// Every file, and every folder whose listing said which files they are, as it was before it was read.
+    pub seen: Vec<(PathBuf, Sighting)>,
+}
+
+impl Sources {
+    /// A file or folder that is not as it was `then`, if there is one. One that was written anew with equal bytes
+    /// counts: what a reader saw in between is not known.
+    #[must_use]
+    pub fn moved_since(&self, then: &Self) -> Option<String> {
+        let stat = |(path, seen): &(PathBuf, Sighting)| (path.clone(), seen.stat);
+        let before: Vec<_> = then.seen.iter().map(stat).collect();
+        let moved = self.seen.iter().map(stat).find(|now| !before.contains(now));
+        let fewer = then.seen.iter().find(|(path, _)| self.seen.iter().all(|(p, _)| p != path));
+        moved.map(|(path, _)| path).or(fewer.map(|(path, _)| path.clone())).map(|p| p.display().to_string())
     }
 }
 
@@ -170,12 +194,12 @@ pub fn step_alone(
     step: &PlannedStep,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
 ) -> Result<Assessment, PlanError> {
-    let sources = source_digests(plan, store, step)?;
+    let sources = read_sources(plan, store, step)?;
     let description = describe(step, &sources, outputs_of);
     let key = Key::of(&description);
     let (reason, outputs) = match store.record(&key) {
-        Some(outputs) => match damage(store, &outputs)? {
-            None => (Reason::UpToDate, Some(outputs)),
+        Some(record) => match damage(store, &record.outputs)? {
+            None => (Reason::UpToDate, Some(record.outputs)),
             Some(reason) => (reason, None),
         },
         None => (difference(plan, store, step, &description), None),
@@ -192,7 +216,7 @@ fn step_behind(
     waiting_for: StepId,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
 ) -> Result<Assessment, PlanError> {
-    let sources = source_digests(plan, store, step)?;
+    let sources = read_sources(plan, store, step)?;
     Ok(Assessment {
         action: Action::MayRun,
         reason: Reason::InputMayChange { step: plan.steps[waiting_for.0].name.clone() },
@@ -206,24 +230,20 @@ fn step_behind(
 /// A step with those of its inputs that are known.
 fn describe(
     step: &PlannedStep,
-    sources: &[(String, Digest)],
+    sources: &Sources,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
 ) -> Value {
     let made = step.step.inputs().into_iter();
     let made = made.filter_map(|(role, id)| Some((role.to_owned(), content(&outputs_of(id)?))));
-    let inputs: Vec<(String, Digest)> = made.chain(sources.iter().cloned()).collect();
+    let inputs: Vec<(String, Digest)> = made.chain(sources.digests.iter().cloned()).collect();
     step.step.describe(&inputs)
 }
 
-/// Digests of the files outside the store that a step reads, by role.
+/// Reads the files outside the store that a step reads, where their stat fields moved.
 ///
 /// # Errors
 /// When one is absent or unreadable.
-pub fn source_digests(
-    plan: &Plan,
-    store: &Store,
-    step: &PlannedStep,
-) -> Result<Vec<(String, Digest)>, PlanError> {
+pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<Sources, PlanError> {
     let scene = || plan.scene_of(step).to_owned();
     let places = &plan.scenes()[step.scene].named_at;
     let named_at = || match step.step.stage() {
@@ -237,15 +257,24 @@ pub fn source_digests(
         }
         cause => PlanError::Source { scene: scene(), step: step.name.clone(), cause },
     };
-    let mut digests = Vec::new();
-    for source in step.step.sources().map_err(failed)? {
-        let digest = store.digest_of(&source.path).map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => failed(StageError::Missing { path: source.path.clone() }),
-            _ => failed(StageError::Io { path: source.path.clone(), source: e }),
-        })?;
-        digests.push((format!("file {}", source.name), digest));
+    let unreadable = |path: &PathBuf, e: std::io::Error| match e.kind() {
+        std::io::ErrorKind::NotFound => failed(StageError::Missing { path: path.clone() }),
+        _ => failed(StageError::Io { path: path.clone(), source: e }),
+    };
+    let mut sources = Sources::default();
+    // Before they are listed: an entry that comes later moves their stat fields.
+    for folder in step.step.source_folders() {
+        // One that is gone is told by whoever lists it.
+        if let Ok(seen) = store.sight(&folder) {
+            sources.seen.push((folder, seen));
+        }
     }
-    Ok(digests)
+    for source in step.step.sources().map_err(failed)? {
+        let entry = store.look(&source.path).map_err(|e| unreadable(&source.path, e))?;
+        sources.digests.push((format!("file {}", source.name), entry.digest));
+        sources.seen.push((source.path, entry.seen));
+    }
+    Ok(sources)
 }
 
 fn damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreError> {

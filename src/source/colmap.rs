@@ -160,9 +160,9 @@ impl Model {
         }
     }
 
-    /// The folder that photo names count from: `images` beside the model, or beside the `sparse` that holds it, or one
-    /// folder further up, as DL3DV has it.
-    fn photos(&self) -> Option<PathBuf> {
+    /// The folders that may hold `images`: the one that the model lies in, or that the `sparse` that holds it lies in,
+    /// and the one above, as DL3DV has it.
+    fn bases(&self) -> Vec<&Path> {
         let mut base = self.dir.as_path();
         for is_shell in [is_number as fn(&str) -> bool, |name| name == "sparse"] {
             if let Some(parent) =
@@ -171,8 +171,12 @@ impl Model {
                 base = parent;
             }
         }
-        let bases = [Some(base), base.parent()];
-        bases.into_iter().flatten().map(|b| b.join("images")).find(|images| images.is_dir())
+        [Some(base), base.parent()].into_iter().flatten().collect()
+    }
+
+    /// The folder that photo names count from.
+    fn photos(&self) -> Option<PathBuf> {
+        self.bases().into_iter().map(|base| base.join("images")).find(|images| images.is_dir())
     }
 
     /// Counts that differ between the two forms, where both are there.
@@ -193,6 +197,23 @@ impl Model {
 
 fn is_number(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit())
+}
+
+/// The folders whose listing decides which files [`files`] names.
+#[must_use]
+pub fn folders(dir: &Path) -> Vec<PathBuf> {
+    let below = |root: &Path| {
+        let entries = WalkDir::new(root).sort_by_file_name().into_iter().filter_map(Result::ok);
+        entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
+    };
+    let mut folders: Vec<PathBuf> = below(dir).collect();
+    if let Ok(model) = Model::find(dir) {
+        folders.extend(model.bases().into_iter().map(photo::or_here));
+        folders.extend(model.photos().into_iter().flat_map(|images| below(&images).collect::<Vec<_>>()));
+    }
+    folders.sort();
+    folders.dedup();
+    folders
 }
 
 /// Reads the model found in `dir` as a capture.

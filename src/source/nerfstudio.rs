@@ -64,6 +64,23 @@ pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     Ok(files)
 }
 
+/// The folders whose listing decides which files [`files`] names: where the file lies, and where a photo lies or would.
+#[must_use]
+pub fn folders(path: &Path) -> Vec<PathBuf> {
+    let file = locate(path);
+    let home = photo::or_here(file.parent().unwrap_or(Path::new("")));
+    let mut folders = vec![home.clone()];
+    let document = load(&file).unwrap_or_default();
+    let top = Node::top(&file, &document);
+    for frame in top.list("frames").unwrap_or_default() {
+        let photo = home.join(frame.text("file_path").unwrap_or_default());
+        folders.extend(photo.ancestors().skip(1).find(|folder| folder.is_dir()).map(Path::to_owned));
+    }
+    folders.sort();
+    folders.dedup();
+    folders
+}
+
 /// The photo that `file_path` means; Blender's form leaves out the extension.
 fn find_photo(file: &Path, name: &str) -> Option<PathBuf> {
     let folder = file.parent()?;

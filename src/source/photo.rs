@@ -22,6 +22,11 @@ pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     (!name.is_empty() && Path::new(name).components().all(inside) && path.is_file()).then_some(path)
 }
 
+/// A folder by a path that the system takes: the empty one is the current folder.
+pub(super) fn or_here(folder: &Path) -> PathBuf {
+    if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
+}
+
 /// Reads a photo.
 pub(super) fn read(path: &Path) -> Result<Photo, SourceError> {
     let mut file = File::open(path).map_err(SourceError::io(path))?;

@@ -62,6 +62,14 @@ impl Stage for Capturing {
         Ok(listed.into_iter().map(|(name, path)| SourceFile { name, path }).collect())
     }
 
+    fn source_folders(&self) -> Vec<PathBuf> {
+        match self {
+            Self::Procedural { .. } => Vec::new(),
+            Self::Colmap { dir } => colmap::folders(dir),
+            Self::Nerfstudio { path } => nerfstudio::folders(path),
+        }
+    }
+
     fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
         let (capture, warnings) = match self {
             Self::Procedural { views, arc, seed } => {

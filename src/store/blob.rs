@@ -1,20 +1,32 @@
 //! Blobs: files named by the BLAKE3 of their bytes, mode 0444, never changed in place.
 
+use super::disk::{Disk, failed};
 use super::record::Output;
-use super::{Digest, StoreError, Workspace, disk};
+use super::{Digest, StoreError};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The folders `cas/`, `tmp/` and `trash/`.
 #[derive(Debug)]
 pub struct Blobs {
     root: PathBuf,
+    disk: Disk,
     next: AtomicU64,
+    /// Held while a name that is taken changes hands: between the look at its bytes and the move, nobody may put
+    /// the sound blob there.
+    replacing: Mutex<()>,
+}
+
+/// A finished file in a workspace, and what it will be.
+pub(super) struct Finished {
+    pub(super) output: Output,
+    path: PathBuf,
 }
 
 impl Blobs {
-    pub(super) fn new(root: &Path) -> Self {
-        Self { root: root.to_owned(), next: AtomicU64::new(0) }
+    pub(super) fn new(root: &Path, disk: Disk) -> Self {
+        Self { root: root.to_owned(), disk, next: AtomicU64::new(0), replacing: Mutex::new(()) }
     }
 
     pub(super) fn path(&self, digest: &Digest) -> PathBuf {
@@ -22,39 +34,51 @@ impl Blobs {
         self.root.join("cas").join(&name[..2]).join(&name)
     }
 
-    fn fresh(&self, folder: &str) -> PathBuf {
+    /// A name in `tmp/` or `trash/` that nobody has.
+    pub(super) fn fresh(&self, folder: &str) -> PathBuf {
         let number = self.next.fetch_add(1, Ordering::Relaxed);
         self.root.join(folder).join(format!("{}.{number}", std::process::id()))
     }
 
-    pub(super) fn workspace(&self) -> Result<Workspace, StoreError> {
-        let path = self.fresh("tmp");
-        disk::create_dir(&path)?;
-        Ok(Workspace { path })
-    }
-
+    /// Moves a blob that is altered into `trash/`; a sound one stays.
     pub(super) fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
-        disk::rename(&self.path(digest), &self.fresh("trash"))
+        let path = self.path(digest);
+        let _alone = self.replacing.lock().expect("no holder panics");
+        match self.disk.digest(&path) {
+            Ok(found) if found == *digest => Ok(()),
+            Ok(_) => self.disk.rename(&path, &self.fresh("trash")),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
+            Err(e) => Err(failed("reading", &path)(e)),
+        }
     }
 
-    /// Publishes every file of a workspace.
-    pub(super) fn take_all(&self, workspace: &Workspace) -> Result<Vec<Output>, StoreError> {
-        disk::files_below(workspace.path())?.into_iter().map(|(name, path)| self.take(name, &path)).collect()
+    /// Hashes every file of a workspace, after making it read-only.
+    pub(super) fn finish(&self, workspace: &Path) -> Result<Vec<Finished>, StoreError> {
+        let files = self.disk.files_below(workspace)?.into_iter();
+        files.map(|(name, path)| self.hash(name, path)).collect()
     }
 
-    fn take(&self, name: String, path: &Path) -> Result<Output, StoreError> {
-        disk::make_read_only(path)?;
-        let digest = disk::digest(path).map_err(disk::failed("reading", path))?;
-        let size = std::fs::metadata(path).map_err(disk::failed("reading", path))?.len();
-        let to = self.path(&digest);
+    fn hash(&self, name: String, path: PathBuf) -> Result<Finished, StoreError> {
+        self.disk.make_read_only(&path)?;
+        let digest = self.disk.digest(&path).map_err(failed("reading", &path))?;
+        let size = self.disk.stat(&path).map_err(failed("reading", &path))?.size;
+        Ok(Finished { output: Output { name, digest, size }, path })
+    }
+
+    /// Publishes a finished file; first writer wins.
+    pub(super) fn publish(&self, file: &Finished) -> Result<(), StoreError> {
+        let to = self.path(&file.output.digest);
         if let Some(folder) = to.parent() {
-            disk::create_dir(folder)?;
+            self.disk.create_dir(folder)?;
         }
-        let published = disk::link_new(path, &to)?;
+        if self.disk.link_new(&file.path, &to)? {
+            return Ok(());
+        }
         // Somebody had it first, or its bytes were altered since: only the bytes can tell.
-        if !published && disk::digest(&to).map_err(disk::failed("reading", &to))? != digest {
-            disk::rename(path, &to)?;
+        let _alone = self.replacing.lock().expect("no holder panics");
+        if self.disk.digest(&to).map_err(failed("reading", &to))? != file.output.digest {
+            self.disk.rename(&file.path, &to)?;
         }
-        Ok(Output { name, digest, size })
+        Ok(())
     }
 }

@@ -1,108 +1,162 @@
-//! Every file operation of the store, so that there is one place to count, fail and record them.
+//! The store's files as the rest of it uses them: errors that name the file, writes that are whole or absent.
 
+use super::fs::{Fs, Stat};
 use super::{Digest, StoreError};
-use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 pub(super) fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
     let path = path.to_owned();
     move |source| StoreError::Io { doing, path, source }
 }
 
-pub(super) fn create_dir(path: &Path) -> Result<(), StoreError> {
-    fs::create_dir_all(path).map_err(failed("creating", path))
-}
+/// How often an operation that a signal broke off is begun anew.
+const PATIENCE: usize = 100;
 
-/// Removes everything in a folder, and keeps the folder.
-pub(super) fn empty_dir(path: &Path) -> Result<(), StoreError> {
-    for entry in fs::read_dir(path).map_err(failed("listing", path))? {
-        let entry = entry.map_err(failed("listing", path))?.path();
-        let removed = if entry.is_dir() { fs::remove_dir_all(&entry) } else { fs::remove_file(&entry) };
-        removed.map_err(failed("removing", &entry))?;
-    }
-    Ok(())
-}
-
-/// Holds the folder's `VERSION` against the format that this program knows; writes it into a new folder.
-pub(super) fn check_format(root: &Path, known: u32, write: bool) -> Result<(), StoreError> {
-    let path = root.join("VERSION");
-    match fs::read_to_string(&path) {
-        Ok(text) => match text.trim().parse::<u32>() {
-            Ok(found) if found <= known => Ok(()),
-            _ => Err(StoreError::Newer { path: root.to_owned(), found: text.trim().to_owned(), known }),
-        },
-        Err(e) if e.kind() == io::ErrorKind::NotFound && write => {
-            write_atomically(&path, &root.join("VERSION.new"), format!("{known}\n").as_bytes())
-        }
-        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(()),
-        Err(e) => Err(failed("reading", &path)(e)),
-    }
-}
-
-/// Writes a file under a temporary name and renames it: it is there whole, or not at all.
-pub(super) fn write_atomically(path: &Path, temporary: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let write = || -> io::Result<()> {
-        let mut file = File::create(temporary)?;
-        file.write_all(bytes)?;
-        drop(file);
-        fs::rename(temporary, path)
-    };
-    write().map_err(failed("writing", path))
-}
-
-/// Publishes a finished file under its final name, first writer wins. `false`: the name was taken.
-pub(super) fn link_new(from: &Path, to: &Path) -> Result<bool, StoreError> {
-    match fs::hard_link(from, to) {
-        Ok(()) => Ok(true),
-        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
-        Err(e) => Err(failed("publishing", to)(e)),
-    }
-}
-
-pub(super) fn make_read_only(path: &Path) -> Result<(), StoreError> {
-    use std::os::unix::fs::PermissionsExt;
-    fs::set_permissions(path, fs::Permissions::from_mode(0o444)).map_err(failed("protecting", path))
-}
-
-pub(super) fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
-    fs::rename(from, to).map_err(failed("renaming", from))
-}
-
-/// The files below a folder as relative `/`-joined names, sorted.
-pub(super) fn files_below(root: &Path) -> Result<Vec<(String, PathBuf)>, StoreError> {
-    let mut files = Vec::new();
-    for entry in walkdir::WalkDir::new(root).sort_by_file_name() {
-        let entry = entry.map_err(|e| failed("listing", root)(e.into()))?;
-        if entry.file_type().is_file() {
-            let below = entry.path().strip_prefix(root).expect("the walk starts at the root");
-            let name: Vec<_> = below.iter().map(|part| part.to_string_lossy().into_owned()).collect();
-            files.push((name.join("/"), entry.into_path()));
+/// Begins anew what a signal broke off.
+fn patiently<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+    for _ in 1..PATIENCE {
+        match operation() {
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            done => return done,
         }
     }
-    files.sort();
-    Ok(files)
+    operation()
 }
 
-/// Reads a whole file; `None` where it is absent.
-pub(super) fn read_optional(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
-    match fs::read(path) {
-        Ok(bytes) => Ok(Some(bytes)),
-        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(e) => Err(failed("reading", path)(e)),
+/// File operations with errors that name the file.
+#[derive(Debug, Clone)]
+pub(super) struct Disk {
+    fs: Arc<dyn Fs>,
+    /// Whether each file is on disk before the next is written, or a whole batch at once.
+    sync_each: bool,
+}
+
+impl Disk {
+    pub(super) fn new(fs: Arc<dyn Fs>, sync_each: bool) -> Self {
+        Self { fs, sync_each }
     }
-}
 
-/// BLAKE3 of a file's bytes, in pieces.
-pub(super) fn digest(path: &Path) -> io::Result<Digest> {
-    let mut file = File::open(path)?;
-    let mut hasher = blake3::Hasher::new();
-    let mut piece = vec![0; 1 << 16];
-    loop {
-        let n = file.read(&mut piece)?;
-        if n == 0 {
-            return Ok(Digest(*hasher.finalize().as_bytes()));
+    pub(super) fn stat(&self, path: &Path) -> io::Result<Stat> {
+        patiently(|| self.fs.stat(path))
+    }
+
+    pub(super) fn digest(&self, path: &Path) -> io::Result<Digest> {
+        patiently(|| self.fs.digest(path))
+    }
+
+    pub(super) fn create_dir(&self, path: &Path) -> Result<(), StoreError> {
+        patiently(|| self.fs.create_dir_all(path)).map_err(failed("creating", path))
+    }
+
+    pub(super) fn remove(&self, path: &Path) -> Result<(), StoreError> {
+        patiently(|| self.fs.remove(path)).map_err(failed("removing", path))
+    }
+
+    /// Removes everything in a folder, and keeps the folder.
+    pub(super) fn empty_dir(&self, path: &Path) -> Result<(), StoreError> {
+        let entries = patiently(|| self.fs.list(path)).map_err(failed("listing", path))?;
+        entries.iter().try_for_each(|entry| self.remove(&entry.path))
+    }
+
+    /// Holds the folder's `VERSION` against the format that this program knows; writes it into a new folder.
+    pub(super) fn check_format(&self, root: &Path, known: u32, write: bool) -> Result<(), StoreError> {
+        let path = root.join("VERSION");
+        match self.read_optional(&path)? {
+            Some(bytes) => {
+                let text = String::from_utf8_lossy(&bytes).trim().to_owned();
+                match text.parse::<u32>() {
+                    Ok(found) if found <= known => Ok(()),
+                    _ => Err(StoreError::Newer { path: root.to_owned(), found: text, known }),
+                }
+            }
+            None if write => {
+                self.write_atomically(&path, &root.join("VERSION.new"), format!("{known}\n").as_bytes())
+            }
+            None => Ok(()),
         }
-        hasher.update(&piece[..n]);
+    }
+
+    /// Writes a file under a temporary name and renames it: it is there whole, or not at all.
+    pub(super) fn write_atomically(
+        &self,
+        path: &Path,
+        temporary: &Path,
+        bytes: &[u8],
+    ) -> Result<(), StoreError> {
+        let write = || -> io::Result<()> {
+            patiently(|| self.fs.write(temporary, bytes))?;
+            self.sync_now(temporary)?;
+            patiently(|| self.fs.rename(temporary, path))?;
+            self.sync_folder_of(path)
+        };
+        write().map_err(|e| {
+            // The error says what went wrong; what is left of the file is removed when the store is next opened.
+            let _ = self.fs.remove(temporary);
+            failed("writing", path)(e)
+        })
+    }
+
+    /// Publishes a finished file under its final name, first writer wins. `false`: the name was taken.
+    pub(super) fn link_new(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
+        self.sync_now(from).map_err(failed("syncing", from))?;
+        match patiently(|| self.fs.link(from, to)) {
+            Ok(()) => self.sync_folder_of(to).map(|()| true).map_err(failed("syncing", to)),
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
+            Err(e) => Err(failed("publishing", to)(e)),
+        }
+    }
+
+    fn sync_now(&self, path: &Path) -> io::Result<()> {
+        if self.sync_each { patiently(|| self.fs.sync(path)) } else { Ok(()) }
+    }
+
+    fn sync_folder_of(&self, path: &Path) -> io::Result<()> {
+        path.parent().map_or(Ok(()), |folder| self.sync_now(folder))
+    }
+
+    /// Has everything written so far on disk.
+    pub(super) fn sync_all(&self, root: &Path) -> Result<(), StoreError> {
+        patiently(|| self.fs.sync_all(root)).map_err(failed("syncing", root))
+    }
+
+    pub(super) fn committed(&self, database: &Path) -> Result<(), StoreError> {
+        self.fs.committed(database).map_err(failed("writing", database))
+    }
+
+    pub(super) fn make_read_only(&self, path: &Path) -> Result<(), StoreError> {
+        patiently(|| self.fs.protect(path)).map_err(failed("protecting", path))
+    }
+
+    pub(super) fn rename(&self, from: &Path, to: &Path) -> Result<(), StoreError> {
+        patiently(|| self.fs.rename(from, to)).map_err(failed("renaming", from))
+    }
+
+    /// The files below a folder as relative `/`-joined names, sorted.
+    pub(super) fn files_below(&self, root: &Path) -> Result<Vec<(String, PathBuf)>, StoreError> {
+        let (mut files, mut folders) = (Vec::new(), vec![root.to_owned()]);
+        while let Some(folder) = folders.pop() {
+            for entry in patiently(|| self.fs.list(&folder)).map_err(failed("listing", &folder))? {
+                if entry.is_dir {
+                    folders.push(entry.path);
+                } else {
+                    let below = entry.path.strip_prefix(root).expect("the walk starts at the root");
+                    let name: Vec<_> = below.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+                    files.push((name.join("/"), entry.path));
+                }
+            }
+        }
+        files.sort();
+        Ok(files)
+    }
+
+    /// Reads a whole file; `None` where it is absent.
+    pub(super) fn read_optional(&self, path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
+        match patiently(|| self.fs.read(path)) {
+            Ok(bytes) => Ok(Some(bytes)),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(failed("reading", path)(e)),
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! Records: which outputs a key made. One immutable JSON file a key, in `ac/`.
 
 use super::description::Line;
-use super::{Digest, Key, StoreError, disk};
+use super::disk::Disk;
+use super::{Digest, Key, StoreError};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -27,7 +28,7 @@ pub fn content(outputs: &[Output]) -> Digest {
         hasher.update(&output.size.to_le_bytes());
         hasher.update(output.digest.as_bytes());
     }
-    Digest(*hasher.finalize().as_bytes())
+    hasher.finalize().into()
 }
 
 /// What is kept beside a key's outputs, and never enters a key.
@@ -64,6 +65,26 @@ pub struct Record {
 
 const FORMAT: u32 = 1;
 
+/// What the index keeps of a record.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Brief {
+    /// Name of the stage.
+    pub stage: String,
+    /// Wall time of the step in seconds.
+    pub seconds: f64,
+    /// Threads it was given.
+    pub threads: usize,
+    /// The outputs, sorted by name.
+    pub outputs: Vec<Output>,
+}
+
+impl Brief {
+    /// Its row of the index.
+    pub(super) fn row(&self) -> Vec<u8> {
+        serde_json::to_vec(self).expect("a record is plain data")
+    }
+}
+
 impl Record {
     /// A record without outputs yet.
     #[must_use]
@@ -85,25 +106,31 @@ impl Record {
         root.join("ac").join(&name[..2]).join(format!("{name}.json"))
     }
 
+    /// What the index keeps of it.
+    pub(super) fn brief(&self) -> Brief {
+        let Provenance { seconds, threads, .. } = self.provenance;
+        Brief { stage: self.stage.clone(), seconds, threads, outputs: self.outputs.clone() }
+    }
+
     fn sealed(&self) -> String {
         let open = Self { seal: String::new(), ..self.clone() };
         Digest::of(&serde_json::to_vec(&open).expect("a record is plain data")).to_string()
     }
 
-    pub(super) fn write(&mut self, root: &Path) -> Result<(), StoreError> {
+    pub(super) fn write(&mut self, root: &Path, disk: &Disk) -> Result<(), StoreError> {
         self.seal = self.sealed();
         let path = Self::path(root, &self.key);
         if let Some(folder) = path.parent() {
-            disk::create_dir(folder)?;
+            disk.create_dir(folder)?;
         }
         let bytes = serde_json::to_vec(&self).expect("a record is plain data");
         let temporary = root.join("tmp").join(format!("{}.{}.json", std::process::id(), self.key));
-        disk::write_atomically(&path, &temporary, &bytes)
+        disk.write_atomically(&path, &temporary, &bytes)
     }
 
     /// The record of a key; `None` where there is none, or it is torn, altered or of another format: a miss.
-    pub(super) fn read(root: &Path, key: &Key) -> Result<Option<Self>, StoreError> {
-        let Some(bytes) = disk::read_optional(&Self::path(root, key))? else { return Ok(None) };
+    pub(super) fn read(root: &Path, disk: &Disk, key: &Key) -> Result<Option<Self>, StoreError> {
+        let Some(bytes) = disk.read_optional(&Self::path(root, key))? else { return Ok(None) };
         Ok(Self::parse(&bytes).filter(|record| record.key == *key))
     }
 
@@ -113,14 +140,14 @@ impl Record {
     }
 
     /// All sound records below `ac/`, and how many files there were no records.
-    pub(super) fn read_all(root: &Path) -> Result<(Vec<Self>, usize), StoreError> {
+    pub(super) fn read_all(root: &Path, disk: &Disk) -> Result<(Vec<Self>, usize), StoreError> {
         let folder = root.join("ac");
         if !folder.is_dir() {
             return Ok((Vec::new(), 0));
         }
         let (mut records, mut damaged) = (Vec::new(), 0);
-        for (_, path) in disk::files_below(&folder)? {
-            match disk::read_optional(&path)?.and_then(|bytes| Self::parse(&bytes)) {
+        for (_, path) in disk.files_below(&folder)? {
+            match disk.read_optional(&path)?.and_then(|bytes| Self::parse(&bytes)) {
                 Some(record) => records.push(record),
                 None => damaged += 1,
             }
@@ -146,8 +173,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut record = sample();
         std::fs::create_dir(folder.path().join("tmp")).unwrap();
-        record.write(folder.path()).unwrap();
-        let read = || Record::read(folder.path(), &record.key).unwrap();
+        let disk = Disk::new(std::sync::Arc::new(crate::store::fs::Real), false);
+        record.write(folder.path(), &disk).unwrap();
+        let read = || Record::read(folder.path(), &disk, &record.key).unwrap();
         assert_eq!(read(), Some(record.clone()));
         let path = Record::path(folder.path(), &record.key);
         let whole = std::fs::read(&path).unwrap();

@@ -75,7 +75,7 @@ impl StoreError {
     }
 }
 
-impl Workspace {
+impl Workspace<'_> {
     /// Bytes in its files so far; what cannot be looked at counts nothing.
     #[must_use]
     pub fn bytes(&self) -> u64 {

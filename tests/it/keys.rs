@@ -6,7 +6,7 @@
 use crate::support::steps::{keys, recipe};
 use crate::support::workspace::Workspace;
 use gs2e::plan::Plan;
-use gs2e::plan::assess::source_digests;
+use gs2e::plan::assess::read_sources;
 use gs2e::recipe::{Recipe, read_all};
 use gs2e::store::{Access, Digest, Key, Store};
 use serde_json::{Value, json};
@@ -43,7 +43,7 @@ fn own_keys(recipe: Recipe) -> BTreeMap<&'static str, Key> {
         let made = planned.step.inputs().into_iter();
         let mut inputs: Vec<_> =
             made.map(|(role, _)| (role.to_owned(), Digest::of(role.as_bytes()))).collect();
-        inputs.extend(source_digests(&plan, &store, planned).unwrap());
+        inputs.extend(read_sources(&plan, &store, planned).unwrap().digests);
         keys.insert(planned.step.stage(), Key::of(&planned.step.describe(&inputs)));
     }
     keys

@@ -2,7 +2,7 @@
 
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
-use gs2e::store::{Access, Claim, Store};
+use gs2e::store::{Access, Claim, Opening, Store};
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -97,9 +97,10 @@ fn the_lock_says_who_holds_it() {
 fn who_waits_long_is_told_again() {
     let folder = tempfile::tempdir().unwrap();
     let claim = Claim { command: "gs2e build".into(), remind: Duration::from_millis(1), ..Claim::default() };
-    let mut held = Some(Store::open_as(folder.path(), Access::Write, &claim, &mut |_| {}).unwrap());
+    let opening = Opening { claim, ..Access::Write.into() };
+    let mut held = Some(Store::open(folder.path(), opening.clone(), &mut |_| {}).unwrap());
     let mut told = 0;
-    let store = Store::open_as(folder.path(), Access::Write, &claim, &mut |holder| {
+    let store = Store::open(folder.path(), opening, &mut |holder| {
         assert!(holder.ends_with("(gs2e build)"), "{holder}");
         told += 1;
         if told == 4 {

@@ -4,7 +4,7 @@ use crate::support::given::sound;
 use crate::support::steps::steps;
 use crate::support::workspace::{Ended, TINY, Workspace};
 use gs2e::store::record::{Provenance, Record};
-use gs2e::store::{Access, Claim, Digest, Key, Store};
+use gs2e::store::{Access, Claim, Digest, Key, Opening, Store};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
@@ -177,7 +177,8 @@ fn state_rebuilt() {
 fn hold(place: &Workspace) -> Store {
     let claim =
         Claim { command: "gs2e build -j8".into(), since: "2026-03-01T14:02:59Z".into(), ..Claim::default() };
-    Store::open_as(&place.path(".gs2e"), Access::Write, &claim, &mut |_| {}).unwrap()
+    let opening = Opening { claim, ..Access::Write.into() };
+    Store::open(&place.path(".gs2e"), opening, &mut |_| {}).unwrap()
 }
 
 #[test]
@@ -214,7 +215,8 @@ fn store_newer() {
     check(&place, "store-newer", &place.gs2e("build --json tiny.yaml"));
 }
 
-/// A record that holds other bytes of one file than the step makes, beside a lost blob for which it runs again.
+/// A record that holds other bytes of one file than the step makes, beside a lost blob for which it runs again: the
+/// new bytes then take the place of the old, and it is told.
 #[test]
 fn nondeterministic() {
     let place = Workspace::with_tiny();
@@ -234,7 +236,9 @@ fn nondeterministic() {
         }
         let key = Key(step.key.unwrap().parse::<Digest>().unwrap());
         let provenance = Provenance { tool: "0.0.9".into(), seconds: 2.5, threads: 7, warnings: vec![] };
-        store.publish(&workspace, Record::new(key, "trajectory", vec![], provenance)).unwrap();
+        let record = Record::new(key, "trajectory", vec![], provenance);
+        let replaced = store.publish(&workspace, record).unwrap_err();
+        assert!(replaced.to_string().starts_with("nondeterministic step"), "{replaced}");
         store.flush().unwrap();
     }
     fs::remove_file(&step.outputs["poses.txt"]).unwrap();
@@ -244,6 +248,7 @@ fn nondeterministic() {
         *text = after(text, "VERSION, ", "SECONDS", |c| c.is_ascii_digit() || c == '.');
     }
     check(&place, "nondeterministic", &ended);
+    place.ok("build -q tiny.yaml");
 }
 
 #[test]
