@@ -23,6 +23,7 @@ mod root;
 pub mod space;
 pub mod stat_cache;
 mod state;
+mod unlike;
 
 pub use digest::{Digest, Key};
 pub use root::Root;
@@ -150,6 +151,8 @@ pub struct Opening {
     pub sync_each: bool,
     /// What operates on the files.
     pub fs: Arc<dyn Fs>,
+    /// Who opens it, for those who wait.
+    pub claim: Claim,
 }
 
 impl From<Access> for Opening {
@@ -274,14 +277,6 @@ impl Store {
             Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(BlobState::Missing),
             Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
         }
-    }
-
-    /// The file system that the store is on.
-    ///
-    /// # Errors
-    /// When the system does not tell.
-    pub fn space(&self) -> std::io::Result<Space> {
-        Space::around(&self.root)
     }
 
     /// Where a blob lies.

@@ -5,10 +5,8 @@ use super::problem::{FULL, stage_failed, unplanned};
 use crate::run::StepError;
 use crate::store::record::{Provenance, Record, content};
 use crate::store::space::Space;
-use crate::store::{Digest, Store, StoreError};
+use crate::store::{StoreError, Unlike};
 use crate::units::amount;
-use std::fs::File;
-use std::io::{BufReader, Read};
 
 /// A step and how far the run is.
 #[derive(Debug, Clone, Copy)]
@@ -21,7 +19,7 @@ pub(super) struct Place<'a> {
 }
 
 /// What is told of a step that failed.
-pub(super) fn failed(at: Place<'_>, error: &StepError, store: &Store) -> Message {
+pub(super) fn failed(at: Place<'_>, error: &StepError) -> Message {
     let Place { scene, step, .. } = at;
     let new = |code, what: String| Message::new(Level::Error, code, what).step(scene, step);
     match error {
@@ -56,53 +54,20 @@ fn full(at: Place<'_>, wrote: u64, space: Option<&Space>) -> String {
     )
 }
 
-fn unlike_what(at: Place<'_>) -> String {
-    format!("{}/{}: other bytes than before from the same inputs", at.scene, at.step)
-}
-
 /// Both sides of a step that is not deterministic, and where they part.
-fn unlike(message: Message, before: &Record, now: &Record, store: &Store) -> Message {
+fn unlike(message: Message, sides: &Unlike) -> Message {
     let side = |name: &str, record: &Record| {
         let Provenance { tool, seconds, threads, .. } = &record.provenance;
         let digest = content(&record.outputs);
         format!("{name}: {digest} (gs2e {tool}, {seconds:.1} s, {threads} threads)")
     };
-    let message =
-        message.detail(format!("key: {}", now.key)).detail(side("before", before)).detail(side("now", now));
-    match first_difference(before, now, store) {
+    let message = message
+        .detail(format!("key: {}", sides.now.key))
+        .detail(side("before", &sides.before))
+        .detail(side("now", &sides.now));
+    match &sides.first {
         Some(place) => message.detail(format!("first difference: {place}")),
         None => message,
-    }
-}
-
-/// The first file, by name, that one side lacks or has with other bytes.
-fn first_difference(before: &Record, now: &Record, store: &Store) -> Option<String> {
-    let find = |record: &Record, name: &str| {
-        record.outputs.iter().find(|output| output.name == name).map(|output| output.digest)
-    };
-    let mut names: Vec<&str> = before.outputs.iter().chain(&now.outputs).map(|o| o.name.as_str()).collect();
-    names.sort_unstable();
-    let name = names.into_iter().find(|name| find(before, name) != find(now, name))?;
-    Some(match (find(before, name), find(now, name)) {
-        (Some(before), Some(now)) => match first_offset(store, [before, now]) {
-            Ok(offset) => format!("{name} at byte {offset}"),
-            Err(e) => format!("{name}, which cannot be read: {e}"),
-        },
-        (Some(_), None) => format!("{name}, which was not made now"),
-        _ => format!("{name}, which was not made before"),
-    })
-}
-
-/// The offset of the first byte that differs; the length of the shorter one where it is the beginning of the other.
-fn first_offset(store: &Store, blobs: [Digest; 2]) -> std::io::Result<u64> {
-    let open = |digest: &Digest| File::open(store.path_of(digest)).map(|file| BufReader::new(file).bytes());
-    let [mut before, mut now] = [open(&blobs[0])?, open(&blobs[1])?];
-    let mut offset = 0;
-    loop {
-        match (before.next().transpose()?, now.next().transpose()?) {
-            (Some(a), Some(b)) if a == b => offset += 1,
-            _ => return Ok(offset),
-        }
     }
 }
 
@@ -128,6 +93,7 @@ pub(super) fn again(failed: &[(String, String, Message)], options: &str) -> Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::{Digest, Key};
 
     #[test]
     fn a_full_disk_is_told_with_its_figures() {
@@ -141,6 +107,27 @@ mod tests {
         t(0, "ext4", &format!("{begin}0 B free on /data (ext4){end}"));
         t(52_000, "", &format!("{begin}52.0 kB free on /data{end}"));
         assert_eq!(full(at, 0, None), format!("no space for a/b/base/events: wrote 0 B{end}"));
+    }
+
+    #[test]
+    fn a_step_that_is_not_deterministic_is_told_with_both_sides() {
+        let key = Key(Digest::of(b"key"));
+        let record = |tool: &str, seconds, threads| {
+            let provenance = Provenance { tool: tool.into(), seconds, threads, warnings: Vec::new() };
+            Record::new(key, "events", Vec::new(), provenance)
+        };
+        let (before, now) = (record("0.1.0", 3.06, 8), record("0.2.0", 2.0, 1));
+        let none = content(&[]);
+        let sides = Unlike { before, now, replaced: false, first: Some("events.h5 at byte 7".into()) };
+        let at = Place { scene: "a", step: "base/events", finished: 0, all: 1 };
+        let wanted = format!(
+            "error: a/base/events: other bytes than before from the same inputs\n key: {key}\n before: {none} \
+             (gs2e 0.1.0, 3.1 s, 8 threads)\n now: {none} (gs2e 0.2.0, 2.0 s, 1 threads)\n first difference: \
+             events.h5 at byte 7\nhelp: the first are kept; gs2e why a/base/events shows what they were made \
+             from"
+        );
+        let error = StepError::Store(StoreError::Nondeterministic(Box::new(sides)));
+        assert_eq!(failed(at, &error).to_text(), wanted);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::plan::assess::Reason;
 use crate::run::{Event, Failure, Observer};
 use crate::stage::StepId;
-use crate::store::record::Output;
+use crate::store::record::{Brief, Output};
 use crate::store::{Key, Store};
 use crate::units::amount;
 use bars::Bars;
@@ -52,15 +52,9 @@ struct Ended<'a> {
 }
 
 impl<'a> Progress<'a> {
-    /// Shows the run of a plan on `cores`; `expected` gives the core-seconds that a step took before.
-    pub(super) fn new(
-        plan: &'a Plan,
-        store: &'a Store,
-        console: &'a Console,
-        cores: usize,
-        expected: &dyn Fn(StepId) -> Option<f64>,
-    ) -> Self {
-        let bars = console.is_live().then(|| Bars::new(plan, cores, expected));
+    /// Shows the run of a plan on `cores`.
+    pub(super) fn new(plan: &'a Plan, store: &'a Store, console: &'a Console, cores: usize) -> Self {
+        let bars = console.is_live().then(|| Bars::new(plan, cores, &|step| took(plan, store, step)));
         let shown = Mutex::new(Shown { bars, ..Shown::default() });
         Self { plan, store, console, began: Instant::now(), shown }
     }
@@ -109,7 +103,7 @@ impl<'a> Progress<'a> {
             self.tell(shown, &Message::new(Level::Warning, "blob-altered", what).step(scene, step));
         }
         if self.console.json {
-            self.console.result(&self.to_json(ended));
+            Self::above(shown, || self.console.result(&self.to_json(ended)));
         }
     }
 
@@ -123,20 +117,22 @@ impl<'a> Progress<'a> {
         })
     }
 
-    /// A line for people, above the bars where there are any.
-    fn line(&self, shown: &Shown, text: &str) {
+    /// Shows something above the bars, where there are any.
+    fn above(shown: &Shown, show: impl FnOnce()) {
         match &shown.bars {
-            Some(bars) => bars.above(|| self.console.say(text)),
-            None => self.console.say(text),
+            Some(bars) => bars.above(show),
+            None => show(),
         }
+    }
+
+    /// A line for people.
+    fn line(&self, shown: &Shown, text: &str) {
+        Self::above(shown, || self.console.say(text));
     }
 
     /// A message, whatever people want.
     fn tell(&self, shown: &Shown, message: &Message) {
-        match &shown.bars {
-            Some(bars) => bars.above(|| self.console.tell(message)),
-            None => self.console.tell(message),
-        }
+        Self::above(shown, || self.console.tell(message));
     }
 
     fn made(&self, shown: &mut Shown, step: StepId, seconds: f64, remark: Option<&str>, warnings: &[String]) {
@@ -157,7 +153,7 @@ impl<'a> Progress<'a> {
         self.ended(shown, &Ended { step, state: "failed", key: None, outputs: &[], seconds: None }, None);
         let (scene, name) = self.place(step);
         let place = Place { scene, step: name, finished: shown.finished, all: self.plan.steps().len() };
-        let message = failure::failed(place, &failure.error, self.store);
+        let message = failure::failed(place, &failure.error);
         self.tell(shown, &message);
         shown.failed.push((scene.to_owned(), name.to_owned(), message));
         if let Some(bars) = &shown.bars {
@@ -175,6 +171,14 @@ impl<'a> Progress<'a> {
         }
         behind
     }
+}
+
+/// The core-seconds of a step when it was last made.
+fn took(plan: &Plan, store: &Store, step: StepId) -> Option<f64> {
+    let step = &plan.steps()[step.0];
+    let last = store.last_key(plan.scene_of(step), &step.name)?;
+    let Brief { seconds, threads, .. } = store.record(&last)?;
+    Some(seconds * threads as f64)
 }
 
 impl Observer for Progress<'_> {

@@ -2,7 +2,7 @@
 
 use super::build::{Building, Care, exit, open, read_plan, tell_end};
 use super::console::Console;
-use super::problem::{Exit, Problem};
+use super::problem::{Exit, FULL, Problem};
 use super::{Common, Targets, check};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
@@ -128,6 +128,7 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
         }
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),
         ReleaseError::Store(error) => error.into(),
+        _ if is_full(&error) => Problem::failed("disk-full", format!("no space: {message}")).help(FULL),
         _ => Problem::failed("release", message),
     }
 }

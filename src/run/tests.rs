@@ -209,6 +209,8 @@ fn a_step_that_fails_over_a_moving_input_blames_the_move() {
     let folder = tempfile::tempdir().unwrap();
     let source = folder.path().join("source");
     std::fs::write(&source, "still").unwrap();
+    // The clock's grain: without a pause both writes may be of one tick.
+    std::thread::sleep(std::time::Duration::from_millis(20));
     let reader = Toy { source: Some(source.clone()), act: Act::FailOver(source), ..toy("reader") };
     let summary = run_with(folder.path(), vec![(reader, None)], false, false);
     assert!(matches!(summary.failures[0].error, StepError::Moved(_)), "{:?}", summary.failures);
