@@ -207,8 +207,9 @@ pub fn run(
     observer: &dyn Observer,
 ) -> Result<Summary, StoreError> {
     let (sender, receiver) = mpsc::channel();
+    let ranks = order::ranks(plan, &past(plan, store)?);
     thread::scope(|scope| {
-        let mut executor = Executor::new(plan, store, options, cancel, observer);
+        let mut executor = Executor::new(plan, store, options, cancel, observer, ranks);
         let (mut made, mut flushed) = (0, Instant::now());
         loop {
             executor.start_ready(scope, &sender);
@@ -285,6 +286,7 @@ impl<'a> Executor<'a> {
         options: Options,
         cancel: &'a AtomicBool,
         observer: &'a dyn Observer,
+        ranks: Vec<Rank>,
     ) -> Self {
         let inputs: Vec<_> = plan.steps().iter().map(|s| s.step.inputs()).collect();
         let mut followers = vec![Vec::new(); inputs.len()];
@@ -302,7 +304,7 @@ impl<'a> Executor<'a> {
             missing,
             followers,
             ready,
-            ranks: order::ranks(plan, &past(plan, store)),
+            ranks,
             stale: BTreeMap::new(),
             running: BTreeMap::new(),
             summary: Summary::default(),
@@ -337,11 +339,14 @@ impl<'a> Executor<'a> {
             && let Some(rank) = self.next_stale()
         {
             let stale = self.stale.remove(&rank).expect("the step was found among the stale");
-            if self.is_mended(&stale) {
-                self.ready.insert(rank.1);
-                return self.start_ready(scope, sender);
+            match self.is_mended(&stale) {
+                Ok(true) => {
+                    self.ready.insert(rank.1);
+                    return self.start_ready(scope, sender);
+                }
+                Ok(false) => self.start(rank.1, stale, scope, sender),
+                Err(error) => self.fail(rank.1, error.into()),
             }
-            self.start(rank.1, stale, scope, sender);
         }
     }
 
@@ -355,12 +360,17 @@ impl<'a> Executor<'a> {
     }
 
     /// Whether another step has meanwhile made the lost bytes for which this one was to run.
-    fn is_mended(&self, stale: &Stale) -> bool {
-        let lost = matches!(stale.reason, Reason::BlobMissing { .. } | Reason::BlobAltered { .. });
-        let record = lost.then(|| self.store.record(&stale.key)).flatten();
-        record.is_some_and(|record| {
-            record.outputs.iter().all(|o| matches!(self.store.examine(o), Ok(BlobState::Sound)))
-        })
+    fn is_mended(&self, stale: &Stale) -> Result<bool, StoreError> {
+        if !matches!(stale.reason, Reason::BlobMissing { .. } | Reason::BlobAltered { .. }) {
+            return Ok(false);
+        }
+        let Some(record) = self.store.record(&stale.key)? else { return Ok(false) };
+        for output in &record.outputs {
+            if self.store.examine(output)? != BlobState::Sound {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Holds a ready step against the store: `None` where it is up to date, and noted so.
@@ -524,7 +534,7 @@ impl Job<'_> {
     fn with_space(&self, error: StepError, wrote: u64) -> StepError {
         let may_have_written = match &error {
             StepError::Stage(StageError::Work { .. } | StageError::Io { .. }) => true,
-            StepError::Store(error) => !matches!(error, StoreError::Nondeterministic { .. }),
+            StepError::Store(error) => !matches!(error, StoreError::Nondeterministic(_)),
             _ => false,
         };
         let space = self.store.space().ok();

@@ -178,8 +178,8 @@ impl Building<'_> {
             tell_sensors(plan, console)?;
         }
         let options = options(common, self.care);
-        let past = past(plan, store);
-        let expected = |step: StepId| past[step.0].map(|past| past.core_seconds);
+        let past = if console.is_live() { past(plan, store)? } else { Vec::new() };
+        let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
         let summary = run::run(plan, store, options, &cancel, &progress);

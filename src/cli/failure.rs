@@ -32,11 +32,12 @@ pub(super) fn failed(at: Place<'_>, error: &StepError) -> Message {
         StepError::Full { wrote, space, cause } => {
             new("disk-full", full(at, *wrote, space.as_ref())).because(cause).help(FULL)
         }
-        StepError::Store(StoreError::Nondeterministic { before, now, replaced }) => {
+        StepError::Store(StoreError::Nondeterministic(sides)) => {
+            let what = format!("{scene}/{step}: other bytes than before from the same inputs");
             let kept =
-                if *replaced { "the first was lost, and this takes its place" } else { "the first is kept" };
-            unlike(new("nondeterministic", unlike_what(at)), before, now, store)
-                .help(format!("{kept}; gs2e why {scene}/{step} shows what it was made from"))
+                if sides.replaced { "the first were lost, these are kept" } else { "the first are kept" };
+            unlike(new("nondeterministic", what), sides)
+                .help(format!("{kept}; gs2e why {scene}/{step} shows what they were made from"))
         }
         StepError::Store(error) => new("store", format!("{scene}/{step}: failed {error}")),
     }
@@ -113,7 +114,7 @@ mod tests {
     fn a_step_that_is_not_deterministic_is_told_with_both_sides() {
         let key = Key(Digest::of(b"key"));
         let record = |tool: &str, seconds, threads| {
-            let provenance = Provenance { tool: tool.into(), seconds, threads, warnings: Vec::new() };
+            let provenance = Provenance { tool: tool.into(), seconds, threads, ..Provenance::default() };
             Record::new(key, "events", Vec::new(), provenance)
         };
         let (before, now) = (record("0.1.0", 3.06, 8), record("0.2.0", 2.0, 1));

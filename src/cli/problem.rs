@@ -2,6 +2,7 @@
 
 use super::message::{Level, Message};
 use crate::plan::assess::PlanError;
+use crate::plan::survey::SurveyError;
 use crate::recipe::Faults;
 use crate::stage::StageError;
 use crate::store::StoreError;
@@ -121,6 +122,15 @@ impl From<Faults> for Problem {
     }
 }
 
+impl From<SurveyError> for Problem {
+    fn from(error: SurveyError) -> Self {
+        match error {
+            SurveyError::Faults(faults) => (*faults).into(),
+            SurveyError::Store(error) => error.into(),
+        }
+    }
+}
+
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
@@ -134,7 +144,7 @@ impl From<StoreError> for Problem {
             StoreError::Locked { .. } => {
                 Self::failed("locked", message).help("leave out --no-wait to wait for it")
             }
-            StoreError::Nondeterministic { .. } => Self::failed("nondeterministic", message),
+            StoreError::Nondeterministic(_) => Self::failed("nondeterministic", message),
             StoreError::Io { .. } | StoreError::State { .. } => {
                 Self::failed("store", format!("failed {message}"))
             }

@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::plan::assess::Reason;
 use crate::run::{Event, Failure, Observer};
 use crate::stage::StepId;
-use crate::store::record::{Brief, Output};
+use crate::store::record::Output;
 use crate::store::{Key, Store};
 use crate::units::amount;
 use bars::Bars;
@@ -52,9 +52,15 @@ struct Ended<'a> {
 }
 
 impl<'a> Progress<'a> {
-    /// Shows the run of a plan on `cores`.
-    pub(super) fn new(plan: &'a Plan, store: &'a Store, console: &'a Console, cores: usize) -> Self {
-        let bars = console.is_live().then(|| Bars::new(plan, cores, &|step| took(plan, store, step)));
+    /// Shows the run of a plan on `cores`; `expected` gives the core-seconds that a step took before.
+    pub(super) fn new(
+        plan: &'a Plan,
+        store: &'a Store,
+        console: &'a Console,
+        cores: usize,
+        expected: &dyn Fn(StepId) -> Option<f64>,
+    ) -> Self {
+        let bars = console.is_live().then(|| Bars::new(plan, cores, expected));
         let shown = Mutex::new(Shown { bars, ..Shown::default() });
         Self { plan, store, console, began: Instant::now(), shown }
     }
@@ -171,14 +177,6 @@ impl<'a> Progress<'a> {
         }
         behind
     }
-}
-
-/// The core-seconds of a step when it was last made.
-fn took(plan: &Plan, store: &Store, step: StepId) -> Option<f64> {
-    let step = &plan.steps()[step.0];
-    let last = store.last_key(plan.scene_of(step), &step.name)?;
-    let Brief { seconds, threads, .. } = store.record(&last)?;
-    Some(seconds * threads as f64)
 }
 
 impl Observer for Progress<'_> {

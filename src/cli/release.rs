@@ -9,6 +9,7 @@ use crate::plan::assess::{Action, assess};
 use crate::recipe;
 use crate::release::{self, GatherError, Options, ReleaseError};
 use crate::run::Summary;
+use crate::store::space::is_full;
 use crate::store::{Root, Store};
 use serde_json::json;
 use std::path::{Path, PathBuf};

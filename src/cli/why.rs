@@ -9,7 +9,7 @@ use crate::plan::assess::{Action, Assessment, Change, Reason, assess};
 use crate::plan::{Plan, PlannedStep};
 use crate::recipe::{Edit, Recipe, edits};
 use crate::store::description::Line;
-use crate::store::{Access, Store};
+use crate::store::{Access, Store, StoreError};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -36,7 +36,7 @@ impl Why {
         }
         let pairs = plan.steps().iter().zip(&assessed).filter(|(step, _)| chosen(step));
         for (step, assessed) in pairs {
-            let why = explanation(&plan, &store, step, assessed);
+            let why = explanation(&plan, &store, step, assessed)?;
             if console.json {
                 console.result(&to_json(&why, &edits));
             } else {
@@ -130,11 +130,11 @@ fn explanation<'a>(
     store: &Store,
     step: &'a PlannedStep,
     assessed: &'a Assessment,
-) -> Explanation<'a> {
+) -> Result<Explanation<'a>, StoreError> {
     let scene = plan.scene_of(step);
-    let last = store.last_key(scene, &step.name).and_then(|key| store.full_record(&key));
+    let last = store.last_key(scene, &step.name).map(|key| store.full_record(&key)).transpose()?.flatten();
     let changes = last.map(|record| assessed.changes(&record.description)).unwrap_or_default();
-    Explanation { scene, step: &step.name, assessed, lines: assessed.description.lines(), changes }
+    Ok(Explanation { scene, step: &step.name, assessed, lines: assessed.description.lines(), changes })
 }
 
 fn to_json(why: &Explanation<'_>, edits: &[Edit]) -> Value {

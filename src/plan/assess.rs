@@ -217,12 +217,12 @@ pub fn step_alone(
     let sources = read_sources(plan, store, step)?;
     let description = describe(step, &sources, outputs_of);
     let key = Key::of(&description);
-    let (reason, outputs) = match store.record(&key) {
+    let (reason, outputs) = match store.record(&key)? {
         Some(record) => match damage(store, &record.outputs)? {
             None => (Reason::UpToDate, Some(record.outputs)),
             Some(reason) => (reason, None),
         },
-        None => (difference(plan, store, step, &description), None),
+        None => (difference(plan, store, step, &description)?, None),
     };
     let action = if outputs.is_some() { Action::Keep } else { Action::Run };
     Ok(Assessment { action, reason, key: Some(key), description, sources, outputs })
@@ -284,9 +284,11 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     let mut sources = Sources::default();
     // Before they are listed: an entry that comes later moves their stat fields.
     for folder in step.step.source_folders() {
-        // One that is gone is told by whoever lists it.
-        if let Ok(seen) = store.sight(&folder) {
-            sources.seen.push((folder, seen));
+        match store.sight(&folder) {
+            Ok(seen) => sources.seen.push((folder, seen)),
+            // One that is gone is told by whoever lists it.
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+            Err(e) => return Err(unreadable(&folder, e)),
         }
     }
     for source in step.step.sources().map_err(failed)? {
@@ -310,10 +312,11 @@ fn damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreErro
 }
 
 /// What differs from when the step was last made.
-fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Reason {
+fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Result<Reason, StoreError> {
     let last = store.last_key(plan.scene_of(step), &step.name);
-    let Some(record) = last.and_then(|key| store.full_record(&key)) else { return Reason::NoRecord };
-    changes(&record.description, &now.lines()).into_iter().next().map_or(Reason::NoRecord, Change::reason)
+    let record = last.map(|key| store.full_record(&key)).transpose()?.flatten();
+    let first = record.and_then(|record| changes(&record.description, &now.lines()).into_iter().next());
+    Ok(first.map_or(Reason::NoRecord, Change::reason))
 }
 
 /// A line that differs between two descriptions.
