@@ -15,6 +15,7 @@ mod interruption;
 mod keys;
 mod locks;
 mod manifest;
+mod memory;
 mod messages;
 mod progress;
 mod real;
