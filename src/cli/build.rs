@@ -71,12 +71,14 @@ impl Build {
         let store = open(common, &self.care, console)?;
         let Survey { settled, plan } = survey(paths, &store, &tag(common))?;
         tell_settled(&settled, &store, console);
+        let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {
             Summary::default()
         } else {
-            Building { targets: &self.targets, common, care: &self.care, console }.build(&plan, &store)?
+            let (targets, care) = (&self.targets, &self.care);
+            Building { settled, targets, common, care, console }.build(&plan, &store)?
         };
-        summary.kept += settled.iter().map(|scene| scene.steps.len()).sum::<usize>();
+        summary.kept += settled;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(exit(&summary))
     }
@@ -100,8 +102,9 @@ fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
             for step in &scene.steps {
                 let name = format!("{}/{}", scene.scene, step.name);
                 let outputs = plan::outputs(store, &step.outputs);
-                console
-                    .result(&json!({ "step": name, "state": "kept", "key": step.key, "outputs": outputs }));
+                console.result(&json!({
+                    "step": name, "state": "kept", "key": step.key, "outputs": outputs, "seconds": null,
+                }));
             }
         }
     }
@@ -162,6 +165,8 @@ pub(super) fn tell_notices(store: &Store, console: &Console) {
 
 /// What the user asked of a build.
 pub(super) struct Building<'a> {
+    /// Steps that were up to date at a glance.
+    pub(super) settled: usize,
     pub(super) targets: &'a Targets,
     pub(super) common: &'a Common,
     pub(super) care: &'a Care,
@@ -182,6 +187,7 @@ impl Building<'_> {
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
+        let progress = progress.beside(self.settled);
         let summary = run::run(plan, store, options, &cancel, &progress);
         let failed = progress.close();
         if common.keep_going && !failed.is_empty() {
