@@ -135,6 +135,11 @@ pub trait Stage: serde::Serialize {
     /// Raised when the same parameters and inputs come to mean other bytes.
     const REVISION: u32;
 
+    /// Parameters that came after the first revision, as their place among the parameters and the text of the value
+    /// that they had until then: a parameter that has this value stays out of the key. So adding one rekeys nothing,
+    /// and another default later rekeys just what relies on it. An entry is never changed.
+    const ADDED: &'static [(&'static str, &'static str)] = &[];
+
     /// What it takes from other steps.
     type Inputs: Inputs;
 
@@ -356,7 +361,7 @@ where
         let mut fields = BTreeMap::from([
             ("stage".to_owned(), Value::Text(S::NAME.to_owned())),
             ("revision".to_owned(), Value::Unsigned(S::REVISION.into())),
-            ("params".to_owned(), describe(&self.stage)),
+            ("params".to_owned(), describe(&self.stage).with_implied(S::ADDED)),
             ("inputs".to_owned(), Value::Record(inputs)),
         ]);
         if let Some(class) = self.stage.class() {

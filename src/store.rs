@@ -205,7 +205,6 @@ impl Store {
     /// The outputs on record for a key, if there is a record, and what it took. The index is asked first; what a
     /// process recorded that was killed before it wrote the index, or that works just now, stands in `ac/` alone and
     /// counts as much.
-    #[must_use]
     ///
     /// # Errors
     /// When the record is there and cannot be read.

@@ -8,7 +8,7 @@ use super::{Common, Targets, clock, failure, machine, on_interrupt, plan};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
-use crate::plan::survey::{Settled, Survey, survey};
+use crate::plan::survey::{Settled, Survey, survey, unsettled};
 use crate::recipe::{self, Recipe};
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
@@ -69,7 +69,10 @@ impl Build {
             read_plan(paths)?;
         }
         let store = open(common, &self.care, console)?;
-        let Survey { settled, plan } = survey(paths, &store, &tag(common))?;
+        // What is to be made again must be in the plan.
+        let surveyed =
+            if self.care.recheck.is_some() { unsettled(paths) } else { survey(paths, &store, &tag(common)) };
+        let Survey { settled, plan } = surveyed?;
         tell_settled(&settled, &store, console);
         let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {
