@@ -26,13 +26,21 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, Default)]
 pub struct Files {
     paths: BTreeMap<String, PathBuf>,
+    bytes: u64,
 }
 
 impl Files {
     /// The files that a step made, where the store keeps them.
     #[must_use]
     pub fn of(outputs: &[Output], store: &Store) -> Self {
-        Self { paths: outputs.iter().map(|o| (o.name.clone(), store.path_of(&o.digest))).collect() }
+        let paths = outputs.iter().map(|o| (o.name.clone(), store.path_of(&o.digest))).collect();
+        Self { paths, bytes: outputs.iter().map(|o| o.size).sum() }
+    }
+
+    /// Sum of their lengths.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Where the file of this name lies.

@@ -9,6 +9,7 @@ mod check;
 mod console;
 mod diff;
 mod gc;
+mod machine;
 mod plan;
 mod problem;
 mod progress;

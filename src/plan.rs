@@ -1,6 +1,8 @@
 //! Plans: from recipes to steps, and from steps and the store to what must run.
 
 pub mod assess;
+pub mod past;
+pub mod survey;
 mod wire;
 
 use crate::recipe::Recipe;

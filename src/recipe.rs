@@ -19,7 +19,7 @@ mod tree;
 
 pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_sources};
 pub use fault::{Fault, Faults, LISTED};
-pub use find::read_all;
+pub use find::{RecipeFile, find_all, read_all, read_files};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
@@ -27,6 +27,7 @@ use crate::render::RenderChoice;
 use crate::scene::procedural::StillLife;
 use crate::sensor::Sensor;
 use crate::speed::Speed;
+use crate::store::stat_cache::Sighting;
 use crate::trajectory::refine::Refine;
 use crate::units::Hertz;
 use std::collections::BTreeSet;
@@ -36,8 +37,10 @@ use std::path::PathBuf;
 /// One scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
-    /// The file it was read from.
-    pub file: PathBuf,
+    /// The file it was read from, and the one under it.
+    pub file: RecipeFile,
+    /// That file and the defaults under it, as they were before they were read.
+    pub seen: Vec<(PathBuf, Sighting)>,
     /// Where it names what may turn out to be missing.
     pub named_at: NamedAt,
     /// Scene id: the path of the scene in the release, `/`-separated.

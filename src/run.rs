@@ -4,27 +4,58 @@
 //! the keys they had, and the wave stops. Two steps with one key run once. The clock is read here for durations
 //! only; nothing read from it reaches a file of the release.
 
+mod order;
+mod resources;
+
+pub use resources::Budget;
+
 use crate::artifact::Files;
-use crate::plan::assess::{Action, Assessment, PlanError, Reason, Sources, read_sources, step_alone};
-use crate::plan::{Plan, PlannedStep};
-use crate::stage::{Context, StageError, StepId};
+use crate::plan::assess::{
+    Action, Assessment, PlanError, Product, Reason, Sources, read_sources, step_alone,
+};
+use crate::plan::past::past;
+use crate::plan::{Plan, PlannedStep, survey};
+use crate::stage::{Context, Need, StageError, StepId};
 use crate::store::description::Value;
 use crate::store::record::{Output, Provenance, Record};
-use crate::store::{Key, Store, StoreError};
+use crate::store::{BlobState, Digest, Key, Store, StoreError};
+use order::Rank;
+use resources::Grant;
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread::{self, Scope};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// How a plan is run.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
-    /// Cores for all steps together, at least 1.
-    pub cores: usize,
+    /// What all steps together may use.
+    pub budget: Budget,
     /// Go on with what does not depend on a failed step.
     pub keep_going: bool,
+    /// Make again what is up to date, to hold it against what is on record.
+    pub recheck: Option<Recheck>,
+}
+
+/// Which of the steps that are up to date are made again.
+#[derive(Debug, Clone, Copy)]
+pub struct Recheck {
+    /// This share of them, 0 to 1.
+    pub share: f64,
+    /// Another seed chooses others.
+    pub seed: u64,
+}
+
+impl Recheck {
+    /// Whether this step is among them.
+    fn chooses(&self, key: &Key) -> bool {
+        let bytes = [&key.0.as_bytes()[..], &self.seed.to_le_bytes()].concat();
+        let drawn = Digest::of(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
+        // 2^64: a share of 1 is above every draw.
+        (drawn as f64) < self.share * 18_446_744_073_709_551_616.0
+    }
 }
 
 /// What an observer is told, as it happens.
@@ -36,6 +67,15 @@ pub enum Event<'a> {
         step: StepId,
         /// Why.
         reason: &'a Reason,
+    },
+    /// A step needs more memory than all may use, and runs alone.
+    TooLarge {
+        /// Which.
+        step: StepId,
+        /// What it needs, by its estimate, bytes.
+        memory: u64,
+        /// What there is, bytes.
+        budget: u64,
     },
     /// A step was made.
     Made {
@@ -97,17 +137,31 @@ pub struct Summary {
     pub made: usize,
     /// Steps that were up to date.
     pub kept: usize,
+    /// How many of those were made again, and came out the same.
+    pub rechecked: usize,
     /// Steps that failed.
     pub failures: Vec<Failure>,
     /// Steps that were not reached, because a step before them failed or the run was stopped.
     pub unreached: usize,
     /// Whether it was interrupted.
     pub interrupted: bool,
-    /// Key and outputs of each step that was made or kept.
-    pub outputs: BTreeMap<StepId, (Key, Vec<Output>)>,
+    /// What each step that was made or kept stands at.
+    pub products: BTreeMap<StepId, Product>,
 }
 
-/// Runs a plan.
+/// The most steps that are made, and the longest time, before what was made is synced and indexed.
+const BATCH: (usize, Duration) = (256, Duration::from_secs(2));
+
+/// Remembers what a run came to, so that the next one finds it at a glance, and has all of it on disk.
+///
+/// # Errors
+/// When the store can no longer be written.
+pub fn settle(plan: &Plan, summary: &Summary, store: &Store, tag: &Digest) -> Result<(), StoreError> {
+    survey::remember(plan, &summary.products, store, tag);
+    store.flush()
+}
+
+/// Runs a plan. What is made is on disk, and found at a glance, after [`settle`].
 ///
 /// # Errors
 /// When the store itself can no longer be written; failures of steps are in the summary.
@@ -119,19 +173,23 @@ pub fn run(
     observer: &dyn Observer,
 ) -> Result<Summary, StoreError> {
     let (sender, receiver) = mpsc::channel();
-    let summary = thread::scope(|scope| {
+    thread::scope(|scope| {
         let mut executor = Executor::new(plan, store, options, cancel, observer);
+        let (mut made, mut flushed) = (0, Instant::now());
         loop {
             executor.start_ready(scope, &sender);
             if executor.running.is_empty() {
-                break executor.close();
+                break Ok(executor.close());
             }
             let finished = receiver.recv().expect("the executor keeps a sender");
             executor.finish(finished);
+            made += 1;
+            if made >= BATCH.0 || flushed.elapsed() >= BATCH.1 {
+                store.flush()?;
+                (made, flushed) = (0, Instant::now());
+            }
         }
-    });
-    store.flush()?;
-    Ok(summary)
+    })
 }
 
 /// A step that must run.
@@ -141,12 +199,19 @@ struct Stale {
     /// The files outside the store as the key has them.
     sources: Sources,
     reason: Reason,
+    /// Whether it is up to date, and only held against itself.
+    recheck: Option<Vec<Output>>,
+    files: Vec<Files>,
+    need: Need,
 }
 
 /// A step that came to its end.
 struct Finished {
     step: StepId,
     key: Key,
+    sources: Sources,
+    /// Whether it was up to date.
+    is_recheck: bool,
     /// `Err` where the step panicked.
     result: thread::Result<Result<Made, StepError>>,
 }
@@ -169,10 +234,11 @@ struct Executor<'a> {
     followers: Vec<Vec<StepId>>,
     /// Steps whose inputs are there, not yet held against the store.
     ready: BTreeSet<StepId>,
-    /// Steps that must run and wait for a core.
-    stale: BTreeMap<StepId, Stale>,
-    /// Running steps, with their key and the cores they hold.
-    running: BTreeMap<StepId, (Key, usize)>,
+    ranks: Vec<Rank>,
+    /// Steps that must run and wait for their turn, in that order.
+    stale: BTreeMap<Rank, Stale>,
+    /// Running steps, with their key and what they hold.
+    running: BTreeMap<StepId, (Key, Grant)>,
     summary: Summary,
 }
 
@@ -200,6 +266,7 @@ impl<'a> Executor<'a> {
             missing,
             followers,
             ready,
+            ranks: order::ranks(plan, &past(plan, store)),
             stale: BTreeMap::new(),
             running: BTreeMap::new(),
             summary: Summary::default(),
@@ -211,9 +278,8 @@ impl<'a> Executor<'a> {
         failed || self.cancel.load(Ordering::Relaxed)
     }
 
-    fn free_cores(&self) -> usize {
-        let taken: usize = self.running.values().map(|(_, cores)| cores).sum();
-        self.options.cores.saturating_sub(taken)
+    fn left(&self) -> Budget {
+        self.options.budget.left(self.running.values().map(|(_, grant)| grant))
     }
 
     /// Settles every ready step that is up to date, and starts the others while cores are free.
@@ -225,45 +291,65 @@ impl<'a> Executor<'a> {
             && let Some(step) = self.ready.pop_first()
         {
             match self.assess(step) {
-                Ok(Some(stale)) => drop(self.stale.insert(step, stale)),
+                Ok(Some(stale)) => drop(self.stale.insert(self.ranks[step.0], stale)),
                 Ok(None) => {}
                 Err(error) => self.fail(step, error.into()),
             }
         }
         while !self.stopped()
-            && self.free_cores() > 0
-            && let Some(step) = self.next_stale()
+            && let Some(rank) = self.next_stale()
         {
-            self.start(step, scope, sender);
+            let stale = self.stale.remove(&rank).expect("the step was found among the stale");
+            if self.is_mended(&stale) {
+                self.ready.insert(rank.1);
+                return self.start_ready(scope, sender);
+            }
+            self.start(rank.1, stale, scope, sender);
         }
     }
 
-    /// The next step to start. One whose key is at work already will find its record, and waits for it.
-    fn next_stale(&self) -> Option<StepId> {
+    /// The next step to start. One whose key is at work already will find its record, and waits for it. One that is
+    /// too large for the whole budget runs alone.
+    fn next_stale(&self) -> Option<Rank> {
+        let left = self.left();
         let at_work = |key: &Key| self.running.values().any(|(running, _)| running == key);
-        self.stale.iter().find(|(_, stale)| !at_work(&stale.key)).map(|(step, _)| *step)
+        let fits = |stale: &Stale| left.holds(&stale.need) || self.running.is_empty();
+        self.stale.iter().find(|(_, stale)| fits(stale) && !at_work(&stale.key)).map(|(rank, _)| *rank)
+    }
+
+    /// Whether another step has meanwhile made the lost bytes for which this one was to run.
+    fn is_mended(&self, stale: &Stale) -> bool {
+        let lost = matches!(stale.reason, Reason::BlobMissing { .. } | Reason::BlobAltered { .. });
+        let record = lost.then(|| self.store.record(&stale.key)).flatten();
+        record.is_some_and(|record| {
+            record.outputs.iter().all(|o| matches!(self.store.examine(o), Ok(BlobState::Sound)))
+        })
     }
 
     /// Holds a ready step against the store: `None` where it is up to date, and noted so.
     fn assess(&mut self, step: StepId) -> Result<Option<Stale>, PlanError> {
         let planned = &self.plan.steps()[step.0];
-        let outputs_of = |id| Some(self.summary.outputs[&id].1.clone());
+        let outputs_of = |id| Some(self.summary.products[&id].outputs.clone());
         let Assessment { action, reason, key, description, sources, outputs } =
             step_alone(self.plan, self.store, planned, &outputs_of)?;
         let key = key.expect("a step alone has a key");
-        if action != Action::Keep {
-            return Ok(Some(Stale { key, description, sources, reason }));
+        let recheck = outputs.clone().filter(|_| self.options.recheck.is_some_and(|r| r.chooses(&key)));
+        if action != Action::Keep || recheck.is_some() {
+            let files = self.open_inputs(step);
+            let need = planned.step.need(&files);
+            return Ok(Some(Stale { key, description, sources, reason, recheck, files, need }));
         }
         self.summary.kept += 1;
         self.observer.tell(&Event::Kept { step });
-        self.done(step, key, outputs.expect("a step that is kept has outputs"));
+        let outputs = outputs.expect("a step that is kept has outputs");
+        self.done(step, Product { key, outputs, sources });
         Ok(None)
     }
 
-    fn done(&mut self, step: StepId, key: Key, outputs: Vec<Output>) {
+    fn done(&mut self, step: StepId, product: Product) {
         let planned = &self.plan.steps()[step.0];
-        self.store.note_last(self.plan.scene_of(planned), &planned.name, key);
-        self.summary.outputs.insert(step, (key, outputs));
+        self.store.note_last(self.plan.scene_of(planned), &planned.name, product.key);
+        self.summary.products.insert(step, product);
         for follower in &self.followers[step.0] {
             self.missing[follower.0] -= 1;
             if self.missing[follower.0] == 0 {
@@ -275,44 +361,55 @@ impl<'a> Executor<'a> {
     fn start<'scope>(
         &mut self,
         step: StepId,
+        stale: Stale,
         scope: &'scope Scope<'scope, '_>,
         sender: &mpsc::Sender<Finished>,
     ) where
         'a: 'scope,
     {
-        let cores = self.free_cores().div_ceil(self.stale.len());
-        let stale = self.stale.remove(&step).expect("the step was found among the stale");
-        self.running.insert(step, (stale.key, cores));
+        let Need { memory, .. } = stale.need;
+        let whole = self.options.budget;
+        let cores = self.left().cores.div_ceil(self.stale.len() + 1).max(1);
+        self.running.insert(step, (stale.key, Grant { cores, need: stale.need }));
         self.observer.tell(&Event::Started { step, reason: &stale.reason });
-        let files = self.open_inputs(step);
+        if memory > whole.memory {
+            self.observer.tell(&Event::TooLarge { step, memory, budget: whole.memory });
+        }
         let job = Job { plan: self.plan, store: self.store, cancel: self.cancel, cores };
         let sender = sender.clone();
         scope.spawn(move || {
             // A panic is carried to the thread that waits: it would wait for ever for a step that is gone.
-            let result = catch_unwind(AssertUnwindSafe(|| job.run(step, &stale, &files)));
+            let result = catch_unwind(AssertUnwindSafe(|| job.run(step, &stale)));
             // The receiver outlives the scope; if it were gone there would be nobody to tell.
-            let _ = sender.send(Finished { step, key: stale.key, result });
+            let Stale { key, sources, recheck, .. } = stale;
+            let _ = sender.send(Finished { step, key, sources, is_recheck: recheck.is_some(), result });
         });
     }
 
     fn open_inputs(&self, step: StepId) -> Vec<Files> {
         let inputs = self.plan.steps()[step.0].step.inputs();
-        inputs.iter().map(|(_, id)| Files::of(&self.summary.outputs[id].1, self.store)).collect()
+        inputs.iter().map(|(_, id)| Files::of(&self.summary.products[id].outputs, self.store)).collect()
     }
 
     fn finish(&mut self, finished: Finished) {
-        let Finished { step, key, result } = finished;
+        let Finished { step, key, sources, is_recheck, result } = finished;
         self.running.remove(&step);
-        let twins: Vec<StepId> = self.stale.iter().filter(|(_, s)| s.key == key).map(|(id, _)| *id).collect();
+        let twins: Vec<Rank> =
+            self.stale.iter().filter(|(_, s)| s.key == key).map(|(rank, _)| *rank).collect();
         for twin in twins {
             self.stale.remove(&twin);
-            self.ready.insert(twin);
+            self.ready.insert(twin.1);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
             Ok(Made { outputs, seconds, warnings }) => {
-                self.summary.made += 1;
+                if is_recheck {
+                    self.summary.kept += 1;
+                    self.summary.rechecked += 1;
+                } else {
+                    self.summary.made += 1;
+                }
                 self.observer.tell(&Event::Made { step, seconds, warnings: &warnings });
-                self.done(step, key, outputs);
+                self.done(step, Product { key, outputs, sources });
             }
             Err(StepError::Stage(StageError::Cancelled)) => self.summary.interrupted = true,
             Err(error) => self.fail(step, error),
@@ -327,7 +424,7 @@ impl<'a> Executor<'a> {
 
     fn close(mut self) -> Summary {
         self.summary.interrupted |= self.cancel.load(Ordering::Relaxed);
-        let ended = self.summary.outputs.len() + self.summary.failures.len();
+        let ended = self.summary.products.len() + self.summary.failures.len();
         self.summary.unreached = self.plan.steps().len() - ended;
         self.summary
     }
@@ -342,7 +439,7 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn run(&self, step: StepId, stale: &Stale, files: &[Files]) -> Result<Made, StepError> {
+    fn run(&self, step: StepId, stale: &Stale) -> Result<Made, StepError> {
         let planned = &self.plan.steps()[step.0];
         if let Reason::BlobAltered { digest } = &stale.reason {
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
@@ -350,7 +447,7 @@ impl Job<'_> {
         let workspace = self.store.workspace()?;
         let started = Instant::now();
         let mut cx = Context::new(workspace.path(), self.cancel);
-        self.pool()?.install(|| planned.step.run(files, &mut cx))?;
+        self.pool()?.install(|| planned.step.run(&stale.files, &mut cx))?;
         let seconds = started.elapsed().as_secs_f64();
         let warnings = cx.warnings;
         self.refuse_moved(planned, &stale.sources)?;
@@ -358,10 +455,14 @@ impl Job<'_> {
             tool: env!("CARGO_PKG_VERSION").to_owned(),
             seconds,
             threads: self.cores,
+            memory: stale.need.memory,
             warnings: warnings.clone(),
         };
         let record = Record::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);
-        let outputs = self.store.publish(&workspace, record)?;
+        let outputs = match &stale.recheck {
+            None => self.store.publish(&workspace, record)?,
+            Some(outputs) => self.store.compare(&workspace, record).map(|()| outputs.clone())?,
+        };
         Ok(Made { outputs, seconds, warnings })
     }
 

@@ -157,12 +157,32 @@ pub trait Stage: serde::Serialize {
         Vec::new()
     }
 
+    /// What it will need, by the sizes of its inputs; `files` are those of its inputs that are there, in order.
+    fn need(&self, files: &[Files]) -> Need {
+        /// A small stage holds its inputs a few times over.
+        const COPIES: u64 = 4;
+        let bytes: u64 = files.iter().map(Files::bytes).sum();
+        Need { memory: BASE_MEMORY + COPIES * bytes, gpu: false }
+    }
+
     /// Writes the product's files into `cx.out`.
     ///
     /// # Errors
     /// When the work fails, or was asked to stop.
     fn run(&self, inputs: <Self::Inputs as Inputs>::Opened, cx: &mut Context<'_>) -> Result<(), StageError>;
 }
+
+/// What a step needs beside cores.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Need {
+    /// Memory at its peak, bytes; an estimate.
+    pub memory: u64,
+    /// Whether it renders on a graphics processor.
+    pub gpu: bool,
+}
+
+/// Buffers, stacks and tables of any step, bytes.
+pub const BASE_MEMORY: u64 = 8 << 20;
 
 /// What a running stage may use beside its inputs.
 #[derive(Debug)]
@@ -269,6 +289,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// role.
     fn describe(&self, inputs: &[(String, Digest)]) -> Value;
 
+    /// What it will need, by the sizes of its inputs.
+    fn need(&self, inputs: &[Files]) -> Need;
+
     /// Opens the inputs and does the work.
     ///
     /// # Errors
@@ -309,6 +332,10 @@ where
             fields.insert("class".to_owned(), Value::Text(class));
         }
         Value::Record(fields)
+    }
+
+    fn need(&self, inputs: &[Files]) -> Need {
+        self.stage.need(inputs)
     }
 
     fn run(&self, files: &[Files], cx: &mut Context<'_>) -> Result<(), StageError> {

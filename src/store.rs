@@ -218,6 +218,13 @@ impl Store {
         })
     }
 
+    /// What the index has of every record.
+    #[must_use]
+    pub fn records(&self) -> Vec<Brief> {
+        let rows = self.state().all(Table::Record).into_values();
+        rows.filter_map(|row| serde_json::from_slice(&row).ok()).collect()
+    }
+
     /// The whole record of a key as it lies in `ac/`; `None` where it is absent or damaged.
     #[must_use]
     pub fn full_record(&self, key: &Key) -> Option<Record> {

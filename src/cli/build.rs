@@ -3,38 +3,105 @@
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::progress::Progress;
-use super::{Common, Targets, on_interrupt};
+use super::{Common, Targets, machine, on_interrupt, plan};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
+use crate::plan::survey::{Settled, Survey, survey};
 use crate::recipe::{self, Recipe};
-use crate::run::{self, Options, Summary};
+use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
-use crate::store::{Access, Store};
-use std::num::NonZero;
+use crate::store::fs::Stat;
+use crate::store::{Access, Digest, Opening, Store};
+use serde_json::json;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Build {
     #[command(flatten)]
     targets: Targets,
+    #[command(flatten)]
+    care: Care,
+}
+
+/// How much is taken on trust, and what may be used.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub(super) struct Care {
+    /// Read every file that counts as up to date, instead of trusting its stat fields
+    #[arg(long)]
+    verify: bool,
+    /// Make this share of what is up to date again, and compare: 0.01 or 1%
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    recheck: Option<f64>,
+    /// When files are put on disk: a batch at once, or each before the next
+    #[arg(long, value_enum, default_value_t = Sync::Batch)]
+    sync: Sync,
+    /// Memory for all steps together, as 8GB or 500MB [default: 80 % of what is free]
+    #[arg(long, value_name = "BYTES", value_parser = machine::bytes)]
+    memory: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+enum Sync {
+    #[default]
+    Batch,
+    Always,
+}
+
+/// A share, as `0.01` or `1%`.
+fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
+    let share = number.trim().parse::<f64>().map(|n| n * unit).map_err(|e| e.to_string())?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 100%")) }
 }
 
 impl Build {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes)?;
-        let store = open(common, console)?;
-        let (summary, seconds) = build(&plan, &store, common, console)?;
-        console.say(&last_line(&summary, seconds));
+        let started = Instant::now();
+        let paths = &self.targets.recipes;
+        if !common.store.exists() {
+            // A recipe that is wrong shall leave no store behind.
+            read_plan(paths)?;
+        }
+        let store = open(common, &self.care, console)?;
+        let Survey { settled, plan } = survey(paths, &store, &tag(common))?;
+        tell_settled(&settled, &store, console);
+        let mut summary = if plan.steps().is_empty() {
+            Summary::default()
+        } else {
+            build(&plan, &store, common, &self.care, console)?
+        };
+        summary.kept += settled.iter().map(|scene| scene.steps.len()).sum::<usize>();
+        console.say(&last_line(&summary, started.elapsed().as_secs_f64()));
         Ok(exit(&summary))
     }
+}
+
+/// Names this program and those of its options that may change a key.
+pub(super) fn tag(common: &Common) -> Digest {
+    let program = std::env::current_exe().and_then(|path| path.metadata()).map(|about| Stat::from(&about));
+    Digest::of(format!("{:?} {:?}", program.ok(), common.backend).as_bytes())
 }
 
 /// Reads recipes into a plan.
 pub(super) fn read_plan(recipes: &[PathBuf]) -> Result<Plan, Problem> {
     Ok(Plan::new(recipe::read_all(recipes)?))
+}
+
+/// For programs, a line for each step of the scenes that are up to date at a glance.
+fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
+    if console.json {
+        for scene in settled {
+            for step in &scene.steps {
+                let name = format!("{}/{}", scene.scene, step.name);
+                let outputs = plan::outputs(store, &step.outputs);
+                console
+                    .result(&json!({ "step": name, "state": "kept", "key": step.key, "outputs": outputs }));
+            }
+        }
+    }
 }
 
 /// Says once for each sensor what it does by itself.
@@ -70,9 +137,11 @@ fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
 }
 
 /// Opens the store for writing, waiting for another process where there is one.
-pub(super) fn open(common: &Common, console: &Console) -> Result<Store, Problem> {
+pub(super) fn open(common: &Common, care: &Care, console: &Console) -> Result<Store, Problem> {
     let access = if common.no_wait { Access::WriteNow } else { Access::Write };
-    let store = Store::open(&common.store, access, &mut |holder| {
+    let sync_each = care.sync == Sync::Always;
+    let opening = Opening { verify: care.verify, sync_each, ..access.into() };
+    let store = Store::open(&common.store, opening, &mut |holder| {
         console.insist(&format!("waiting: {} is in use by {holder}", common.store.display()));
     })?;
     tell_notices(&store, console);
@@ -86,31 +155,40 @@ pub(super) fn tell_notices(store: &Store, console: &Console) {
     }
 }
 
-/// Builds what is stale; the seconds are for people.
+/// Builds what is stale.
 pub(super) fn build(
     plan: &Plan,
     store: &Store,
     common: &Common,
+    care: &Care,
     console: &Console,
-) -> Result<(Summary, f64), Problem> {
-    let started = Instant::now();
+) -> Result<Summary, Problem> {
     // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
     let idle = !common.keep_going && assess(plan, store)?.iter().all(|a| a.action == Action::Keep);
     if !idle {
         tell_sensors(plan, console)?;
     }
-    let cores = common.jobs.map_or_else(all_cores, usize::from);
-    let options = Options { cores, keep_going: common.keep_going };
     let cancel = on_interrupt()?;
     let progress = Progress::new(plan, console);
-    let summary = run::run(plan, store, options, &cancel, &progress);
+    let summary = run::run(plan, store, options(common, care), &cancel, &progress);
     progress.close();
+    let summary = summary?;
+    run::settle(plan, &summary, store, &tag(common))?;
     tell_notices(store, console);
-    Ok((summary?, started.elapsed().as_secs_f64()))
+    Ok(summary)
 }
 
-fn all_cores() -> usize {
-    std::thread::available_parallelism().map_or(1, NonZero::get)
+fn options(common: &Common, care: &Care) -> Options {
+    let cores = common.jobs.map_or_else(machine::cores, usize::from);
+    let memory = care.memory.unwrap_or_else(machine::free_memory);
+    // Which steps are made again differs from run to run; it enters no file.
+    let seed =
+        SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::from(since.subsec_nanos()));
+    Options {
+        budget: Budget { cores, memory, gpus: 0 },
+        keep_going: common.keep_going,
+        recheck: care.recheck.map(|share| Recheck { share, seed }),
+    }
 }
 
 pub(super) fn last_line(summary: &Summary, seconds: f64) -> String {

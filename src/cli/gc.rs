@@ -1,6 +1,6 @@
 //! `gs2e gc`: deletes what no recipe and no release refers to any more.
 
-use super::build::{open, read_plan};
+use super::build::{Care, open, read_plan};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
@@ -36,7 +36,7 @@ impl Gc {
         let store = if self.dry_run || !common.store.exists() {
             Store::open(&common.store, Access::Read, &mut |_| {})?
         } else {
-            open(common, console)?
+            open(common, &Care::default(), console)?
         };
         let mut marked = marks_of_recipes(&plan, &store)?;
         marked.extend(self.marks_of_releases(&store, console)?);

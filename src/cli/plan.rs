@@ -1,59 +1,160 @@
 //! `gs2e plan`: what `build` would run, may run and leave alone, each with its reason.
 
-use super::build::read_plan;
+use super::build::tag;
 use super::console::Console;
 use super::problem::{Exit, Problem};
-use super::{Common, Targets};
+use super::{Common, Targets, machine};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, Assessment, Reason, assess};
-use crate::store::{Access, Store};
-use serde_json::json;
+use crate::plan::past::past;
+use crate::plan::survey::{Settled, Survey, survey};
+use crate::store::record::Output;
+use crate::store::{Access, Opening, Store};
+use serde_json::{Value, json};
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Show {
     #[command(flatten)]
     targets: Targets,
+    /// Read every file that counts as up to date, instead of trusting its stat fields
+    #[arg(long)]
+    verify: bool,
+    /// Time, disk and memory of what would run, from what ran before
+    #[arg(long)]
+    estimate: bool,
+}
+
+/// A step as it is shown.
+struct Row<'a> {
+    scene: &'a str,
+    step: &'a str,
+    action: Action,
+    reason: &'a Reason,
+    key: Option<String>,
+    outputs: &'a [Output],
 }
 
 impl Show {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes)?;
-        let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
+        let opening = Opening { verify: self.verify, ..Access::Read.into() };
+        let store = Store::open(&common.store, opening, &mut |_| {})?;
+        let Survey { settled, plan } = survey(&self.targets.recipes, &store, &tag(common))?;
         let assessed = assess(&plan, &store)?;
+        super::build::tell_notices(&store, console);
+        if self.estimate {
+            estimate(&plan, &assessed, &store, common, console);
+            return Ok(Exit::Done);
+        }
+        let rows = rows(&plan, &assessed, &settled);
         if console.json {
-            let steps = plan.steps().iter().zip(&assessed);
-            let list = steps.map(|(step, a)| {
-                json!({
-                    "scene": plan.scene_of(step), "step": step.name, "action": a.action, "reason": a.reason,
-                    "key": a.key.map(|key| key.to_string()), "outputs": outputs(&store, a),
-                })
-            });
-            console.result(&list.collect());
+            console.result(&rows.iter().map(|row| json(row, &store)).collect());
         } else {
-            show(&plan, &assessed, console);
+            show(&rows, console);
         }
         Ok(Exit::Done)
     }
 }
 
-fn outputs(store: &Store, assessed: &Assessment) -> serde_json::Value {
-    let list = assessed.outputs.iter().flatten();
-    list.map(|o| json!({ "role": o.name, "digest": o.digest, "path": store.path_of(&o.digest) })).collect()
+/// All steps, sorted by scene.
+fn rows<'a>(plan: &'a Plan, assessed: &'a [Assessment], settled: &'a [Settled]) -> Vec<Row<'a>> {
+    let known = settled.iter().flat_map(|scene| {
+        scene.steps.iter().map(|step| Row {
+            scene: &scene.scene,
+            step: &step.name,
+            action: Action::Keep,
+            reason: &Reason::UpToDate,
+            key: Some(step.key.to_string()),
+            outputs: &step.outputs,
+        })
+    });
+    let others = plan.steps().iter().zip(assessed).map(|(step, a)| Row {
+        scene: plan.scene_of(step),
+        step: &step.name,
+        action: a.action,
+        reason: &a.reason,
+        key: a.key.map(|key| key.to_string()),
+        outputs: a.outputs.as_deref().unwrap_or_default(),
+    });
+    let mut rows: Vec<Row<'a>> = known.chain(others).collect();
+    // Stable: the steps of a scene stay in the order of the plan.
+    rows.sort_by(|a, b| a.scene.cmp(b.scene));
+    rows
 }
 
-fn show(plan: &Plan, assessed: &[Assessment], console: &Console) {
-    for (step, a) in plan.steps().iter().zip(assessed) {
-        let action = match a.action {
+fn json(row: &Row<'_>, store: &Store) -> Value {
+    json!({
+        "scene": row.scene, "step": row.step, "action": row.action, "reason": row.reason, "key": row.key,
+        "outputs": outputs(store, row.outputs),
+    })
+}
+
+/// Files of a step as programs are told of them.
+pub(super) fn outputs(store: &Store, outputs: &[Output]) -> Value {
+    let one = |o: &Output| json!({ "role": o.name, "digest": o.digest, "path": store.path_of(&o.digest) });
+    outputs.iter().map(one).collect()
+}
+
+fn show(rows: &[Row<'_>], console: &Console) {
+    for row in rows {
+        let action = match row.action {
             Action::Run => "run",
             Action::MayRun => "may run",
             Action::Keep => "keep",
         };
-        console.print(&format!("{action:7}  {}/{}  {}", plan.scene_of(step), step.name, words(&a.reason)));
+        console.print(&format!("{action:7}  {}/{}  {}", row.scene, row.step, words(row.reason)));
     }
-    let count = |action| assessed.iter().filter(|a| a.action == action).count();
+    let count = |action| rows.iter().filter(|row| row.action == action).count();
     let [run, may, keep] = [Action::Run, Action::MayRun, Action::Keep].map(count);
     console.say(&format!("{run} to run, {may} may run, {keep} up to date"));
+}
+
+/// What would run, in sum.
+#[derive(Debug, Default, serde::Serialize)]
+struct Estimate {
+    /// Steps that will run, and those that may.
+    steps: usize,
+    /// Those of which nothing like them ran before: they are in none of the sums.
+    unknown: usize,
+    core_seconds: f64,
+    /// Wall time at best: the work shared evenly among the cores, or the longest step if that is more.
+    seconds: f64,
+    bytes: f64,
+    /// Of the step that needs most.
+    memory: f64,
+}
+
+fn estimate(plan: &Plan, assessed: &[Assessment], store: &Store, common: &Common, console: &Console) {
+    let mut sum = Estimate::default();
+    for (a, past) in assessed.iter().zip(past(plan, store)) {
+        if a.action == Action::Keep {
+            continue;
+        }
+        sum.steps += 1;
+        let Some(past) = past else {
+            sum.unknown += 1;
+            continue;
+        };
+        sum.core_seconds += past.core_seconds;
+        sum.bytes += past.bytes;
+        sum.memory = sum.memory.max(past.memory);
+    }
+    let cores = common.jobs.map_or_else(machine::cores, usize::from);
+    sum.seconds = sum.core_seconds / cores as f64;
+    if console.json {
+        console.result(&json!(sum));
+        return;
+    }
+    let Estimate { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
+    console.print(&format!("{steps} steps would run, or may: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
+    console.print(&format!(
+        "{:.1} MB of outputs; {:.0} MB of memory for the largest step",
+        bytes * 1e-6,
+        memory * 1e-6
+    ));
+    if unknown > 0 {
+        console.print(&format!("{unknown} of them not counted: no step of their kind ran before"));
+    }
 }
 
 /// A reason for people.

@@ -97,6 +97,14 @@ impl Observer for Progress<'_> {
                 self.end(*step);
                 self.tell_programs(*step, "kept", None);
             }
+            Event::TooLarge { step, memory, budget } => {
+                let [need, all] = [*memory, *budget].map(|bytes| bytes as f64 * 1e-9);
+                let name = self.name(*step);
+                self.line(
+                    &format!("warning: {name} needs about {need:.1} GB of {all:.1} GB: it runs alone"),
+                    true,
+                );
+            }
             Event::Made { step, seconds, warnings } => {
                 let ended = self.end(*step);
                 let (all, name) = (self.plan.steps().len(), self.name(*step));

@@ -1,6 +1,6 @@
 //! `gs2e release`: the whole job, from recipes to the tree that people download.
 
-use super::build::{build, exit, last_line, open, read_plan};
+use super::build::{Care, build, exit, last_line, open, read_plan};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets, check};
@@ -12,6 +12,7 @@ use crate::run::Summary;
 use crate::store::{Root, Store};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Arguments of `release`.
 #[derive(Debug, clap::Args)]
@@ -30,6 +31,8 @@ pub(super) struct Release {
     /// Copy files instead of linking them to the store
     #[arg(long)]
     copy: bool,
+    #[command(flatten)]
+    care: Care,
 }
 
 impl Release {
@@ -38,13 +41,14 @@ impl Release {
         let info = recipe::read_release(&self.targets.recipes)?;
         // No source that needs an entry there can be built yet; a file that is wrong is told all the same.
         recipe::read_sources(&self.targets.recipes)?;
-        let store = open(common, console)?;
+        let started = Instant::now();
+        let store = open(common, &self.care, console)?;
         self.keep_ours(common)?;
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
-        let (summary, seconds) = build(&plan, &store, common, console)?;
-        console.say(&last_line(&summary, seconds));
+        let summary = build(&plan, &store, common, &self.care, console)?;
+        console.say(&last_line(&summary, started.elapsed().as_secs_f64()));
         let built = exit(&summary);
         if built != Exit::Done {
             return Ok(built);
@@ -74,7 +78,7 @@ impl Release {
             .to
             .canonicalize()
             .map_err(|e| Problem::failed("release", format!("failed to find {}: {e}", self.to.display())))?;
-        let keys = summary.outputs.values().map(|(key, _)| *key).collect();
+        let keys = summary.products.values().map(|product| product.key).collect();
         Ok(store.write_root(&Root { release, keys })?)
     }
 

@@ -132,6 +132,17 @@ impl Sources {
     }
 }
 
+/// What a step stands at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Product {
+    /// Its key.
+    pub key: Key,
+    /// Its outputs.
+    pub outputs: Vec<Output>,
+    /// What it read outside the store.
+    pub sources: Sources,
+}
+
 /// Why a plan cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {

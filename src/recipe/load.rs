@@ -2,7 +2,7 @@
 
 use super::fault::{Fault, shown};
 use super::field::Field;
-use super::find::{DEFAULTS, folder};
+use super::find::{RecipeFile, folder};
 use super::merge::merge;
 use super::problem::Problem;
 use super::reader::{Problems, Reader};
@@ -10,6 +10,8 @@ use super::resolve::{Resolved, Resolver};
 use super::text::{Place, Text, Texts};
 use super::tree::{self, Kind, MAX_BYTES, Node};
 use super::{NamedAt, Position, Recipe, canonical, schema};
+use crate::store::fs::Stat;
+use crate::store::stat_cache::Sighting;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,38 +28,51 @@ pub(super) struct Read {
     pub scene: Place,
 }
 
-/// A file that was read and parsed, and its tree where it is not empty.
-type Parsed = (Arc<Text>, Option<Node>);
+/// A file that was read and parsed.
+#[derive(Clone)]
+struct Parsed {
+    text: Arc<Text>,
+    /// Absent where the file is empty.
+    tree: Option<Node>,
+    /// The file before it was read.
+    seen: Sighting,
+}
 
-/// The files read so far: one of defaults lies under many recipes.
-#[derive(Default)]
+/// The defaults of some recipes: one file lies under many.
 pub(super) struct Library {
     defaults: BTreeMap<PathBuf, Result<Parsed, Vec<Fault>>>,
 }
 
 impl Library {
-    /// Reads one recipe; its defaults are looked for from its own folder up to `root`.
-    pub(super) fn recipe(&mut self, file: &Path, root: &Path) -> Result<Read, Vec<Fault>> {
-        let (text, own) = parse(file, 0)?;
-        let own = own.ok_or_else(|| {
+    /// Reads the defaults of `files`.
+    pub(super) fn of(files: &[RecipeFile]) -> Self {
+        let mut defaults = BTreeMap::new();
+        for path in files.iter().filter_map(|file| file.defaults.as_ref()) {
+            defaults.entry(path.clone()).or_insert_with(|| parse(path, 1));
+        }
+        Self { defaults }
+    }
+
+    /// Reads one of the recipes.
+    pub(super) fn recipe(&self, file: &RecipeFile) -> Result<Read, Vec<Fault>> {
+        let RecipeFile { path, defaults } = file;
+        let own = parse(path, 0)?;
+        let tree = own.tree.ok_or_else(|| {
             let help = "a recipe has at least version, scene, source and trajectories";
-            vec![Fault::of_file(file, "the file is empty", Some(help))]
+            vec![Fault::of_file(path, "the file is empty", Some(help))]
         })?;
-        let mut parts = Parts { texts: vec![text], folders: vec![folder(file)], tree: own };
-        let folders = file.ancestors().skip(1).take_while(|folder| folder.starts_with(root));
-        if let Some(path) = folders.map(|folder| folder.join(DEFAULTS)).find(|path| path.is_file()) {
-            let (text, under) = self.defaults(&path)?;
-            parts.texts.push(text);
-            parts.folders.push(folder(&path));
-            if let Some(under) = under {
+        let mut seen = vec![(path.clone(), own.seen)];
+        let mut parts = Parts { texts: vec![own.text], folders: vec![folder(path)], tree };
+        if let Some(path) = defaults {
+            let under = self.defaults[path].clone()?;
+            seen.push((path.clone(), under.seen));
+            parts.texts.push(under.text);
+            parts.folders.push(folder(path));
+            if let Some(under) = under.tree {
                 parts.tree = merge(parts.tree, &under);
             }
         }
-        parts.recipe(file)
-    }
-
-    fn defaults(&mut self, path: &Path) -> Result<Parsed, Vec<Fault>> {
-        self.defaults.entry(path.to_owned()).or_insert_with(|| parse(path, 1)).clone()
+        parts.recipe(file, seen)
     }
 }
 
@@ -71,7 +86,7 @@ pub(super) struct Parts {
 impl Parts {
     /// One file, with nothing merged under it.
     pub(super) fn alone(file: &Path) -> Result<Self, Vec<Fault>> {
-        let (text, tree) = parse(file, 0)?;
+        let Parsed { text, tree, .. } = parse(file, 0)?;
         let nothing = Node { place: Place { file: 0, start: 0, end: 0 }, kind: Kind::Map(Vec::new()) };
         let tree = tree.unwrap_or(nothing);
         Ok(Self { texts: vec![text], folders: vec![folder(file)], tree })
@@ -95,7 +110,7 @@ impl Parts {
         }
     }
 
-    fn recipe(self, file: &Path) -> Result<Read, Vec<Fault>> {
+    fn recipe(self, file: &RecipeFile, seen: Vec<(PathBuf, Sighting)>) -> Result<Read, Vec<Fault>> {
         if let Some(fault) = self.other_version() {
             return Err(vec![fault]);
         }
@@ -108,7 +123,8 @@ impl Parts {
         };
         let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
         let merged = canonical::merged(&raw, &resolved);
-        Ok(Read { recipe: assemble(file, named_at, resolved, merged), texts: self.texts, scene })
+        let recipe = Recipe { seen, ..assemble(file, named_at, resolved, merged) };
+        Ok(Read { recipe, texts: self.texts, scene })
     }
 
     /// What is wrong with a recipe of another version is its version, whatever else is seen.
@@ -138,9 +154,10 @@ impl Parts {
     }
 }
 
-fn assemble(file: &Path, named_at: NamedAt, resolved: Resolved, merged: serde_json::Value) -> Recipe {
+fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: serde_json::Value) -> Recipe {
     Recipe {
-        file: file.to_owned(),
+        file: file.clone(),
+        seen: Vec::new(),
         named_at,
         scene: resolved.scene,
         seed: resolved.seed,
@@ -161,9 +178,10 @@ fn assemble(file: &Path, named_at: NamedAt, resolved: Resolved, merged: serde_js
 
 /// Reads and parses a file, whose places carry the number `index`.
 fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
-    let text = Arc::new(Text { path: file.to_owned(), body: read(file).map_err(|fault| vec![fault])? });
+    let (body, seen) = read(file).map_err(|fault| vec![fault])?;
+    let text = Arc::new(Text { path: file.to_owned(), body });
     match tree::parse(&text, index) {
-        Ok(node) => Ok((text, node)),
+        Ok(tree) => Ok(Parsed { text, tree, seen }),
         Err(problems) => {
             let texts = vec![text; index as usize + 1];
             Err(problems.into_iter().map(|problem| problem.fault(&texts, None)).collect())
@@ -171,21 +189,23 @@ fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
     }
 }
 
-fn read(file: &Path) -> Result<String, Fault> {
+fn read(file: &Path) -> Result<(String, Sighting), Fault> {
     let unreadable = |error| Fault::of_file(file, &format!("cannot be read: {}", words(&error)), None);
     let about = std::fs::metadata(file).map_err(unreadable)?;
+    let seen = Sighting::now(Stat::from(&about));
     if about.len() > MAX_BYTES as u64 {
         let message = format!("the file has {} bytes, wanted at most {MAX_BYTES}", about.len());
         return Err(Fault::of_file(file, &message, Some("is it a recipe?")));
     }
-    String::from_utf8(std::fs::read(file).map_err(unreadable)?).map_err(|error| {
+    let text = String::from_utf8(std::fs::read(file).map_err(unreadable)?).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         let start = u32::try_from(valid).unwrap_or(u32::MAX);
         let text =
             Text { path: file.to_owned(), body: String::from_utf8_lossy(error.as_bytes()).into_owned() };
         let problem = Problem::new("a byte that is not UTF-8").help("save the file as UTF-8");
         problem.at(Place { file: 0, start, end: start + 1 }).fault(&vec![Arc::new(text)], None)
-    })
+    })?;
+    Ok((text, seen))
 }
 
 /// What the system says, without its error number.

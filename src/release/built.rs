@@ -151,7 +151,7 @@ pub(super) fn gather<'a>(
 }
 
 fn made(summary: &Summary, id: StepId) -> Option<(Key, Vec<Output>)> {
-    summary.outputs.get(&id).cloned()
+    summary.products.get(&id).map(|product| (product.key, product.outputs.clone()))
 }
 
 fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {

@@ -89,7 +89,8 @@ fn plan(folder: &Path, steps: Steps) -> Plan {
 
 fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> Summary {
     let store = Store::open(&folder.join("store"), Access::Write, &mut |_| {}).unwrap();
-    let options = Options { cores: 1, keep_going };
+    let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
+    let options = Options { budget, keep_going, recheck: None };
     run(&plan(folder, steps), &store, options, &AtomicBool::new(cancelled), &Silent).unwrap()
 }
 
@@ -182,7 +183,7 @@ fn equal_keys_run_once() {
     let folder = tempfile::tempdir().unwrap();
     let summary = run_with(folder.path(), vec![(toy("a"), None), (toy("a"), None)], false, false);
     assert_eq!(counts(&summary), [1, 1, 0, 0]);
-    assert_eq!(summary.outputs[&StepId(0)], summary.outputs[&StepId(1)]);
+    assert_eq!(summary.products[&StepId(0)], summary.products[&StepId(1)]);
 }
 
 #[test]

@@ -40,6 +40,8 @@ pub struct Provenance {
     pub seconds: f64,
     /// Threads it was given.
     pub threads: usize,
+    /// Memory it was granted, bytes.
+    pub memory: u64,
     /// What it warned of.
     pub warnings: Vec<String>,
 }
@@ -74,6 +76,8 @@ pub struct Brief {
     pub seconds: f64,
     /// Threads it was given.
     pub threads: usize,
+    /// Memory it was granted, bytes.
+    pub memory: u64,
     /// The outputs, sorted by name.
     pub outputs: Vec<Output>,
 }
@@ -108,8 +112,8 @@ impl Record {
 
     /// What the index keeps of it.
     pub(super) fn brief(&self) -> Brief {
-        let Provenance { seconds, threads, .. } = self.provenance;
-        Brief { stage: self.stage.clone(), seconds, threads, outputs: self.outputs.clone() }
+        let Provenance { seconds, threads, memory, .. } = self.provenance;
+        Brief { stage: self.stage.clone(), seconds, threads, memory, outputs: self.outputs.clone() }
     }
 
     fn sealed(&self) -> String {
@@ -162,7 +166,8 @@ mod tests {
 
     fn sample() -> Record {
         let line = Line { path: "params.rate".into(), text: "2400/1".into() };
-        let provenance = Provenance { tool: "0".into(), seconds: 0.1, threads: 2, warnings: vec![] };
+        let provenance =
+            Provenance { tool: "0".into(), seconds: 0.1, threads: 2, memory: 7, warnings: vec![] };
         let mut record = Record::new(Key(Digest::of(b"key")), "trajectory", vec![line], provenance);
         record.outputs.push(Output { name: "poses.txt".into(), digest: Digest::of(b"poses"), size: 5 });
         record

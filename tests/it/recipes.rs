@@ -4,7 +4,7 @@ mod folders;
 mod meaning;
 mod mutations;
 
-use gs2e::recipe::{Faults, Recipe, read_all, read_release, read_sources};
+use gs2e::recipe::{Faults, Recipe, RecipeFile, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
 
 const FIXTURES: &str = "tests/fixtures/recipes";
@@ -35,7 +35,8 @@ fn sound(more: &str) -> Recipe {
 
 /// What it says, without the file that says it.
 fn said(recipe: Recipe) -> Recipe {
-    Recipe { file: PathBuf::new(), named_at: Default::default(), ..recipe }
+    let file = RecipeFile { path: PathBuf::new(), defaults: None };
+    Recipe { file, seen: Vec::new(), named_at: Default::default(), ..recipe }
 }
 
 fn snapshot(name: &str, text: &str) {

@@ -1,0 +1,74 @@
+//! What this machine has: cores and memory.
+
+use std::fs::read_to_string;
+use std::num::NonZero;
+
+/// Cores that this process may use.
+pub(super) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, NonZero::get)
+}
+
+/// Four fifths of the memory that is free now, in the machine and in the control group that holds this process, bytes;
+/// without bound where neither can be read.
+pub(super) fn free_memory() -> u64 {
+    let machine = read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
+    let [limit, used] = ["memory.max", "memory.current"].map(group);
+    let group = limit.map(|limit| limit.saturating_sub(used.unwrap_or(0)));
+    machine.into_iter().chain(group).min().map_or(u64::MAX, |bytes| bytes / 5 * 4)
+}
+
+/// `MemAvailable` of `/proc/meminfo`, bytes.
+fn available(meminfo: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+/// A number of the control group that this process lives in (version 2); `None` where there is no limit.
+fn group(file: &str) -> Option<u64> {
+    let groups = read_to_string("/proc/self/cgroup").ok()?;
+    let own = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
+    read_to_string(format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/'))).ok()?.trim().parse().ok()
+}
+
+/// A number of bytes, as `8GB`, `500 MB` or `1073741824`.
+pub(super) fn bytes(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, u64); 7] = [
+        ("KiB", 1 << 10),
+        ("MiB", 1 << 20),
+        ("GiB", 1 << 30),
+        ("kB", 1_000),
+        ("MB", 1_000_000),
+        ("GB", 1_000_000_000),
+        ("B", 1),
+    ];
+    let found = UNITS.iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, *size)));
+    let (number, unit) = found.unwrap_or((text, 1));
+    let wanted = || format!("found `{text}`, wanted a number of bytes as 8GB or 500MB");
+    let number: u64 = number.trim().parse().map_err(|_| wanted())?;
+    number.checked_mul(unit).filter(|bytes| *bytes > 0).ok_or_else(wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_read_with_their_units() {
+        let t = |text: &str, wanted: Option<u64>| assert_eq!(bytes(text).ok(), wanted, "{text}");
+        t("1", Some(1));
+        t("8GB", Some(8_000_000_000));
+        t("500 MB", Some(500_000_000));
+        t("2GiB", Some(2 << 30));
+        t("3B", Some(3));
+        for wrong in ["", "GB", "-1", "1.5GB", "0", "99999999999GB", "1TB"] {
+            t(wrong, None);
+        }
+    }
+
+    #[test]
+    fn free_memory_is_some_of_what_the_machine_has() {
+        assert_eq!(available("MemTotal: 9 kB\nMemAvailable:    1024 kB\n"), Some(1 << 20));
+        assert_eq!(available("MemTotal: 9 kB\n"), None);
+        assert!(free_memory() > 0);
+    }
+}

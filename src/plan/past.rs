@@ -1,0 +1,62 @@
+//! What steps took before: the ground of every estimate of time, disk and memory.
+
+use super::Plan;
+use crate::store::Store;
+use crate::store::record::Brief;
+use std::collections::BTreeMap;
+
+/// What a step took, or steps of its kind on average.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Past {
+    /// Wall time times threads, s.
+    pub core_seconds: f64,
+    /// Bytes of its outputs.
+    pub bytes: f64,
+    /// Memory that it was granted, bytes.
+    pub memory: f64,
+}
+
+impl Past {
+    fn of(record: &Brief) -> Self {
+        let bytes: u64 = record.outputs.iter().map(|o| o.size).sum();
+        Self {
+            core_seconds: record.seconds * record.threads as f64,
+            bytes: bytes as f64,
+            memory: record.memory as f64,
+        }
+    }
+}
+
+/// For each step of a plan what the same step of the same scene took when it was last made, else the mean of its
+/// stage over all records; `None` where its stage was never run.
+#[must_use]
+pub fn past(plan: &Plan, store: &Store) -> Vec<Option<Past>> {
+    let own = |step: &super::PlannedStep| {
+        let key = store.last_key(plan.scene_of(step), &step.name)?;
+        store.record(&key).map(|record| Past::of(&record))
+    };
+    let own: Vec<Option<Past>> = plan.steps().iter().map(own).collect();
+    if own.iter().all(Option::is_some) {
+        return own;
+    }
+    let means = means(store);
+    let of_stage = |stage: &str| means.get(stage).copied();
+    own.into_iter().zip(plan.steps()).map(|(own, step)| own.or_else(|| of_stage(step.step.stage()))).collect()
+}
+
+/// Means over all records of each stage.
+fn means(store: &Store) -> BTreeMap<String, Past> {
+    let mut sums: BTreeMap<String, (f64, Past)> = BTreeMap::new();
+    for record in store.records() {
+        let past = Past::of(&record);
+        let (count, sum) = sums.entry(record.stage).or_default();
+        *count += 1.0;
+        sum.core_seconds += past.core_seconds;
+        sum.bytes += past.bytes;
+        sum.memory = sum.memory.max(past.memory);
+    }
+    let mean = |(stage, (count, sum)): (String, (f64, Past))| {
+        (stage, Past { core_seconds: sum.core_seconds / count, bytes: sum.bytes / count, ..sum })
+    };
+    sums.into_iter().map(mean).collect()
+}

@@ -1,0 +1,131 @@
+//! Which scenes are up to date at a glance, and a plan for the others.
+//!
+//! A scene whose recipe, sources and products have the stat fields that they had when it was last built is *settled*:
+//! its recipe is not even parsed. The others are read, planned and held against the store as ever, so a memo that is
+//! lost or no longer holds costs time and nothing else.
+
+use super::Plan;
+use super::assess::Product;
+use crate::recipe::{self, Faults, Recipe, RecipeFile};
+use crate::stage::StepId;
+use crate::store::record::Output;
+use crate::store::{Digest, Key, Store};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+/// What some recipes come to, before anything is run.
+#[derive(Debug)]
+pub struct Survey {
+    /// Scenes of which everything is up to date, sorted by id.
+    pub settled: Vec<Settled>,
+    /// The steps of the others.
+    pub plan: Plan,
+}
+
+/// A scene of which everything is up to date.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Settled {
+    /// Its id.
+    pub scene: String,
+    /// Names of its trajectories.
+    trajectories: Vec<String>,
+    /// Its steps, in the order of the plan.
+    pub steps: Vec<SettledStep>,
+}
+
+/// A step that is up to date.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SettledStep {
+    /// Its name within the scene.
+    pub name: String,
+    /// Its key.
+    pub key: Key,
+    /// Its outputs.
+    pub outputs: Vec<Output>,
+}
+
+/// Surveys the recipes of files and folders. `tag` stands for the program and those of its options that may change a
+/// key: what another one found does not count.
+///
+/// # Errors
+/// Every fault of the recipes, as [`recipe::read_all`].
+pub fn survey(paths: &[PathBuf], store: &Store, tag: &Digest) -> Result<Survey, Faults> {
+    let Ok(files) = recipe::find_all(paths) else { return unsettled(paths) };
+    let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
+    let recalled: Vec<Option<Settled>> = store.recall(&names, tag);
+    let moved: Vec<RecipeFile> = files
+        .iter()
+        .zip(&recalled)
+        .filter(|(_, settled)| settled.is_none())
+        .map(|(f, _)| f.clone())
+        .collect();
+    let mut settled: Vec<Settled> = recalled.into_iter().flatten().collect();
+    // A recipe that is wrong may be wrong because of another one: then all of them are read.
+    let Ok(recipes) = recipe::read_files(&moved) else { return unsettled(paths) };
+    if may_clash(&settled, &recipes) {
+        return unsettled(paths);
+    }
+    settled.sort_by(|a, b| a.scene.cmp(&b.scene));
+    Ok(Survey { settled, plan: Plan::new(recipes) })
+}
+
+fn unsettled(paths: &[PathBuf]) -> Result<Survey, Faults> {
+    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?) })
+}
+
+/// Whether two scenes could claim one folder: an id that is there twice, or that lies in a trajectory of another.
+fn may_clash(settled: &[Settled], recipes: &[Recipe]) -> bool {
+    let known =
+        settled.iter().map(|s| (s.scene.as_str(), s.trajectories.iter().map(String::as_str).collect()));
+    let read =
+        recipes.iter().map(|r| (r.scene.as_str(), r.trajectories.iter().map(|t| t.name.as_str()).collect()));
+    let scenes: Vec<(&str, Vec<&str>)> = known.chain(read).collect();
+    let ids: BTreeSet<String> = scenes.iter().map(|(id, _)| id.to_lowercase()).collect();
+    let claims = |(id, names): &(&str, Vec<&str>)| {
+        names.iter().map(|name| format!("{id}/{name}").to_lowercase()).collect::<Vec<_>>()
+    };
+    let trajectories: BTreeSet<String> = scenes.iter().flat_map(claims).collect();
+    let inside = |id: &String| {
+        id.match_indices('/').any(|(at, _)| trajectories.contains(&id[..at])) || trajectories.contains(id)
+    };
+    ids.len() < scenes.len() || ids.iter().any(inside)
+}
+
+/// Remembers every scene of a plan that is whole and at rest, so that the next survey finds it settled.
+pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store, tag: &Digest) {
+    let mut scenes: Vec<Option<Scene>> = plan.scenes().iter().map(|_| Some(Scene::default())).collect();
+    for (step, id) in plan.steps().iter().zip((0..).map(StepId)) {
+        let scene = &mut scenes[step.scene];
+        match products.get(&id) {
+            Some(product) => scene.iter_mut().for_each(|scene| scene.add(&step.name, product)),
+            None => *scene = None,
+        }
+    }
+    for (recipe, scene) in plan.scenes().iter().zip(scenes) {
+        let Some(scene) = scene else { continue };
+        store.note_recipe(&recipe.scene, &recipe.merged.to_string());
+        let Scene { steps, mut seen } = scene;
+        seen.extend(recipe.seen.iter().cloned());
+        let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
+        let blobs: Vec<Digest> = blobs.into_iter().collect();
+        let trajectories = recipe.trajectories.iter().map(|t| t.name.clone()).collect();
+        let settled = Settled { scene: recipe.scene.clone(), trajectories, steps };
+        store.remember(&recipe.file.name(), *tag, &seen, &blobs, settled);
+    }
+}
+
+/// What is known of a scene, step by step.
+#[derive(Default)]
+struct Scene {
+    steps: Vec<SettledStep>,
+    seen: Vec<(PathBuf, crate::store::stat_cache::Sighting)>,
+}
+
+impl Scene {
+    fn add(&mut self, name: &str, product: &Product) {
+        let Product { key, outputs, sources } = product;
+        self.steps.push(SettledStep { name: name.to_owned(), key: *key, outputs: outputs.clone() });
+        self.seen.extend(sources.seen.iter().cloned());
+    }
+}

@@ -1,0 +1,61 @@
+//! What steps may use at once: cores, memory and graphics processors.
+
+use crate::stage::Need;
+
+/// What all running steps may use together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Budget {
+    /// Threads, at least 1.
+    pub cores: usize,
+    /// Bytes of memory.
+    pub memory: u64,
+    /// Graphics processors; each takes one step at a time.
+    pub gpus: usize,
+}
+
+/// What a running step holds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grant {
+    pub(super) cores: usize,
+    pub(super) need: Need,
+}
+
+impl Budget {
+    /// What is left beside running steps.
+    pub(super) fn left<'g>(mut self, granted: impl Iterator<Item = &'g Grant>) -> Self {
+        for grant in granted {
+            self.cores = self.cores.saturating_sub(grant.cores);
+            self.memory = self.memory.saturating_sub(grant.need.memory);
+            self.gpus = self.gpus.saturating_sub(usize::from(grant.need.gpu));
+        }
+        self
+    }
+
+    /// Whether a step may start within what is left.
+    pub(super) fn holds(&self, need: &Need) -> bool {
+        self.cores > 0 && self.memory >= need.memory && self.gpus >= usize::from(need.gpu)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_starts_when_all_it_needs_is_left() {
+        let budget = Budget { cores: 4, memory: 100, gpus: 1 };
+        let grant = |cores, memory, gpu| Grant { cores, need: Need { memory, gpu } };
+        let t = |running: &[Grant], memory, gpu, holds| {
+            let left = budget.left(running.iter());
+            assert_eq!(left.holds(&Need { memory, gpu }), holds, "{running:?}, {memory}, {gpu}");
+        };
+        t(&[], 100, true, true);
+        t(&[], 101, false, false);
+        t(&[grant(1, 60, false)], 40, true, true);
+        t(&[grant(1, 60, false)], 41, false, false);
+        t(&[grant(1, 0, true)], 0, false, true);
+        t(&[grant(1, 0, true)], 0, true, false);
+        t(&[grant(3, 0, false), grant(1, 0, false)], 0, false, false);
+        t(&[grant(4, 200, false)], 0, false, false);
+    }
+}
