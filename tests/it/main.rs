@@ -10,6 +10,7 @@ mod cutoff;
 mod determinism;
 mod diff;
 mod event_statistics;
+mod gc;
 mod golden_digests;
 mod interruption;
 mod keys;
