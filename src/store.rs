@@ -139,13 +139,22 @@ pub struct Opening {
     pub verify: bool,
     /// Have each file on disk before the next is written, instead of a batch at once.
     pub sync_each: bool,
+    /// Folder of the database, where it is not to lie in the store: a store on a network file system.
+    pub index: Option<PathBuf>,
     /// What operates on the files.
     pub fs: Arc<dyn Fs>,
 }
 
 impl From<Access> for Opening {
     fn from(access: Access) -> Self {
-        Self { access, claim: Claim::default(), verify: false, sync_each: false, fs: Arc::new(fs::Real) }
+        Self {
+            access,
+            claim: Claim::default(),
+            verify: false,
+            sync_each: false,
+            index: None,
+            fs: Arc::new(fs::Real),
+        }
     }
 }
 
@@ -160,7 +169,7 @@ impl Store {
         opening: impl Into<Opening>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let Opening { access, claim, verify, sync_each, fs } = opening.into();
+        let Opening { access, claim, verify, sync_each, index, fs } = opening.into();
         let disk = Disk::new(fs, sync_each);
         let lock = match access {
             Access::Read => None,
@@ -177,7 +186,7 @@ impl Store {
             // Nobody else may write while the lock is held: what lies here was left by a process that died.
             disk.empty_dir(&root.join("tmp"))?;
         }
-        let state = State::open(root, disk.clone(), lock.is_some())?;
+        let state = State::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
         Ok(Self {
             root: root.to_owned(),
             blobs: Blobs::new(root, disk.clone()),

@@ -15,6 +15,7 @@ use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
 use crate::stage::StepId;
 use crate::store::fs::Stat;
+use crate::store::space::Space;
 use crate::store::{Access, Claim, Digest, Opening, Store};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -150,13 +151,28 @@ pub(super) fn open(common: &Common, care: &Care, console: &Console) -> Result<St
     let access = if common.no_wait { Access::WriteNow } else { Access::Write };
     let claim = Claim { command: common.command.clone(), since: clock::now(), ..Claim::default() };
     let sync_each = care.sync == Sync::Always;
-    let opening = Opening { verify: care.verify, sync_each, claim, ..access.into() };
+    let opening = Opening { verify: care.verify, sync_each, claim, ..opening(common, access) };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
         console.tell(&Message::new(Level::Waiting, "locked", what));
     })?;
     tell_notices(&store, console);
     Ok(store)
+}
+
+/// How this user opens the store.
+pub(super) fn opening(common: &Common, access: Access) -> Opening {
+    Opening { index: index_of(&common.store), ..access.into() }
+}
+
+/// Where the database of a store goes that lies on another machine's disk: into the user's cache, by the store's path.
+fn index_of(store: &Path) -> Option<PathBuf> {
+    let path = std::path::absolute(store).ok()?;
+    let there = path.ancestors().find(|path| path.is_dir())?;
+    Space::around(there).ok().filter(Space::is_remote)?;
+    let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
+    let cache = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")))?;
+    Some(cache.join("gs2e").join(Digest::of(path.as_os_str().as_encoded_bytes()).short()))
 }
 
 /// What the store had to mend since it was last asked.

@@ -1,6 +1,6 @@
 //! `gs2e check`: the verdicts of the validation passes over what is built.
 
-use super::build::read_plan;
+use super::build::{opening, read_plan};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
@@ -32,7 +32,7 @@ impl Check {
         if let Some(name) = self.scenes.iter().find(|name| plan.scenes().iter().all(|r| r.scene != **name)) {
             return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }
-        let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
+        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
         let findings = built_findings(&plan, &store, &self.scenes)?;
         show(&findings, console);
         let missed =

@@ -1,6 +1,6 @@
 //! `gs2e gc`: deletes what no recipe and no release refers to any more.
 
-use super::build::{Care, open, read_plan};
+use super::build::{Care, open, opening, read_plan};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
@@ -34,7 +34,7 @@ impl Gc {
         let plan = read_plan(&self.targets.recipes)?;
         // A look needs no lock and makes no store.
         let store = if self.dry_run || !common.store.exists() {
-            Store::open(&common.store, Access::Read, &mut |_| {})?
+            Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?
         } else {
             open(common, &Care::default(), console)?
         };

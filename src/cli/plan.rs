@@ -1,6 +1,6 @@
 //! `gs2e plan`: what `build` would run, may run and leave alone, each with its reason.
 
-use super::build::tag;
+use super::build::{opening, tag};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets, machine};
@@ -48,7 +48,7 @@ pub(super) struct File<'a> {
 
 impl Show {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let opening = Opening { verify: self.verify, ..Access::Read.into() };
+        let opening = Opening { verify: self.verify, ..opening(common, Access::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let Survey { settled, plan } = survey(&self.targets.recipes, &store, &tag(common))?;
         let assessed = assess(&plan, &store)?;

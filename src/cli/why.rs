@@ -1,6 +1,6 @@
 //! `gs2e why`: what goes into a step's key, and what changed since it was last made.
 
-use super::build::read_plan;
+use super::build::{opening, read_plan};
 use super::console::Console;
 use super::plan::words;
 use super::problem::{Exit, Problem};
@@ -27,7 +27,7 @@ pub(super) struct Why {
 impl Why {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let plan = read_plan(&self.recipes)?;
-        let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
+        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
         let assessed = assess(&plan, &store)?;
         let (scene, chosen) = choose(&plan, &self.name)?;
         let edits = edits_since(&plan.scenes()[scene], &store);

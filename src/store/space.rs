@@ -22,13 +22,24 @@ const LEAST: u64 = 1 << 20;
 
 impl Space {
     /// The file system that holds `path`.
-    pub(super) fn around(path: &Path) -> io::Result<Self> {
+    ///
+    /// # Errors
+    /// When the path is not there, or the system does not tell.
+    pub fn around(path: &Path) -> io::Result<Self> {
         let found = rustix::fs::statvfs(path)?;
         let path = path.canonicalize()?;
         // Not every system lists its mounts; then the path itself must do.
         let mounts = fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();
         let (mount, kind) = mount_of(&path, &mounts).unwrap_or((path, String::new()));
         Ok(Self { free: found.f_bavail.saturating_mul(found.f_frsize), mount, kind })
+    }
+
+    /// Whether it is another machine's, or a program's: a database in WAL mode needs the shared memory of one host.
+    #[must_use]
+    pub fn is_remote(&self) -> bool {
+        const REMOTE: [&str; 10] =
+            ["nfs", "cifs", "smb", "lustre", "fuse", "9p", "ceph", "beegfs", "gpfs", "afs"];
+        REMOTE.iter().any(|kind| self.kind.starts_with(kind))
     }
 
     /// Whether there is hardly any room.
@@ -107,6 +118,17 @@ mod tests {
         t("/database", "/", "ext4");
         t("/data/with space/x", "/data/with space", "tmpfs");
         assert_eq!(mount_of(Path::new("/x"), ""), None);
+    }
+
+    #[test]
+    fn file_systems_of_other_machines_are_known_by_their_kind() {
+        let is_remote = |kind: &str| Space { free: 0, mount: PathBuf::new(), kind: kind.into() }.is_remote();
+        for kind in ["nfs", "nfs4", "cifs", "smb3", "lustre", "fuse.sshfs", "fuse", "9p", "ceph"] {
+            assert!(is_remote(kind), "{kind}");
+        }
+        for kind in ["ext4", "xfs", "btrfs", "tmpfs", "overlay", "zfs", ""] {
+            assert!(!is_remote(kind), "{kind}");
+        }
     }
 
     #[test]

@@ -79,10 +79,16 @@ pub(super) struct State {
 
 impl State {
     /// Opens the index. A missing, unreadable or older one is set aside and rebuilt from the records, with a notice.
-    pub(super) fn open(root: &Path, disk: Disk, write: bool) -> Result<Self, StoreError> {
+    /// It lies in the store, or in the folder `elsewhere`.
+    pub(super) fn open(
+        root: &Path,
+        elsewhere: Option<&Path>,
+        disk: Disk,
+        write: bool,
+    ) -> Result<Self, StoreError> {
         let mut state = Self {
             root: root.to_owned(),
-            path: root.join("state.db"),
+            path: elsewhere.unwrap_or(root).join("state.db"),
             disk,
             write,
             database: None,
@@ -95,6 +101,9 @@ impl State {
                 Ok(database) => state.database = Some(database),
                 Err(why) => state.give_up(&why),
             }
+        }
+        if let Some(folder) = elsewhere.filter(|_| write) {
+            state.disk.create_dir(folder)?;
         }
         if write && state.database.is_none() {
             state.rebuild()?;
@@ -150,7 +159,8 @@ impl State {
     fn rebuild(&mut self) -> Result<(), StoreError> {
         self.database = None;
         let existed = self.path.exists();
-        let (kept_as, number) = self.set_aside()?;
+        let aside = self.set_aside()?;
+        let aside = aside.strip_prefix(&self.root).unwrap_or(&aside).display();
         let (records, damaged) = Record::read_all(&self.root, &self.disk)?;
         let failed = |path: &Path, source| StoreError::State { path: path.to_owned(), source };
         let database = self
@@ -160,7 +170,7 @@ impl State {
         self.database = Some(database);
         if existed || !records.is_empty() {
             let why = self.damage.take().unwrap_or_else(|| "it is not there".to_owned());
-            let kept = if existed { format!("; old file kept as {kept_as}.{number}") } else { String::new() };
+            let kept = if existed { format!("; old file kept as {aside}") } else { String::new() };
             let line =
                 format!("state.db could not be read ({why}); rebuilt from {} records{kept}", records.len());
             self.notices.push(line);
@@ -174,10 +184,11 @@ impl State {
         Ok(())
     }
 
-    /// Moves the database and its log into `trash/`: the name there, and its number.
-    fn set_aside(&self) -> Result<(&'static str, usize), StoreError> {
-        const KEPT_AS: &str = "trash/state.db";
-        let aside = |number: usize| self.root.join(format!("{KEPT_AS}.{number}"));
+    /// Moves the database and its log into `trash/`, or, where it does not lie in the store, to a name beside its own.
+    fn set_aside(&self) -> Result<PathBuf, StoreError> {
+        let home = self.path.parent().unwrap_or(Path::new(""));
+        let folder = if home == self.root { home.join("trash") } else { home.to_owned() };
+        let aside = |number: usize| folder.join(format!("state.db.{number}"));
         let number = (1..).find(|n| !aside(*n).exists()).unwrap_or(1);
         for suffix in ["", "-wal", "-shm"] {
             let mut from = self.path.clone().into_os_string();
@@ -189,7 +200,7 @@ impl State {
                 self.disk.rename(&from, Path::new(&to))?;
             }
         }
-        Ok((KEPT_AS, number))
+        Ok(aside(number))
     }
 
     /// The body of a row.

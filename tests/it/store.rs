@@ -2,7 +2,7 @@
 
 use gs2e::store::description::describe;
 use gs2e::store::record::{Output, Provenance, Record};
-use gs2e::store::{Access, BlobState, Digest, Key, Store, StoreError};
+use gs2e::store::{Access, BlobState, Digest, Key, Opening, Store, StoreError};
 use std::path::Path;
 
 fn open(root: &Path) -> Store {
@@ -150,4 +150,27 @@ fn what_a_dead_process_left_behind_is_removed() {
 fn digests_are_blake3() {
     let empty = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
     assert_eq!(Digest::of(b"").to_string(), empty);
+}
+
+/// A store on a network file system keeps its database elsewhere; the records are in the store all the same.
+#[test]
+fn the_database_may_lie_elsewhere() {
+    let [store, elsewhere] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let index = elsewhere.path().join("deep/index");
+    let open = |index: Option<&Path>| {
+        let opening = Opening { index: index.map(Path::to_owned), ..Access::Write.into() };
+        Store::open(store.path(), opening, &mut |_| {}).unwrap()
+    };
+    let first = open(Some(&index));
+    let made = publish(&first, "a", &[("a.txt", "one")]).unwrap();
+    first.flush().unwrap();
+    drop(first);
+    assert!(index.join("state.db").is_file() && !store.path().join("state.db").exists());
+    std::fs::write(index.join("state.db"), "no database").unwrap();
+    let second = open(Some(&index));
+    let told = second.take_notices().join("\n");
+    assert!(told.contains(&format!("old file kept as {}", index.join("state.db.1").display())), "{told}");
+    assert_eq!(outputs(&second, "a"), Some(made.clone()));
+    drop(second);
+    assert_eq!(outputs(&open(None), "a"), Some(made));
 }
