@@ -23,12 +23,12 @@
 //! |---|---|
 //! | [`units`] [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
 //! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`source`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
-//! | [`store`] | blobs, records, descriptions; knows nothing of ours |
+//! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
 //! | [`stage`] | what a step is: parameters, inputs, and one call into a room |
 //! | [`mod@recipe`] | YAML to valid values, with file, line and column of every fault |
-//! | [`plan`] | recipes to steps; which of them must run, and why |
-//! | [`run`] | runs them: order, cores, failures, interrupts |
+//! | [`plan`] | recipes to steps; which of them must run, and why; which scenes are up to date at a glance |
+//! | [`run`] | runs them: order, cores and memory, failures, interrupts, time left |
 //! | [`release`] | the tree that people download, and its audit |
 //! | [`cli`] | what the user types and reads; the only printing, environment and clock for people |
 //!
@@ -40,6 +40,8 @@
 //! - Each constant has one definition.
 //! - A check never repairs.
 //! - What is in the store is never changed in place.
+//! - The database can be lost: it holds nothing that the records do not, and nothing that is not on disk yet.
+//! - An error of the disk is never a miss: what cannot be read fails the step, what is absent or damaged is made again.
 //! - A frame sequence is never whole in memory.
 //! - No stage holds arithmetic.
 //! - `unsafe` is forbidden.
