@@ -1,17 +1,18 @@
 //! What CI runs, step by step, each with its seconds; the first failure stops it.
 
 use crate::command::{Outcome, cargo, say};
-use crate::{demo, suite};
+use crate::{demo, faults, suite};
 use std::time::Instant;
 
 type Step = (&'static str, fn() -> Outcome);
 
-const STEPS: [Step; 5] = [
+const STEPS: [Step; 6] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]).run()
     }),
     ("tests", || suite::run(&[])),
+    ("faults", || faults::run(&[])),
     ("documentation", || {
         cargo(&["doc", "--quiet", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings").run()
     }),
