@@ -6,15 +6,17 @@
 mod audit;
 mod build;
 mod check;
+mod clock;
 mod console;
 mod diff;
+mod failure;
 mod gc;
 mod machine;
+mod message;
 mod plan;
 mod problem;
 mod progress;
 mod release;
-
 mod why;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -63,7 +65,7 @@ struct Common {
     #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
     directory: Option<PathBuf>,
     /// Where built things are kept
-    #[arg(long, value_name = "DIR", default_value = ".gs2e", global = true)]
+    #[arg(long, value_name = "DIR", default_value = Common::STORE, global = true)]
     store: PathBuf,
     /// Cores to use [default: all]
     #[arg(short = 'j', long = "jobs", value_name = "N", global = true, value_parser = clap::value_parser!(u16).range(1..))]
@@ -83,6 +85,14 @@ struct Common {
     /// Print failures only
     #[arg(short, long, global = true)]
     quiet: bool,
+    /// The whole command, for those who wait for it.
+    #[arg(skip)]
+    command: String,
+}
+
+impl Common {
+    /// Where built things are kept unless the user says otherwise.
+    const STORE: &'static str = ".gs2e";
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -110,15 +120,22 @@ impl Backend {
 #[derive(Debug, Args)]
 struct Targets {
     /// Recipes, or folders of recipes
-    #[arg(value_name = "RECIPE or DIR", default_value = "recipes")]
+    #[arg(value_name = "RECIPE or DIR", default_value = Self::DEFAULT)]
     recipes: Vec<PathBuf>,
+}
+
+impl Targets {
+    /// Where recipes are looked for unless something is named.
+    const DEFAULT: &'static str = "recipes";
 }
 
 /// Runs the program with these arguments, the first being its own name.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let command = command(&arguments);
     let cli = match Cli::try_parse_from(arguments) {
-        Ok(cli) => cli,
+        Ok(Cli { verb, common }) => Cli { verb, common: Common { command, ..common } },
         Err(error) => {
             // Where the terminal is gone there is nobody left to tell.
             let _ = error.print();
@@ -133,6 +150,15 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             problem.exit.into()
         }
     }
+}
+
+/// A command as it was typed, but for quotes and the path of the program.
+fn command(arguments: &[OsString]) -> String {
+    let mut words: Vec<String> = arguments.iter().map(|word| word.to_string_lossy().into_owned()).collect();
+    if let Some(program) = words.first_mut() {
+        *program = program.rsplit(std::path::MAIN_SEPARATOR).next().unwrap_or_default().to_owned();
+    }
+    words.join(" ")
 }
 
 fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {

@@ -3,6 +3,7 @@
 mod beside;
 mod canonical;
 mod clash;
+mod edits;
 mod fault;
 mod field;
 mod find;
@@ -18,6 +19,7 @@ mod text;
 mod tree;
 
 pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_sources};
+pub use edits::{Edit, edits};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::{RecipeFile, find_all, read_all, read_files};
 

@@ -4,6 +4,7 @@
 //! the keys they had, and the wave stops. Two steps with one key run once. The clock is read here for durations
 //! only; nothing read from it reaches a file of the release.
 
+pub mod estimate;
 mod order;
 mod resources;
 
@@ -18,7 +19,8 @@ use crate::plan::{Plan, PlannedStep, survey};
 use crate::stage::{Context, Need, StageError, StepId};
 use crate::store::description::Value;
 use crate::store::record::{Output, Provenance, Record};
-use crate::store::{BlobState, Digest, Key, Store, StoreError};
+use crate::store::space::{Space, is_full};
+use crate::store::{BlobState, Digest, Key, Store, StoreError, Workspace};
 use order::Rank;
 use resources::Grant;
 use std::collections::{BTreeMap, BTreeSet};
@@ -67,6 +69,8 @@ pub enum Event<'a> {
         step: StepId,
         /// Why.
         reason: &'a Reason,
+        /// The cores that it is given.
+        cores: usize,
     },
     /// A step needs more memory than all may use, and runs alone.
     TooLarge {
@@ -81,15 +85,27 @@ pub enum Event<'a> {
     Made {
         /// Which.
         step: StepId,
+        /// Its key.
+        key: &'a Key,
+        /// What it made.
+        outputs: &'a [Output],
         /// How long it took.
         seconds: f64,
+        /// The cores that it was given.
+        cores: usize,
         /// What it had to say.
         warnings: &'a [String],
+        /// A word on the size of its product.
+        remark: Option<&'a str>,
     },
     /// A step is up to date.
     Kept {
         /// Which.
         step: StepId,
+        /// Its key.
+        key: &'a Key,
+        /// What it made when it ran.
+        outputs: &'a [Output],
     },
     /// A step failed.
     Failed {
@@ -128,6 +144,16 @@ pub enum StepError {
     /// A file that it reads changed meanwhile.
     #[error("{0} changed while it was read; nothing was recorded")]
     Moved(String),
+    /// There is no room for its files.
+    #[error("no space: {cause}")]
+    Full {
+        /// Bytes that it had written.
+        wrote: u64,
+        /// The file system, where the system tells of it.
+        space: Option<Space>,
+        /// What it was told when it went on writing.
+        cause: String,
+    },
 }
 
 /// What a run came to.
@@ -147,6 +173,14 @@ pub struct Summary {
     pub interrupted: bool,
     /// What each step that was made or kept stands at.
     pub products: BTreeMap<StepId, Product>,
+}
+
+impl Summary {
+    /// Whether a step found no room for its files.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.failures.iter().any(|failure| matches!(failure.error, StepError::Full { .. }))
+    }
 }
 
 /// The most steps that are made, and the longest time, before what was made is synced and indexed.
@@ -173,8 +207,9 @@ pub fn run(
     observer: &dyn Observer,
 ) -> Result<Summary, StoreError> {
     let (sender, receiver) = mpsc::channel();
+    let ranks = order::ranks(plan, &past(plan, store)?);
     thread::scope(|scope| {
-        let mut executor = Executor::new(plan, store, options, cancel, observer);
+        let mut executor = Executor::new(plan, store, options, cancel, observer, ranks);
         let (mut made, mut flushed) = (0, Instant::now());
         loop {
             executor.start_ready(scope, &sender);
@@ -219,7 +254,9 @@ struct Finished {
 struct Made {
     outputs: Vec<Output>,
     seconds: f64,
+    cores: usize,
     warnings: Vec<String>,
+    remark: Option<String>,
 }
 
 struct Executor<'a> {
@@ -249,6 +286,7 @@ impl<'a> Executor<'a> {
         options: Options,
         cancel: &'a AtomicBool,
         observer: &'a dyn Observer,
+        ranks: Vec<Rank>,
     ) -> Self {
         let inputs: Vec<_> = plan.steps().iter().map(|s| s.step.inputs()).collect();
         let mut followers = vec![Vec::new(); inputs.len()];
@@ -266,7 +304,7 @@ impl<'a> Executor<'a> {
             missing,
             followers,
             ready,
-            ranks: order::ranks(plan, &past(plan, store)),
+            ranks,
             stale: BTreeMap::new(),
             running: BTreeMap::new(),
             summary: Summary::default(),
@@ -275,7 +313,8 @@ impl<'a> Executor<'a> {
 
     fn stopped(&self) -> bool {
         let failed = !self.summary.failures.is_empty() && !self.options.keep_going;
-        failed || self.cancel.load(Ordering::Relaxed)
+        // Where there is no room for one step, the next would only fill what the running ones still need.
+        failed || self.summary.is_full() || self.cancel.load(Ordering::Relaxed)
     }
 
     fn left(&self) -> Budget {
@@ -300,11 +339,14 @@ impl<'a> Executor<'a> {
             && let Some(rank) = self.next_stale()
         {
             let stale = self.stale.remove(&rank).expect("the step was found among the stale");
-            if self.is_mended(&stale) {
-                self.ready.insert(rank.1);
-                return self.start_ready(scope, sender);
+            match self.is_mended(&stale) {
+                Ok(true) => {
+                    self.ready.insert(rank.1);
+                    return self.start_ready(scope, sender);
+                }
+                Ok(false) => self.start(rank.1, stale, scope, sender),
+                Err(error) => self.fail(rank.1, error.into()),
             }
-            self.start(rank.1, stale, scope, sender);
         }
     }
 
@@ -318,12 +360,17 @@ impl<'a> Executor<'a> {
     }
 
     /// Whether another step has meanwhile made the lost bytes for which this one was to run.
-    fn is_mended(&self, stale: &Stale) -> bool {
-        let lost = matches!(stale.reason, Reason::BlobMissing { .. } | Reason::BlobAltered { .. });
-        let record = lost.then(|| self.store.record(&stale.key)).flatten();
-        record.is_some_and(|record| {
-            record.outputs.iter().all(|o| matches!(self.store.examine(o), Ok(BlobState::Sound)))
-        })
+    fn is_mended(&self, stale: &Stale) -> Result<bool, StoreError> {
+        if !matches!(stale.reason, Reason::BlobMissing { .. } | Reason::BlobAltered { .. }) {
+            return Ok(false);
+        }
+        let Some(record) = self.store.record(&stale.key)? else { return Ok(false) };
+        for output in &record.outputs {
+            if self.store.examine(output)? != BlobState::Sound {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Holds a ready step against the store: `None` where it is up to date, and noted so.
@@ -339,9 +386,9 @@ impl<'a> Executor<'a> {
             let need = planned.step.need(&files);
             return Ok(Some(Stale { key, description, sources, reason, recheck, files, need }));
         }
-        self.summary.kept += 1;
-        self.observer.tell(&Event::Kept { step });
         let outputs = outputs.expect("a step that is kept has outputs");
+        self.summary.kept += 1;
+        self.observer.tell(&Event::Kept { step, key: &key, outputs: &outputs });
         self.done(step, Product { key, outputs, sources });
         Ok(None)
     }
@@ -371,7 +418,7 @@ impl<'a> Executor<'a> {
         let whole = self.options.budget;
         let cores = self.left().cores.div_ceil(self.stale.len() + 1).max(1);
         self.running.insert(step, (stale.key, Grant { cores, need: stale.need }));
-        self.observer.tell(&Event::Started { step, reason: &stale.reason });
+        self.observer.tell(&Event::Started { step, reason: &stale.reason, cores });
         if memory > whole.memory {
             self.observer.tell(&Event::TooLarge { step, memory, budget: whole.memory });
         }
@@ -401,14 +448,22 @@ impl<'a> Executor<'a> {
             self.ready.insert(twin.1);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
-            Ok(Made { outputs, seconds, warnings }) => {
+            Ok(Made { outputs, seconds, cores, warnings, remark }) => {
                 if is_recheck {
                     self.summary.kept += 1;
                     self.summary.rechecked += 1;
                 } else {
                     self.summary.made += 1;
                 }
-                self.observer.tell(&Event::Made { step, seconds, warnings: &warnings });
+                self.observer.tell(&Event::Made {
+                    step,
+                    key: &key,
+                    outputs: &outputs,
+                    seconds,
+                    cores,
+                    warnings: &warnings,
+                    remark: remark.as_deref(),
+                });
                 self.done(step, Product { key, outputs, sources });
             }
             Err(StepError::Stage(StageError::Cancelled)) => self.summary.interrupted = true,
@@ -440,17 +495,25 @@ struct Job<'a> {
 
 impl Job<'_> {
     fn run(&self, step: StepId, stale: &Stale) -> Result<Made, StepError> {
-        let planned = &self.plan.steps()[step.0];
         if let Reason::BlobAltered { digest } = &stale.reason {
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
-        let workspace = self.store.workspace()?;
+        let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
+        self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
+    }
+
+    fn make(&self, step: StepId, stale: &Stale, workspace: &Workspace<'_>) -> Result<Made, StepError> {
+        let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
         let mut cx = Context::new(workspace.path(), self.cancel);
-        self.pool()?.install(|| planned.step.run(&stale.files, &mut cx))?;
+        let worked = self.pool()?.install(|| planned.step.run(&stale.files, &mut cx));
         let seconds = started.elapsed().as_secs_f64();
-        let warnings = cx.warnings;
-        self.refuse_moved(planned, &stale.sources)?;
+        // Half of a file that somebody is writing is like a broken one: that it moves is the better word for it.
+        if !matches!(worked, Err(StageError::Cancelled)) {
+            self.refuse_moved(planned, &stale.sources)?;
+        }
+        worked?;
+        let Context { warnings, remark, .. } = cx;
         let provenance = Provenance {
             tool: env!("CARGO_PKG_VERSION").to_owned(),
             seconds,
@@ -460,16 +523,32 @@ impl Job<'_> {
         };
         let record = Record::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);
         let outputs = match &stale.recheck {
-            None => self.store.publish(&workspace, record)?,
-            Some(outputs) => self.store.compare(&workspace, record).map(|()| outputs.clone())?,
+            None => self.store.publish(workspace, record)?,
+            Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
-        Ok(Made { outputs, seconds, warnings })
+        Ok(Made { outputs, seconds, cores: self.cores, warnings, remark })
+    }
+
+    /// The error, or that there is no room where that is behind it: by its causes, else by what is left, because not
+    /// every library passes on why it could not write.
+    fn with_space(&self, error: StepError, wrote: u64) -> StepError {
+        let may_have_written = match &error {
+            StepError::Stage(StageError::Work { .. } | StageError::Io { .. }) => true,
+            StepError::Store(error) => !matches!(error, StoreError::Nondeterministic(_)),
+            _ => false,
+        };
+        let space = self.store.space().ok();
+        let is_used_up = may_have_written && space.as_ref().is_some_and(Space::is_used_up);
+        if !is_used_up && !is_full(&error) {
+            return error;
+        }
+        StepError::Full { wrote, space, cause: error.to_string() }
     }
 
     /// The bytes that were read must be those that the key holds: the step may have waited long for its start.
     fn refuse_moved(&self, planned: &PlannedStep, then: &Sources) -> Result<(), StepError> {
         let now = read_sources(self.plan, self.store, planned)?;
-        now.moved_since(then).map_or(Ok(()), |path| Err(StepError::Moved(path)))
+        now.moved_since(then).map_or(Ok(()), |name| Err(StepError::Moved(name)))
     }
 
     fn pool(&self) -> Result<rayon::ThreadPool, StageError> {

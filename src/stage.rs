@@ -192,13 +192,15 @@ pub struct Context<'a> {
     cancel: &'a AtomicBool,
     /// What it has to say beside its product.
     pub warnings: Vec<String>,
+    /// A word on the size of its product, for the line of progress.
+    pub remark: Option<String>,
 }
 
 impl<'a> Context<'a> {
     /// A context that writes into `out` and stops when `cancel` is set.
     #[must_use]
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
-        Self { out, cancel, warnings: Vec::new() }
+        Self { out, cancel, warnings: Vec::new(), remark: None }
     }
 
     /// Asked at every frame or chunk: `Err` where the work shall stop.
@@ -232,9 +234,15 @@ pub enum StageError {
     /// An input cannot be opened.
     #[error(transparent)]
     Artifact(#[from] ArtifactError),
-    /// The work itself failed; the text says at what, and why.
-    #[error("{0}")]
-    Work(String),
+    /// The work itself failed.
+    #[error("{doing}: {cause}")]
+    Work {
+        /// At what.
+        doing: String,
+        /// Why.
+        #[source]
+        cause: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// A file cannot be read or written.
     #[error("use {}: {source}", path.display())]
     Io {
@@ -247,9 +255,12 @@ pub enum StageError {
 
 impl StageError {
     /// A failure of the work, as `doing: cause`.
-    pub fn work<E: std::fmt::Display>(doing: &str) -> impl FnOnce(E) -> Self {
+    pub fn work<E>(doing: &str) -> impl FnOnce(E) -> Self
+    where
+        E: std::error::Error + Send + Sync + 'static,
+    {
         let doing = doing.to_owned();
-        move |e| Self::Work(format!("{doing}: {e}"))
+        move |e| Self::Work { doing, cause: Box::new(e) }
     }
 
     /// A failure to use a file.

@@ -20,13 +20,18 @@ mod lock;
 mod memo;
 pub mod record;
 mod root;
+pub mod space;
 pub mod stat_cache;
 mod state;
+mod unlike;
 
 pub use digest::{Digest, Key};
 pub use root::Root;
 
 use blob::Blobs;
+pub use lock::Claim;
+pub use unlike::Unlike;
+
 use disk::Disk;
 use fs::Fs;
 use memo::Memo;
@@ -34,6 +39,7 @@ use rayon::prelude::*;
 use record::{Brief, Output, Record};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use space::Space;
 use stat_cache::{Entry, Sighting};
 use state::{State, Table};
 use std::collections::BTreeSet;
@@ -81,17 +87,8 @@ pub enum StoreError {
         holder: String,
     },
     /// A key made other bytes than before.
-    #[error("nondeterministic step: key {key} made {first} before and {second} now")]
-    Nondeterministic {
-        /// The key.
-        key: Key,
-        /// Content digest on record.
-        first: Digest,
-        /// Content digest made now.
-        second: Digest,
-        /// Whether the first bytes were lost, and these took their place.
-        replaced: bool,
-    },
+    #[error("nondeterministic step: {0}")]
+    Nondeterministic(Box<Unlike>),
 }
 
 /// Format of the folder; raised when an older program could no longer use it.
@@ -101,7 +98,6 @@ const FORMAT: u32 = 1;
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
-    fs: Arc<dyn Fs>,
     disk: Disk,
     blobs: Blobs,
     state: Mutex<State>,
@@ -137,6 +133,8 @@ pub enum Access {
 pub struct Opening {
     /// What for.
     pub access: Access,
+    /// Who opens it to write.
+    pub claim: Claim,
     /// Read every file, whatever its stat fields say.
     pub verify: bool,
     /// Have each file on disk before the next is written, instead of a batch at once.
@@ -147,12 +145,13 @@ pub struct Opening {
 
 impl From<Access> for Opening {
     fn from(access: Access) -> Self {
-        Self { access, verify: false, sync_each: false, fs: Arc::new(fs::Real) }
+        Self { access, claim: Claim::default(), verify: false, sync_each: false, fs: Arc::new(fs::Real) }
     }
 }
 
 impl Store {
-    /// Opens the store at `root`, for writing creates it. `waiting` is told once for whom it waits.
+    /// Opens the store at `root`, for writing creates it. `waiting` is told for whom it waits, and again as often as
+    /// the claim says.
     ///
     /// # Errors
     /// When it cannot be read or made, was made by a newer program, or is locked and `access` does not wait.
@@ -161,13 +160,13 @@ impl Store {
         opening: impl Into<Opening>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let Opening { access, verify, sync_each, fs } = opening.into();
-        let disk = Disk::new(fs.clone(), sync_each);
+        let Opening { access, claim, verify, sync_each, fs } = opening.into();
+        let disk = Disk::new(fs, sync_each);
         let lock = match access {
             Access::Read => None,
             Access::Write | Access::WriteNow => {
                 disk.create_dir(root)?;
-                Some(lock::Lock::take(root, access == Access::Write, waiting)?)
+                Some(lock::Lock::take(root, &claim, access == Access::Write, waiting)?)
             }
         };
         disk.check_format(root, FORMAT, lock.is_some())?;
@@ -186,7 +185,6 @@ impl Store {
             verified: verify.then(Mutex::default),
             counts: Counts::default(),
             failed: Mutex::new(None),
-            fs,
             disk,
             _lock: lock,
         })
@@ -208,14 +206,18 @@ impl Store {
     /// process recorded that was killed before it wrote the index, or that works just now, stands in `ac/` alone and
     /// counts as much.
     #[must_use]
-    pub fn record(&self, key: &Key) -> Option<Brief> {
+    ///
+    /// # Errors
+    /// When the record is there and cannot be read.
+    pub fn record(&self, key: &Key) -> Result<Option<Brief>, StoreError> {
         let name = key.to_string();
         let indexed = self.state().get(Table::Record, &name);
-        indexed.and_then(|row| serde_json::from_slice(&row).ok()).or_else(|| {
-            let brief = self.full_record(key)?.brief();
-            self.state().put(Table::Record, &name, brief.row());
-            Some(brief)
-        })
+        if let Some(brief) = indexed.and_then(|row| serde_json::from_slice(&row).ok()) {
+            return Ok(Some(brief));
+        }
+        let brief = self.full_record(key)?.map(|record| record.brief());
+        brief.iter().for_each(|brief| self.state().put(Table::Record, &name, brief.row()));
+        Ok(brief)
     }
 
     /// What the index has of every record.
@@ -226,9 +228,11 @@ impl Store {
     }
 
     /// The whole record of a key as it lies in `ac/`; `None` where it is absent or damaged.
-    #[must_use]
-    pub fn full_record(&self, key: &Key) -> Option<Record> {
-        Record::read(&self.root, &self.disk, key).ok().flatten()
+    ///
+    /// # Errors
+    /// When it is there and cannot be read.
+    pub fn full_record(&self, key: &Key) -> Result<Option<Record>, StoreError> {
+        Record::read(&self.root, &self.disk, key)
     }
 
     /// The key that a step of a scene was last made with.
@@ -263,7 +267,7 @@ impl Store {
         match self.look(&path) {
             Ok(entry) if entry.digest == output.digest => Ok(BlobState::Sound),
             Ok(_) => Ok(BlobState::Altered),
-            Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(BlobState::Missing),
+            Err(source) if disk::is_absent(&source) => Ok(BlobState::Missing),
             Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
         }
     }
@@ -345,20 +349,20 @@ impl Store {
     pub fn publish(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<Vec<Output>, StoreError> {
         let files = self.blobs.finish(workspace.path())?;
         record.outputs = files.iter().map(|file| file.output.clone()).collect();
-        let before = self.full_record(&record.key).filter(|before| before.outputs != record.outputs);
+        let before = self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs);
         if let Some(before) = &before
             && before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)))
         {
-            return Err(nondeterministic(before, &record, false));
+            return Err(self.nondeterministic(workspace, before.clone(), record, false));
         }
         files.iter().try_for_each(|file| self.blobs.publish(file))?;
         record.write(&self.root, &self.disk)?;
         for output in &record.outputs {
-            self.settle(&output.digest);
+            self.settle(&output.digest)?;
         }
         self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
         match before {
-            Some(before) => Err(nondeterministic(&before, &record, true)),
+            Some(before) => Err(self.nondeterministic(workspace, before, record, true)),
             None => Ok(record.outputs),
         }
     }
@@ -369,29 +373,57 @@ impl Store {
     /// When a file cannot be read, or the bytes differ.
     pub fn compare(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<(), StoreError> {
         let files = self.blobs.finish(workspace.path())?;
-        record.outputs = files.into_iter().map(|file| file.output).collect();
-        match self.full_record(&record.key).filter(|before| before.outputs != record.outputs) {
-            Some(before) => Err(nondeterministic(&before, &record, false)),
+        record.outputs = files.iter().map(|file| file.output.clone()).collect();
+        match self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs) {
+            Some(before) => Err(self.nondeterministic(workspace, before, record, false)),
             None => Ok(()),
         }
     }
 
+    fn nondeterministic(
+        &self,
+        workspace: &Workspace<'_>,
+        before: Record,
+        now: Record,
+        replaced: bool,
+    ) -> StoreError {
+        let first = unlike::first_difference(&before, &now, &|digest| self.path_of(digest), workspace.path());
+        StoreError::Nondeterministic(Box::new(Unlike { before, now, replaced, first }))
+    }
+
+    /// The file system that the store is on.
+    ///
+    /// # Errors
+    /// When the system does not tell.
+    pub fn space(&self) -> std::io::Result<Space> {
+        Space::around(&self.root)
+    }
+
     /// Renews what is known of a blob after this program itself linked or unlinked it, which moves its ctime.
-    pub fn settle(&self, digest: &Digest) {
+    ///
+    /// # Errors
+    /// When it cannot be looked at.
+    pub fn settle(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.blobs.path(digest);
-        if let Ok(stat) = self.disk.stat(&path) {
-            self.enter(&path, Entry { seen: Sighting::settled(stat), digest: *digest });
-        }
+        let stat = self.disk.stat(&path).map_err(disk::failed("reading", &path))?;
+        self.enter(&path, Entry { seen: Sighting::settled(stat), digest: *digest });
+        Ok(())
     }
 
     /// The facts remembered under these names, where their grounds have not moved. Trusts stat fields, so a store
     /// that was opened to verify remembers nothing.
-    #[must_use]
-    pub fn recall<T: DeserializeOwned + Send>(&self, names: &[String], tag: &Digest) -> Vec<Option<T>> {
+    ///
+    /// # Errors
+    /// When a file is there and cannot be looked at.
+    pub fn recall<T: DeserializeOwned + Send>(
+        &self,
+        names: &[String],
+        tag: &Digest,
+    ) -> Result<Vec<Option<T>>, StoreError> {
         /// Below this many, looking each one up is less than reading the table.
         const FEW: usize = 64;
         if self.verified.is_some() {
-            return names.iter().map(|_| None).collect();
+            return Ok(names.iter().map(|_| None).collect());
         }
         let rows: Vec<Option<Vec<u8>>> = if names.len() < FEW {
             names.iter().map(|name| self.state().get(Table::Memo, name)).collect()
@@ -400,14 +432,15 @@ impl Store {
             names.iter().map(|name| all.remove(name)).collect()
         };
         let recall = |row: Option<Vec<u8>>| {
-            let memo: Memo<T> = postcard::from_bytes(&row?).ok()?;
-            let holds = memo.holds(tag, &*self.fs, &|digest| self.blobs.path(digest));
-            holds.then_some(memo).inspect(|memo| {
-                self.counts.trusted.fetch_add(memo.files.len() + memo.blobs.len(), Ordering::Relaxed);
-            })
+            let memo = row.and_then(|row| postcard::from_bytes::<Memo<T>>(&row).ok());
+            let Some(memo) = memo else { return Ok(None) };
+            if !memo.holds(tag, &self.disk, &|digest| self.blobs.path(digest))? {
+                return Ok(None);
+            }
+            self.counts.trusted.fetch_add(memo.files.len() + memo.blobs.len(), Ordering::Relaxed);
+            Ok(Some(memo.fact))
         };
-        let memos: Vec<Option<Memo<T>>> = rows.into_par_iter().map(recall).collect();
-        memos.into_iter().map(|memo| memo.map(|memo| memo.fact)).collect()
+        rows.into_par_iter().map(recall).collect()
     }
 
     /// Remembers a fact that was made from `files`, seen before they were read, and from `blobs`. Where one of them
@@ -457,15 +490,6 @@ impl Store {
 
 fn last_name(scene: &str, step: &str) -> String {
     format!("{scene}\0{step}")
-}
-
-fn nondeterministic(before: &Record, now: &Record, replaced: bool) -> StoreError {
-    StoreError::Nondeterministic {
-        key: now.key,
-        first: record::content(&before.outputs),
-        second: record::content(&now.outputs),
-        replaced,
-    }
 }
 
 /// What became of a blob.

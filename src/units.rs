@@ -33,6 +33,23 @@ impl Timestamp {
     }
 }
 
+/// An amount for people, with at most three digits before the point: `999 B`, `52.1 MB`, `12.4 Mev`.
+#[must_use]
+pub fn amount(n: u64, unit: &str) -> String {
+    const PREFIXES: [&str; 6] = ["k", "M", "G", "T", "P", "E"];
+    if n < 1000 {
+        return format!("{n} {unit}");
+    }
+    let mut scaled = n as f64 / 1000.0;
+    let mut prefix = 0;
+    // What would be rounded to 1000.0 is shown as 1.0 of the next.
+    while scaled >= 999.95 && prefix + 1 < PREFIXES.len() {
+        scaled /= 1000.0;
+        prefix += 1;
+    }
+    format!("{scaled:.1} {}{unit}", PREFIXES[prefix])
+}
+
 /// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without passing through floating point:
 /// in floats `ceil(1.1 * 50)` is 56.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

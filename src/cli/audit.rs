@@ -1,9 +1,10 @@
 //! `gs2e audit`: reads every byte of a release tree, offline.
 
 use super::console::Console;
+use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
-use crate::release::audit;
-use serde_json::json;
+use crate::release::audit::{self, Fault};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Arguments of `audit`.
@@ -24,10 +25,9 @@ impl Audit {
             .map_err(|e| Problem::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
         for fault in &report.faults {
             if console.json {
-                console.result(&serde_json::to_value(fault).expect("a fault is plain data"));
-            } else {
-                console.print(&fault.to_string());
+                console.result(&to_json(fault));
             }
+            console.insist(&message(fault).to_text());
         }
         let (files, mb) = (report.files, report.bytes as f64 * 1e-6);
         let count = report.faults.len();
@@ -40,4 +40,19 @@ impl Audit {
         }
         Ok(if count == 0 { Exit::Done } else { Exit::Fault })
     }
+}
+
+fn message(fault: &Fault) -> Message {
+    let place = fault.file.as_ref().or(fault.scene.as_ref()).map_or("the release", String::as_str);
+    Message::new(Level::Error, fault.code.name(), format!("{place}: {}", fault.message)).help(fault.help)
+}
+
+/// The fields of every message, and the file and scene that the fault is of.
+fn to_json(fault: &Fault) -> Value {
+    let mut value = message(fault).to_json();
+    value["path"] = json!(fault.file);
+    value["file"] = json!(fault.file);
+    value["scene"] = json!(fault.scene);
+    value["message"] = json!(fault.message);
+    value
 }

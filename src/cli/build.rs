@@ -1,20 +1,23 @@
 //! `gs2e build`: makes what is stale, and nothing else.
 
 use super::console::Console;
+use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use super::progress::Progress;
-use super::{Common, Targets, machine, on_interrupt, plan};
+use super::{Common, Targets, clock, failure, machine, on_interrupt, plan};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
+use crate::plan::past::past;
 use crate::plan::survey::{Settled, Survey, survey};
 use crate::recipe::{self, Recipe};
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
+use crate::stage::StepId;
 use crate::store::fs::Stat;
-use crate::store::{Access, Digest, Opening, Store};
+use crate::store::{Access, Claim, Digest, Opening, Store};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Arguments of `build`.
@@ -71,10 +74,10 @@ impl Build {
         let mut summary = if plan.steps().is_empty() {
             Summary::default()
         } else {
-            build(&plan, &store, common, &self.care, console)?
+            Building { targets: &self.targets, common, care: &self.care, console }.build(&plan, &store)?
         };
         summary.kept += settled.iter().map(|scene| scene.steps.len()).sum::<usize>();
-        console.say(&last_line(&summary, started.elapsed().as_secs_f64()));
+        tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(exit(&summary))
     }
 }
@@ -139,10 +142,12 @@ fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
 /// Opens the store for writing, waiting for another process where there is one.
 pub(super) fn open(common: &Common, care: &Care, console: &Console) -> Result<Store, Problem> {
     let access = if common.no_wait { Access::WriteNow } else { Access::Write };
+    let claim = Claim { command: common.command.clone(), since: clock::now(), ..Claim::default() };
     let sync_each = care.sync == Sync::Always;
-    let opening = Opening { verify: care.verify, sync_each, ..access.into() };
+    let opening = Opening { verify: care.verify, sync_each, claim, ..access.into() };
     let store = Store::open(&common.store, opening, &mut |holder| {
-        console.insist(&format!("waiting: {} is in use by {holder}", common.store.display()));
+        let what = format!("{} is in use by {holder}", common.store.display());
+        console.tell(&Message::new(Level::Waiting, "locked", what));
     })?;
     tell_notices(&store, console);
     Ok(store)
@@ -151,31 +156,59 @@ pub(super) fn open(common: &Common, care: &Care, console: &Console) -> Result<St
 /// What the store had to mend since it was last asked.
 pub(super) fn tell_notices(store: &Store, console: &Console) {
     for notice in store.take_notices() {
-        console.insist(&format!("warning: {notice}"));
+        console.tell(&Message::new(Level::Warning, "state-rebuilt", notice));
     }
 }
 
-/// Builds what is stale.
-pub(super) fn build(
-    plan: &Plan,
-    store: &Store,
-    common: &Common,
-    care: &Care,
-    console: &Console,
-) -> Result<Summary, Problem> {
-    // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
-    let idle = !common.keep_going && assess(plan, store)?.iter().all(|a| a.action == Action::Keep);
-    if !idle {
-        tell_sensors(plan, console)?;
+/// What the user asked of a build.
+pub(super) struct Building<'a> {
+    pub(super) targets: &'a Targets,
+    pub(super) common: &'a Common,
+    pub(super) care: &'a Care,
+    pub(super) console: &'a Console,
+}
+
+impl Building<'_> {
+    /// Builds what is stale.
+    pub(super) fn build(&self, plan: &Plan, store: &Store) -> Result<Summary, Problem> {
+        let Self { common, console, .. } = self;
+        // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
+        let idle = !common.keep_going && assess(plan, store)?.iter().all(|a| a.action == Action::Keep);
+        if !idle {
+            tell_sensors(plan, console)?;
+        }
+        let options = options(common, self.care);
+        let past = if console.is_live() { past(plan, store)? } else { Vec::new() };
+        let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
+        let cancel = on_interrupt()?;
+        let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
+        let summary = run::run(plan, store, options, &cancel, &progress);
+        let failed = progress.close();
+        if common.keep_going && !failed.is_empty() {
+            console.say(&failure::again(&failed, &self.to_find()));
+        }
+        let summary = summary?;
+        match run::settle(plan, &summary, store, &tag(common)) {
+            // Told already, with the step; the records that are whole count without the database.
+            Err(error) if summary.is_full() && error.is_full() => {}
+            settled => settled?,
+        }
+        tell_notices(store, console);
+        Ok(summary)
     }
-    let cancel = on_interrupt()?;
-    let progress = Progress::new(plan, console);
-    let summary = run::run(plan, store, options(common, care), &cancel, &progress);
-    progress.close();
-    let summary = summary?;
-    run::settle(plan, &summary, store, &tag(common))?;
-    tell_notices(store, console);
-    Ok(summary)
+
+    /// The options by which another verb finds the same recipes and store.
+    fn to_find(&self) -> String {
+        let mut options = String::new();
+        let recipes = &self.targets.recipes;
+        if *recipes != [Path::new(Targets::DEFAULT)] {
+            recipes.iter().for_each(|path| options.push_str(&format!(" --recipes {}", path.display())));
+        }
+        if self.common.store != Path::new(Common::STORE) {
+            options.push_str(&format!(" --store {}", self.common.store.display()));
+        }
+        options
+    }
 }
 
 fn options(common: &Common, care: &Care) -> Options {
@@ -191,7 +224,7 @@ fn options(common: &Common, care: &Care) -> Options {
     }
 }
 
-pub(super) fn last_line(summary: &Summary, seconds: f64) -> String {
+fn last_line(summary: &Summary, seconds: f64) -> String {
     let Summary { made, kept, failures, unreached, interrupted, .. } = summary;
     if *interrupted {
         let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
@@ -204,6 +237,15 @@ pub(super) fn last_line(summary: &Summary, seconds: f64) -> String {
         text.push_str(&format!(", not reached {unreached}"));
     }
     format!("{text}; {seconds:.2} s")
+}
+
+/// The last line, and for programs that a run was cut short.
+pub(super) fn tell_end(summary: &Summary, seconds: f64, console: &Console) {
+    let line = last_line(summary, seconds);
+    if summary.interrupted && console.json {
+        console.result(&Message::new(Level::Error, "interrupted", line.as_str()).to_json());
+    }
+    console.say(&line);
 }
 
 pub(super) fn exit(summary: &Summary) -> Exit {

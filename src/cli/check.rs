@@ -1,9 +1,9 @@
 //! `gs2e check`: the verdicts of the validation passes over what is built.
 
-use super::Common;
 use super::build::read_plan;
 use super::console::Console;
 use super::problem::{Exit, Problem};
+use super::{Common, Targets};
 use crate::artifact::{Artifact, Files, Verdicts};
 use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
@@ -19,7 +19,7 @@ pub(super) struct Check {
     #[arg(value_name = "SCENE")]
     scenes: Vec<String>,
     /// Where the recipes are
-    #[arg(long, value_name = "RECIPE or DIR", default_value = "recipes")]
+    #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT)]
     recipes: Vec<PathBuf>,
     /// Count this check as failed where it was not run
     #[arg(long, value_name = "CHECK", value_parser = clap::builder::PossibleValuesParser::new(NAMES))]
@@ -55,7 +55,7 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
         }
         let Some(outputs) = &assessed.outputs else {
             let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
-            return Err(Problem::failed("not-built", message).help("gs2e build"));
+            return Err(Problem::failed("not-built", message).step(scene, &step.name).help("gs2e build"));
         };
         let verdicts = Verdicts::open(&Files::of(outputs, store))
             .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?;

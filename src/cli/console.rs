@@ -1,5 +1,6 @@
 //! Where text goes: people read stderr, programs read stdout.
 
+use super::message::Message;
 use super::problem::Problem;
 use std::io::{IsTerminal, Write};
 
@@ -46,9 +47,18 @@ impl Console {
         let _ = writeln!(std::io::stdout().lock(), "{text}");
     }
 
+    /// A message for people, whatever they want, and for programs.
+    pub(super) fn tell(&self, message: &Message) {
+        if self.json {
+            self.result(&message.to_json());
+        }
+        self.insist(&message.to_text());
+    }
+
+    /// Why the verb ends early.
     pub(super) fn problem(&self, problem: &Problem) {
         if self.json {
-            self.result(&problem.to_json());
+            problem.to_json().iter().for_each(|fault| self.result(fault));
         }
         self.insist(&problem.to_text());
     }

@@ -43,7 +43,7 @@ impl Show {
         let assessed = assess(&plan, &store)?;
         super::build::tell_notices(&store, console);
         if self.estimate {
-            estimate(&plan, &assessed, &store, common, console);
+            estimate(&plan, &assessed, &store, common, console)?;
             return Ok(Exit::Done);
         }
         let rows = rows(&plan, &assessed, &settled);
@@ -117,16 +117,23 @@ struct Estimate {
     /// Those of which nothing like them ran before: they are in none of the sums.
     unknown: usize,
     core_seconds: f64,
-    /// Wall time at best: the work shared evenly among the cores, or the longest step if that is more.
+    /// Wall time at best: the work shared evenly among the cores.
     seconds: f64,
     bytes: f64,
     /// Of the step that needs most.
     memory: f64,
 }
 
-fn estimate(plan: &Plan, assessed: &[Assessment], store: &Store, common: &Common, console: &Console) {
+fn estimate(
+    plan: &Plan,
+    assessed: &[Assessment],
+    store: &Store,
+    common: &Common,
+    console: &Console,
+) -> Result<(), Problem> {
     let mut sum = Estimate::default();
-    for (a, past) in assessed.iter().zip(past(plan, store)) {
+    let past = past(plan, store)?;
+    for (a, past) in assessed.iter().zip(past) {
         if a.action == Action::Keep {
             continue;
         }
@@ -143,7 +150,7 @@ fn estimate(plan: &Plan, assessed: &[Assessment], store: &Store, common: &Common
     sum.seconds = sum.core_seconds / cores as f64;
     if console.json {
         console.result(&json!(sum));
-        return;
+        return Ok(());
     }
     let Estimate { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
     console.print(&format!("{steps} steps would run, or may: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
@@ -155,6 +162,7 @@ fn estimate(plan: &Plan, assessed: &[Assessment], store: &Store, common: &Common
     if unknown > 0 {
         console.print(&format!("{unknown} of them not counted: no step of their kind ran before"));
     }
+    Ok(())
 }
 
 /// A reason for people.

@@ -1,10 +1,11 @@
-//! Why a verb ends early, told in four parts: what failed, where, why, and what to do.
+//! Why a verb ends early, and how the program then ends.
 
+use super::message::{Level, Message};
 use crate::plan::assess::PlanError;
-use crate::recipe::{Faults, Position};
-use crate::run::StepError;
+use crate::plan::survey::SurveyError;
+use crate::recipe::Faults;
+use crate::stage::StageError;
 use crate::store::StoreError;
-use serde_json::json;
 use std::process::ExitCode;
 
 /// How the program ends.
@@ -41,103 +42,101 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// What to know where a file is not found.
-const RELATIVE: &str = "a path is relative to the recipe's folder";
-
 /// Why a verb ends early.
 #[derive(Debug)]
 pub(super) struct Problem {
     pub(super) exit: Exit,
-    code: &'static str,
-    message: String,
-    help: Option<String>,
-    /// Where a recipe names what is wrong.
-    at: Option<Position>,
+    said: Said,
+}
+
+#[derive(Debug)]
+enum Said {
+    Message(Box<Message>),
     /// The faults of recipes, which bring their own places.
-    faults: Option<Box<Faults>>,
+    Faults(Box<Faults>),
 }
 
 impl Problem {
-    fn new(exit: Exit, code: &'static str, message: String) -> Self {
-        Self { exit, code, message, help: None, at: None, faults: None }
+    fn new(exit: Exit, code: &'static str, what: String) -> Self {
+        Self::of(exit, Message::new(Level::Error, code, what))
+    }
+
+    /// A message that ends a verb.
+    pub(super) fn of(exit: Exit, message: Message) -> Self {
+        Self { exit, said: Said::Message(Box::new(message)) }
     }
 
     /// The command line or the input is wrong: nothing ran.
-    pub(super) fn usage(code: &'static str, message: String) -> Self {
-        Self::new(Exit::Usage, code, message)
+    pub(super) fn usage(code: &'static str, what: String) -> Self {
+        Self::new(Exit::Usage, code, what)
     }
 
     /// Something could not be done.
-    pub(super) fn failed(code: &'static str, message: String) -> Self {
-        Self::new(Exit::Failed, code, message)
+    pub(super) fn failed(code: &'static str, what: String) -> Self {
+        Self::new(Exit::Failed, code, what)
     }
 
     /// A check found a fault.
-    pub(super) fn fault(code: &'static str, message: String) -> Self {
-        Self::new(Exit::Fault, code, message)
+    pub(super) fn fault(code: &'static str, what: String) -> Self {
+        Self::new(Exit::Fault, code, what)
     }
 
     /// Adds what to do.
-    pub(super) fn help(mut self, help: &str) -> Self {
-        self.help = Some(help.to_owned());
-        self
+    pub(super) fn help(self, help: &str) -> Self {
+        self.with(|message| message.help(help))
     }
 
-    /// A step that failed: `name` is the scene's id and the step's.
-    pub(super) fn of_step(name: &str, error: &StepError) -> Self {
-        let failed = |code, message: String| Self::failed(code, message);
-        match error {
-            // The errors of a plan name the scene themselves.
-            StepError::Plan(PlanError::Missing { named_at, .. }) => {
-                Self { at: named_at.clone(), ..failed("input-missing", error.to_string()).help(RELATIVE) }
-            }
-            StepError::Plan(_) => failed("input-unreadable", error.to_string()),
-            StepError::Moved(_) => {
-                failed("input-moved", format!("{name}: {error}")).help("run again when it is at rest")
-            }
-            StepError::Stage(_) => failed("step-failed", format!("{name}: {error}"))
-                .help("mend it and run the same command: what is finished is kept"),
-            StepError::Store(StoreError::Nondeterministic { .. }) => {
-                failed("nondeterministic", format!("{name}: {error}"))
-            }
-            StepError::Store(_) => failed("store", format!("{name}: failed {error}")),
-        }
+    /// Adds the step that it is about.
+    pub(super) fn step(self, scene: &str, step: &str) -> Self {
+        self.with(|message| message.step(scene, step))
     }
 
+    fn with(self, change: impl FnOnce(Message) -> Message) -> Self {
+        let said = match self.said {
+            Said::Message(message) => Said::Message(Box::new(change(*message))),
+            faults @ Said::Faults(_) => faults,
+        };
+        Self { said, ..self }
+    }
+
+    /// For people.
     pub(super) fn to_text(&self) -> String {
-        if let Some(faults) = &self.faults {
-            return faults.render_text();
+        match &self.said {
+            Said::Message(message) => message.to_text(),
+            Said::Faults(faults) => faults.render_text(),
         }
-        let mut text = format!("error: {}", self.message);
-        if let Some(help) = &self.help {
-            text.push_str("\nhelp: ");
-            text.push_str(help);
-        }
-        text
     }
 
-    pub(super) fn to_json(&self) -> serde_json::Value {
-        if let Some(faults) = &self.faults {
-            return serde_json::Value::Array(faults.to_json());
+    /// For programs, an object a fault.
+    pub(super) fn to_json(&self) -> Vec<serde_json::Value> {
+        match &self.said {
+            Said::Message(message) => vec![message.to_json()],
+            Said::Faults(faults) => faults.to_json(),
         }
-        json!({
-            "level": "error", "code": self.code, "message": self.message, "help": self.help,
-            "path": self.at.as_ref().map(|at| &at.file), "line": self.at.as_ref().map(|at| at.line),
-            "column": self.at.as_ref().map(|at| at.column),
-        })
     }
 }
 
 impl From<Faults> for Problem {
     fn from(faults: Faults) -> Self {
-        let faults = Some(Box::new(faults));
-        Self { faults, ..Self::usage("recipe-invalid", String::new()) }
+        Self { exit: Exit::Usage, said: Said::Faults(Box::new(faults)) }
+    }
+}
+
+impl From<SurveyError> for Problem {
+    fn from(error: SurveyError) -> Self {
+        match error {
+            SurveyError::Faults(faults) => (*faults).into(),
+            SurveyError::Store(error) => error.into(),
+        }
     }
 }
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
+        if error.is_full() {
+            return Self::failed("disk-full", format!("no space: failed {message}")).help(FULL);
+        }
         match error {
             StoreError::Newer { .. } => {
                 Self::usage("store-newer", message).help("use a newer gs2e, or another --store")
@@ -145,7 +144,7 @@ impl From<StoreError> for Problem {
             StoreError::Locked { .. } => {
                 Self::failed("locked", message).help("leave out --no-wait to wait for it")
             }
-            StoreError::Nondeterministic { .. } => Self::failed("nondeterministic", message),
+            StoreError::Nondeterministic(_) => Self::failed("nondeterministic", message),
             StoreError::Io { .. } | StoreError::State { .. } => {
                 Self::failed("store", format!("failed {message}"))
             }
@@ -153,15 +152,43 @@ impl From<StoreError> for Problem {
     }
 }
 
+/// What to do where there is no room.
+pub(super) const FULL: &str = "gs2e gc --dry-run shows what can go";
+
 impl From<PlanError> for Problem {
+    /// The plan is held against the store before anything runs.
     fn from(error: PlanError) -> Self {
-        let message = error.to_string();
         match error {
-            PlanError::Missing { named_at: at, .. } => {
-                Self { at, ..Self::usage("input-missing", message).help(RELATIVE) }
-            }
-            PlanError::Source { .. } => Self::usage("input-unreadable", message),
             PlanError::Store(error) => error.into(),
+            error => Self::of(Exit::Usage, unplanned(&error)),
         }
     }
+}
+
+/// What is told of a step that cannot be held against the store.
+pub(super) fn unplanned(error: &PlanError) -> Message {
+    match error {
+        PlanError::Missing { scene, step, path, named_at } => {
+            Message::new(Level::Error, "input-missing", format!("{scene}: the source of {step} is not there"))
+                .step(scene, step)
+                .path(path)
+                .named_at(named_at.clone())
+                .help("a path is relative to the recipe's folder")
+        }
+        PlanError::Source { scene, step, cause } => {
+            stage_failed("input-unreadable", scene, step, cause).help("mend it and run the same command")
+        }
+        PlanError::Store(error) => Message::new(Level::Error, "store", format!("failed {error}")),
+    }
+}
+
+/// What is told of a step whose own work failed.
+pub(super) fn stage_failed(code: &'static str, scene: &str, step: &str, error: &StageError) -> Message {
+    let (doing, why) = match error {
+        StageError::Work { doing, cause } => (doing.clone(), Some(cause.to_string())),
+        StageError::Io { path, source } => (format!("use {}", path.display()), Some(source.to_string())),
+        other => (other.to_string(), None),
+    };
+    let message = Message::new(Level::Error, code, format!("{scene}/{step}: failed to {doing}"));
+    why.into_iter().fold(message.step(scene, step), Message::because)
 }

@@ -1,129 +1,210 @@
-//! What is shown of a run: a bar on a terminal, plain lines otherwise.
+//! What is shown of a run: bars on a terminal, plain lines otherwise, objects for programs.
+
+mod bars;
+mod pace;
 
 use super::console::Console;
-use super::problem::Problem;
+use super::failure::{self, Place};
+use super::message::{Level, Message};
 use crate::plan::Plan;
 use crate::plan::assess::Reason;
-use crate::run::{Event, Observer};
+use crate::run::{Event, Failure, Observer};
 use crate::stage::StepId;
-use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::json;
+use crate::store::record::Output;
+use crate::store::{Key, Store};
+use crate::units::amount;
+use bars::Bars;
+use pace::Pace;
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
+use std::time::Instant;
 
 /// Shows a run as it happens.
 pub(super) struct Progress<'a> {
     plan: &'a Plan,
+    store: &'a Store,
     console: &'a Console,
-    bar: Option<ProgressBar>,
+    began: Instant,
     shown: Mutex<Shown>,
 }
 
 #[derive(Default)]
 struct Shown {
+    bars: Option<Bars>,
+    pace: Pace,
+    /// Steps that came to their end, and of these the ones that were made or kept.
     ended: usize,
-    running: Vec<StepId>,
+    finished: usize,
+    /// What was wrong with the stored bytes of steps that run again for it.
+    altered: BTreeMap<StepId, String>,
+    /// Scene, step and message of each failure.
+    failed: Vec<(String, String, Message)>,
+}
+
+/// How a step ended, for people and programs.
+struct Ended<'a> {
+    step: StepId,
+    state: &'static str,
+    key: Option<&'a Key>,
+    outputs: &'a [Output],
+    seconds: Option<f64>,
 }
 
 impl<'a> Progress<'a> {
-    pub(super) fn new(plan: &'a Plan, console: &'a Console) -> Self {
-        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {wide_msg}");
-        let bar = console.is_live().then(|| {
-            let bar = ProgressBar::new(plan.steps().len() as u64);
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            bar.enable_steady_tick(std::time::Duration::from_millis(200));
-            bar
-        });
-        Self { plan, console, bar, shown: Mutex::default() }
+    /// Shows the run of a plan on `cores`; `expected` gives the core-seconds that a step took before.
+    pub(super) fn new(
+        plan: &'a Plan,
+        store: &'a Store,
+        console: &'a Console,
+        cores: usize,
+        expected: &dyn Fn(StepId) -> Option<f64>,
+    ) -> Self {
+        let bars = console.is_live().then(|| Bars::new(plan, cores, expected));
+        let shown = Mutex::new(Shown { bars, ..Shown::default() });
+        Self { plan, store, console, began: Instant::now(), shown }
     }
 
-    /// Takes the bar away.
-    pub(super) fn close(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+    /// Takes the bars away, and returns scene, step and message of each failure.
+    pub(super) fn close(self) -> Vec<(String, String, Message)> {
+        let mut shown = self.shown.into_inner().expect("no observer panics");
+        shown.bars.iter_mut().for_each(Bars::close);
+        shown.failed
+    }
+
+    fn place(&self, step: StepId) -> (&'a str, &'a str) {
+        let step = &self.plan.steps()[step.0];
+        (self.plan.scene_of(step), &step.name)
     }
 
     fn name(&self, step: StepId) -> String {
-        let step = &self.plan.steps()[step.0];
-        format!("{}/{}", self.plan.scene_of(step), step.name)
+        let (scene, step) = self.place(step);
+        format!("{scene}/{step}")
     }
 
-    /// A line above the bar, or alone.
-    fn line(&self, text: &str, always: bool) {
-        match &self.bar {
-            Some(bar) => bar.suspend(|| self.console.insist(text)),
-            None if always => self.console.insist(text),
-            None => self.console.say(text),
+    fn started(&self, shown: &mut Shown, step: StepId, reason: &Reason, cores: usize) {
+        if let Some(bars) = &mut shown.bars {
+            bars.started(step, &self.name(step), cores);
+        }
+        if let Reason::BlobAltered { digest } = reason {
+            // Its bytes are still in their place.
+            let path = digest.parse().ok().map(|digest| self.store.path_of(&digest));
+            let size = path.and_then(|path| Some(path.metadata().ok()?.len()));
+            let size = size.map_or(String::new(), |size| format!(", {}", amount(size, "B")));
+            let file = format!("cas/{}/{}…{size}", &digest[..2], &digest[..4]);
+            shown.altered.insert(step, format!("stored bytes do not match their digest ({file})"));
         }
     }
 
-    fn count(&self, change: impl FnOnce(&mut Shown)) -> usize {
-        let mut shown = self.shown.lock().expect("no observer panics");
-        change(&mut shown);
-        if let Some(bar) = &self.bar {
-            let running: Vec<String> = shown.running.iter().map(|step| self.name(*step)).collect();
-            bar.set_position(shown.ended as u64);
-            bar.set_message(running.join(", "));
+    /// Counts a step that ended, and tells programs of it.
+    fn ended(&self, shown: &mut Shown, ended: &Ended<'_>, core_seconds: Option<f64>) {
+        shown.ended += 1;
+        if let Some(bars) = &mut shown.bars {
+            bars.ended(ended.step, core_seconds);
         }
-        shown.ended
+        if let Some(what) = shown.altered.remove(&ended.step) {
+            let again = if core_seconds.is_some() { ", made again" } else { "" };
+            let (scene, step) = self.place(ended.step);
+            let what = format!("{scene}/{step}: {what}; moved to trash{again}");
+            self.tell(shown, &Message::new(Level::Warning, "blob-altered", what).step(scene, step));
+        }
+        if self.console.json {
+            Self::above(shown, || self.console.result(&self.to_json(ended)));
+        }
     }
 
-    fn end(&self, step: StepId) -> usize {
-        self.count(|shown| {
-            shown.ended += 1;
-            shown.running.retain(|running| *running != step);
+    fn to_json(&self, ended: &Ended<'_>) -> Value {
+        let Ended { step, state, key, outputs, seconds } = ended;
+        let output =
+            |o: &Output| json!({ "role": o.name, "digest": o.digest, "path": self.store.path_of(&o.digest) });
+        json!({
+            "step": self.name(*step), "state": state, "key": key.map(Key::to_string),
+            "outputs": outputs.iter().map(output).collect::<Vec<_>>(), "seconds": seconds,
         })
     }
 
-    fn tell_programs(&self, step: StepId, state: &str, seconds: Option<f64>) {
-        if self.console.json {
-            self.console.result(&json!({ "step": self.name(step), "state": state, "seconds": seconds }));
+    /// Shows something above the bars, where there are any.
+    fn above(shown: &Shown, show: impl FnOnce()) {
+        match &shown.bars {
+            Some(bars) => bars.above(show),
+            None => show(),
         }
+    }
+
+    /// A line for people.
+    fn line(&self, shown: &Shown, text: &str) {
+        Self::above(shown, || self.console.say(text));
+    }
+
+    /// A message, whatever people want.
+    fn tell(&self, shown: &Shown, message: &Message) {
+        Self::above(shown, || self.console.tell(message));
+    }
+
+    fn made(&self, shown: &mut Shown, step: StepId, seconds: f64, remark: Option<&str>, warnings: &[String]) {
+        let (all, name) = (self.plan.steps().len(), self.name(step));
+        // What bars show needs no lines.
+        if shown.bars.is_none() && shown.pace.admits(self.began.elapsed().as_secs_f64()) {
+            let (width, ended) = (all.to_string().len(), shown.ended);
+            let remark = remark.map_or(String::new(), |remark| format!(" {remark}"));
+            self.line(shown, &format!("[{ended:width$}/{all}] {name} {seconds:.1} s{remark}"));
+        }
+        for warning in warnings {
+            self.line(shown, &format!("warning: {name}: {warning}"));
+        }
+    }
+
+    fn failed(&self, shown: &mut Shown, failure: &Failure) {
+        let step = failure.step;
+        self.ended(shown, &Ended { step, state: "failed", key: None, outputs: &[], seconds: None }, None);
+        let (scene, name) = self.place(step);
+        let place = Place { scene, step: name, finished: shown.finished, all: self.plan.steps().len() };
+        let message = failure::failed(place, &failure.error);
+        self.tell(shown, &message);
+        shown.failed.push((scene.to_owned(), name.to_owned(), message));
+        if let Some(bars) = &shown.bars {
+            self.behind(step).iter().for_each(|step| bars.lost(*step));
+        }
+    }
+
+    /// The steps that need this one, directly or not.
+    fn behind(&self, step: StepId) -> BTreeSet<StepId> {
+        let mut behind = BTreeSet::new();
+        for (id, planned) in self.plan.steps().iter().enumerate().skip(step.0) {
+            if planned.step.inputs().iter().any(|(_, input)| *input == step || behind.contains(input)) {
+                behind.insert(StepId(id));
+            }
+        }
+        behind
     }
 }
 
 impl Observer for Progress<'_> {
     fn tell(&self, event: &Event<'_>) {
-        match event {
-            Event::Started { step, reason } => {
-                self.count(|shown| shown.running.push(*step));
-                if let Reason::BlobAltered { digest } = reason {
-                    let name = self.name(*step);
-                    let what = format!("the stored bytes of {} are not those of their digest", &digest[..12]);
-                    self.line(&format!("warning: {name}: {what}; moved to trash, made again"), true);
-                }
-            }
-            Event::Kept { step } => {
-                self.end(*step);
-                self.tell_programs(*step, "kept", None);
-            }
-            Event::TooLarge { step, memory, budget } => {
-                let [need, all] = [*memory, *budget].map(|bytes| bytes as f64 * 1e-9);
-                let name = self.name(*step);
-                self.line(
-                    &format!("warning: {name} needs about {need:.1} GB of {all:.1} GB: it runs alone"),
-                    true,
+        let shown = &mut *self.shown.lock().expect("no observer panics");
+        match *event {
+            Event::Started { step, reason, cores } => self.started(shown, step, reason, cores),
+            Event::Kept { step, key, outputs } => {
+                shown.finished += 1;
+                self.ended(
+                    shown,
+                    &Ended { step, state: "kept", key: Some(key), outputs, seconds: None },
+                    None,
                 );
             }
-            Event::Made { step, seconds, warnings } => {
-                let ended = self.end(*step);
-                let (all, name) = (self.plan.steps().len(), self.name(*step));
-                let width = all.to_string().len();
-                self.line(&format!("[{ended:width$}/{all}] {name} {seconds:.1} s"), false);
-                for warning in *warnings {
-                    self.line(&format!("warning: {name}: {warning}"), false);
-                }
-                self.tell_programs(*step, "made", Some(*seconds));
+            Event::TooLarge { step, memory, budget } => {
+                let [need, all] = [memory, budget].map(|bytes| amount(bytes, "B"));
+                let (scene, name) = self.place(step);
+                let what = format!("{scene}/{name} needs about {need} of {all}: it runs alone");
+                self.tell(shown, &Message::new(Level::Warning, "memory", what).step(scene, name));
             }
-            Event::Failed { failure } => {
-                self.end(failure.step);
-                let problem = Problem::of_step(&self.name(failure.step), &failure.error);
-                self.line(&problem.to_text(), true);
-                self.tell_programs(failure.step, "failed", None);
-                if self.console.json {
-                    self.console.result(&problem.to_json());
-                }
+            Event::Made { step, key, outputs, seconds, cores, warnings, remark } => {
+                shown.finished += 1;
+                let ended = Ended { step, state: "made", key: Some(key), outputs, seconds: Some(seconds) };
+                self.ended(shown, &ended, Some(seconds * cores as f64));
+                self.made(shown, step, seconds, remark, warnings);
             }
+            Event::Failed { failure } => self.failed(shown, failure),
         }
     }
 }

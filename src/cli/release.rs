@@ -1,14 +1,15 @@
 //! `gs2e release`: the whole job, from recipes to the tree that people download.
 
-use super::build::{Care, build, exit, last_line, open, read_plan};
+use super::build::{Building, Care, exit, open, read_plan, tell_end};
 use super::console::Console;
-use super::problem::{Exit, Problem};
+use super::problem::{Exit, FULL, Problem};
 use super::{Common, Targets, check};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::recipe;
 use crate::release::{self, GatherError, Options, ReleaseError};
 use crate::run::Summary;
+use crate::store::space::is_full;
 use crate::store::{Root, Store};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -47,8 +48,9 @@ impl Release {
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
-        let summary = build(&plan, &store, common, &self.care, console)?;
-        console.say(&last_line(&summary, started.elapsed().as_secs_f64()));
+        let building = Building { targets: &self.targets, common, care: &self.care, console };
+        let summary = building.build(&plan, &store)?;
+        tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit(&summary);
         if built != Exit::Done {
             return Ok(built);
@@ -127,6 +129,7 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
         }
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),
         ReleaseError::Store(error) => error.into(),
+        _ if is_full(&error) => Problem::failed("disk-full", format!("no space: {message}")).help(FULL),
         _ => Problem::failed("release", message),
     }
 }

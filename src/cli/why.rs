@@ -1,14 +1,16 @@
 //! `gs2e why`: what goes into a step's key, and what changed since it was last made.
 
-use super::Common;
 use super::build::read_plan;
 use super::console::Console;
 use super::plan::words;
 use super::problem::{Exit, Problem};
-use crate::plan::assess::{Assessment, Change, assess};
+use super::{Common, Targets};
+use crate::plan::assess::{Action, Assessment, Change, Reason, assess};
 use crate::plan::{Plan, PlannedStep};
-use crate::store::{Access, Store};
-use serde_json::json;
+use crate::recipe::{Edit, Recipe, edits};
+use crate::store::description::Line;
+use crate::store::{Access, Store, StoreError};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Arguments of `why`.
@@ -18,7 +20,7 @@ pub(super) struct Why {
     #[arg(value_name = "SCENE[/STEP]")]
     name: String,
     /// Where the recipes are
-    #[arg(long, value_name = "RECIPE or DIR", default_value = "recipes")]
+    #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT)]
     recipes: Vec<PathBuf>,
 }
 
@@ -27,17 +29,68 @@ impl Why {
         let plan = read_plan(&self.recipes)?;
         let store = Store::open(&common.store, Access::Read, &mut |_| {})?;
         let assessed = assess(&plan, &store)?;
-        let chosen = choose(&plan, &self.name)?;
+        let (scene, chosen) = choose(&plan, &self.name)?;
+        let edits = edits_since(&plan.scenes()[scene], &store);
+        if !edits.is_empty() && !console.json {
+            tell_edits(&plan, scene, &edits, &assessed, console);
+        }
         let pairs = plan.steps().iter().zip(&assessed).filter(|(step, _)| chosen(step));
         for (step, assessed) in pairs {
-            explain(&plan, &store, step, assessed, console);
+            let why = explanation(&plan, &store, step, assessed)?;
+            if console.json {
+                console.result(&to_json(&why, &edits));
+            } else {
+                explain(&why, console);
+            }
         }
         Ok(Exit::Done)
     }
 }
 
-/// The steps that a name means: the scene is the longest id that matches, the rest names a step or all below it.
-fn choose<'p>(plan: &'p Plan, name: &'p str) -> Result<impl Fn(&PlannedStep) -> bool + 'p, Problem> {
+/// What was edited in a recipe since its scene was last built; nothing where that is not known.
+fn edits_since(recipe: &Recipe, store: &Store) -> Vec<Edit> {
+    let last = store.last_recipe(&recipe.scene).and_then(|text| serde_json::from_str(&text).ok());
+    last.map(|last: Value| edits(&last, &recipe.merged)).unwrap_or_default()
+}
+
+/// The head: each edited value, and the steps that run for it or may.
+fn tell_edits(plan: &Plan, scene: usize, edits: &[Edit], assessed: &[Assessment], console: &Console) {
+    console.print(&format!("{}: its recipe was edited since it was last built", plan.scenes()[scene].scene));
+    for Edit { path, old, new } in edits {
+        let what = match (old, new) {
+            (Some(Value::Object(_)), None) => "removed".to_owned(),
+            (None, Some(Value::Object(_))) => "added".to_owned(),
+            (old, new) => {
+                let shown = |value: &Option<Value>| value.as_ref().map_or("absent".into(), Value::to_string);
+                format!("{} -> {}", shown(old), shown(new))
+            }
+        };
+        console.print(&format!("  {path}: {what}"));
+    }
+    let steps: Vec<_> = plan.steps_of(scene).map(|(id, step)| (step, &assessed[id.0])).collect();
+    let names = |wanted: &dyn Fn(&Assessment) -> bool| {
+        let names = steps.iter().filter(|(_, a)| wanted(a)).map(|(step, _)| step.name.as_str());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let run = names(&|a| a.action == Action::Run && is_of_recipe(&a.reason));
+    let may_run = names(&|a| a.action == Action::MayRun);
+    for (what, steps) in [("will run", &run), ("may run", &may_run)] {
+        if !steps.is_empty() {
+            console.print(&format!("  {what}: {steps}"));
+        }
+    }
+    if run.is_empty() && may_run.is_empty() {
+        console.print("  no step runs for it");
+    }
+}
+
+/// Whether an edit of the recipe can be why a step runs: not a lost blob, nor another version of the program.
+fn is_of_recipe(reason: &Reason) -> bool {
+    matches!(reason, Reason::NoRecord | Reason::InputChanged { .. } | Reason::ParamChanged { .. })
+}
+
+/// The scene and the steps that a name means: the scene is the longest id that matches, the rest names a step or all below it.
+fn choose<'p>(plan: &'p Plan, name: &'p str) -> Result<(usize, impl Fn(&PlannedStep) -> bool + 'p), Problem> {
     let rest_of = |id: &str| match name.strip_prefix(id) {
         Some("") => Some(""),
         Some(rest) => rest.strip_prefix('/'),
@@ -60,24 +113,43 @@ fn choose<'p>(plan: &'p Plan, name: &'p str) -> Result<impl Fn(&PlannedStep) -> 
         let message = format!("scene `{}` has no step `{step}`", plan.scenes()[scene].scene);
         return Err(Problem::usage("no-step", message).help(&format!("its steps: {}", names.join(", "))));
     }
-    Ok(chosen)
+    Ok((scene, chosen))
 }
 
-fn explain(plan: &Plan, store: &Store, step: &PlannedStep, assessed: &Assessment, console: &Console) {
+/// A step, what it is made from, and what differs from when it was last made.
+struct Explanation<'a> {
+    scene: &'a str,
+    step: &'a str,
+    assessed: &'a Assessment,
+    lines: Vec<Line>,
+    changes: Vec<Change>,
+}
+
+fn explanation<'a>(
+    plan: &'a Plan,
+    store: &Store,
+    step: &'a PlannedStep,
+    assessed: &'a Assessment,
+) -> Result<Explanation<'a>, StoreError> {
     let scene = plan.scene_of(step);
-    let lines = assessed.description.lines();
-    let last = store.last_key(scene, &step.name).and_then(|key| store.full_record(&key));
-    let changed = last.map(|record| assessed.changes(&record.description)).unwrap_or_default();
-    if console.json {
-        console.result(&json!({
-            "scene": scene, "step": step.name, "action": assessed.action, "reason": assessed.reason,
-            "key": assessed.key.map(|key| key.to_string()),
-            "description": lines, "changes": changed,
-        }));
-        return;
-    }
-    console.print(&format!("{scene}/{}: {}", step.name, words(&assessed.reason)));
-    for Change { path, old, new } in &changed {
+    let last = store.last_key(scene, &step.name).map(|key| store.full_record(&key)).transpose()?.flatten();
+    let changes = last.map(|record| assessed.changes(&record.description)).unwrap_or_default();
+    Ok(Explanation { scene, step: &step.name, assessed, lines: assessed.description.lines(), changes })
+}
+
+fn to_json(why: &Explanation<'_>, edits: &[Edit]) -> Value {
+    let Explanation { scene, step, assessed, lines, changes } = why;
+    json!({
+        "scene": scene, "step": step, "action": assessed.action, "reason": assessed.reason,
+        "key": assessed.key.map(|key| key.to_string()),
+        "description": lines, "changes": changes, "recipe_edits": edits,
+    })
+}
+
+fn explain(why: &Explanation<'_>, console: &Console) {
+    let Explanation { scene, step, assessed, lines, changes } = why;
+    console.print(&format!("{scene}/{step}: {}", words(&assessed.reason)));
+    for Change { path, old, new } in changes {
         let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
         console.print(&format!("  changed since it was last made: {path}: {} -> {}", was(old), was(new)));
     }
@@ -85,7 +157,7 @@ fn explain(plan: &Plan, store: &Store, step: &PlannedStep, assessed: &Assessment
         Some(key) => console.print(&format!("  key {key}")),
         None => console.print("  no key yet: an input will be made first"),
     }
-    for line in &lines {
+    for line in lines {
         console.print(&format!("  {} = {}", line.path, line.text));
     }
 }

@@ -115,20 +115,29 @@ impl Assessment {
 pub struct Sources {
     /// Digests by role, as they are in the description.
     pub digests: Vec<(String, Digest)>,
-    /// Every file, and every folder whose listing said which files they are, as it was before it was read.
+    /// Every folder whose listing said which files they are, then every file, as it was before it was read.
     pub seen: Vec<(PathBuf, Sighting)>,
 }
 
 impl Sources {
-    /// A file or folder that is not as it was `then`, if there is one. One that was written anew with equal bytes
-    /// counts: what a reader saw in between is not known.
+    /// The name of a file or folder that is not as it was `then`, if there is one. One that was written anew with equal
+    /// bytes counts: what a reader saw in between is not known.
     #[must_use]
     pub fn moved_since(&self, then: &Self) -> Option<String> {
-        let stat = |(path, seen): &(PathBuf, Sighting)| (path.clone(), seen.stat);
-        let before: Vec<_> = then.seen.iter().map(stat).collect();
-        let moved = self.seen.iter().map(stat).find(|now| !before.contains(now));
-        let fewer = then.seen.iter().find(|(path, _)| self.seen.iter().all(|(p, _)| p != path));
-        moved.map(|(path, _)| path).or(fewer.map(|(path, _)| path.clone())).map(|p| p.display().to_string())
+        let is_in = |list: &Self, (path, seen): &(PathBuf, Sighting)| {
+            list.seen.iter().any(|(other, then)| other == path && then.stat == seen.stat)
+        };
+        let moved = self.seen.iter().position(|now| !is_in(then, now)).map(|at| self.name(at));
+        moved.or_else(|| then.seen.iter().position(|before| !is_in(self, before)).map(|at| then.name(at)))
+    }
+
+    /// A file's name within its source, or a folder's path.
+    fn name(&self, at: usize) -> String {
+        let folders = self.seen.len() - self.digests.len();
+        match at.checked_sub(folders) {
+            Some(file) => self.digests[file].0.trim_start_matches("file ").to_owned(),
+            None => self.seen[at].0.display().to_string(),
+        }
     }
 }
 
@@ -151,6 +160,8 @@ pub enum PlanError {
     Missing {
         /// Scene id.
         scene: String,
+        /// The step that reads it.
+        step: String,
         /// What was looked for.
         path: std::path::PathBuf,
         /// Where the recipe names it.
@@ -206,12 +217,12 @@ pub fn step_alone(
     let sources = read_sources(plan, store, step)?;
     let description = describe(step, &sources, outputs_of);
     let key = Key::of(&description);
-    let (reason, outputs) = match store.record(&key) {
+    let (reason, outputs) = match store.record(&key)? {
         Some(record) => match damage(store, &record.outputs)? {
             None => (Reason::UpToDate, Some(record.outputs)),
             Some(reason) => (reason, None),
         },
-        None => (difference(plan, store, step, &description), None),
+        None => (difference(plan, store, step, &description)?, None),
     };
     let action = if outputs.is_some() { Action::Keep } else { Action::Run };
     Ok(Assessment { action, reason, key: Some(key), description, sources, outputs })
@@ -261,7 +272,9 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
         _ => None,
     };
     let failed = |cause| match cause {
-        StageError::Missing { path } => PlanError::Missing { scene: scene(), path, named_at: named_at() },
+        StageError::Missing { path } => {
+            PlanError::Missing { scene: scene(), step: step.name.clone(), path, named_at: named_at() }
+        }
         cause => PlanError::Source { scene: scene(), step: step.name.clone(), cause },
     };
     let unreadable = |path: &PathBuf, e: std::io::Error| match e.kind() {
@@ -271,9 +284,11 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     let mut sources = Sources::default();
     // Before they are listed: an entry that comes later moves their stat fields.
     for folder in step.step.source_folders() {
-        // One that is gone is told by whoever lists it.
-        if let Ok(seen) = store.sight(&folder) {
-            sources.seen.push((folder, seen));
+        match store.sight(&folder) {
+            Ok(seen) => sources.seen.push((folder, seen)),
+            // One that is gone is told by whoever lists it.
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+            Err(e) => return Err(unreadable(&folder, e)),
         }
     }
     for source in step.step.sources().map_err(failed)? {
@@ -297,10 +312,11 @@ fn damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreErro
 }
 
 /// What differs from when the step was last made.
-fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Reason {
+fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Result<Reason, StoreError> {
     let last = store.last_key(plan.scene_of(step), &step.name);
-    let Some(record) = last.and_then(|key| store.full_record(&key)) else { return Reason::NoRecord };
-    changes(&record.description, &now.lines()).into_iter().next().map_or(Reason::NoRecord, Change::reason)
+    let record = last.map(|key| store.full_record(&key)).transpose()?.flatten();
+    let first = record.and_then(|record| changes(&record.description, &now.lines()).into_iter().next());
+    Ok(first.map_or(Reason::NoRecord, Change::reason))
 }
 
 /// A line that differs between two descriptions.

@@ -1,8 +1,8 @@
 //! What steps took before: the ground of every estimate of time, disk and memory.
 
-use super::Plan;
-use crate::store::Store;
+use super::{Plan, PlannedStep};
 use crate::store::record::Brief;
+use crate::store::{Store, StoreError};
 use std::collections::BTreeMap;
 
 /// What a step took, or steps of its kind on average.
@@ -29,19 +29,23 @@ impl Past {
 
 /// For each step of a plan what the same step of the same scene took when it was last made, else the mean of its
 /// stage over all records; `None` where its stage was never run.
-#[must_use]
-pub fn past(plan: &Plan, store: &Store) -> Vec<Option<Past>> {
-    let own = |step: &super::PlannedStep| {
-        let key = store.last_key(plan.scene_of(step), &step.name)?;
-        store.record(&key).map(|record| Past::of(&record))
+///
+/// # Errors
+/// When a record cannot be read.
+pub fn past(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError> {
+    let own = |step: &PlannedStep| {
+        let key = store.last_key(plan.scene_of(step), &step.name);
+        let record = key.map(|key| store.record(&key)).transpose()?.flatten();
+        Ok(record.map(|record| Past::of(&record)))
     };
-    let own: Vec<Option<Past>> = plan.steps().iter().map(own).collect();
+    let own: Vec<Option<Past>> = plan.steps().iter().map(own).collect::<Result<_, StoreError>>()?;
     if own.iter().all(Option::is_some) {
-        return own;
+        return Ok(own);
     }
     let means = means(store);
     let of_stage = |stage: &str| means.get(stage).copied();
-    own.into_iter().zip(plan.steps()).map(|(own, step)| own.or_else(|| of_stage(step.step.stage()))).collect()
+    let or_mean = |(own, step): (Option<Past>, &PlannedStep)| own.or_else(|| of_stage(step.step.stage()));
+    Ok(own.into_iter().zip(plan.steps()).map(or_mean).collect())
 }
 
 /// Means over all records of each stage.

@@ -9,7 +9,7 @@ use super::assess::Product;
 use crate::recipe::{self, Faults, Recipe, RecipeFile};
 use crate::stage::StepId;
 use crate::store::record::Output;
-use crate::store::{Digest, Key, Store};
+use crate::store::{Digest, Key, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -45,15 +45,32 @@ pub struct SettledStep {
     pub outputs: Vec<Output>,
 }
 
+/// Why recipes cannot be surveyed.
+#[derive(Debug, thiserror::Error)]
+pub enum SurveyError {
+    /// They are wrong.
+    #[error("the recipes have faults")]
+    Faults(Box<Faults>),
+    /// The store failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl From<Faults> for SurveyError {
+    fn from(faults: Faults) -> Self {
+        Self::Faults(Box::new(faults))
+    }
+}
+
 /// Surveys the recipes of files and folders. `tag` stands for the program and those of its options that may change a
 /// key: what another one found does not count.
 ///
 /// # Errors
-/// Every fault of the recipes, as [`recipe::read_all`].
-pub fn survey(paths: &[PathBuf], store: &Store, tag: &Digest) -> Result<Survey, Faults> {
+/// Every fault of the recipes, as [`recipe::read_all`]; or when the store cannot be read.
+pub fn survey(paths: &[PathBuf], store: &Store, tag: &Digest) -> Result<Survey, SurveyError> {
     let Ok(files) = recipe::find_all(paths) else { return unsettled(paths) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
-    let recalled: Vec<Option<Settled>> = store.recall(&names, tag);
+    let recalled: Vec<Option<Settled>> = store.recall(&names, tag)?;
     let moved: Vec<RecipeFile> = files
         .iter()
         .zip(&recalled)
@@ -70,7 +87,7 @@ pub fn survey(paths: &[PathBuf], store: &Store, tag: &Digest) -> Result<Survey, 
     Ok(Survey { settled, plan: Plan::new(recipes) })
 }
 
-fn unsettled(paths: &[PathBuf]) -> Result<Survey, Faults> {
+fn unsettled(paths: &[PathBuf]) -> Result<Survey, SurveyError> {
     Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?) })
 }
 

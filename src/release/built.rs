@@ -12,7 +12,7 @@ use crate::source::Capture;
 use crate::stage::StepId;
 use crate::store::description::Line;
 use crate::store::record::Output;
-use crate::store::{Key, Store};
+use crate::store::{Key, Store, StoreError};
 use std::path::PathBuf;
 
 /// A scene whose steps are all made.
@@ -75,6 +75,9 @@ pub enum GatherError {
         /// Step name.
         step: String,
     },
+    /// The store failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// A product cannot be opened.
     #[error("{scene}/{step}: failed to {because}")]
     Unreadable {
@@ -130,7 +133,7 @@ pub(super) fn gather<'a>(
     for (id, planned) in plan.steps_of(index) {
         let (key, outputs) = made(summary, id).ok_or_else(|| not_built(&planned.name))?;
         let (name, stage) = (planned.name.clone(), planned.step.stage());
-        let description = store.full_record(&key).ok_or_else(|| not_built(&name))?.description;
+        let description = store.full_record(&key)?.ok_or_else(|| not_built(&name))?.description;
         steps.push(BuiltStep { name, stage, key, description, outputs });
     }
     let shelf = Shelf { scene: &recipe.scene, store, steps };

@@ -151,7 +151,7 @@ fn place(
         if hashes.blake3 != *digest {
             return Err(ReleaseError::Altered { path: name.to_owned() });
         }
-        store.settle(digest);
+        store.settle(digest)?;
     }
     Ok(hashes)
 }

@@ -25,7 +25,11 @@ enum Act {
     #[default]
     Nothing,
     Overwrite(PathBuf),
+    /// Writes where there is never room.
+    Fill,
     Fail,
+    /// Fails over a file that somebody is writing.
+    FailOver(PathBuf),
     Panic,
 }
 
@@ -56,7 +60,15 @@ impl Stage for Toy {
         match &self.act {
             Act::Nothing => {}
             Act::Overwrite(path) => std::fs::write(path, "moved").map_err(StageError::io(path))?,
-            Act::Fail => return Err(StageError::Work("please".into())),
+            Act::Fill => {
+                let full = Path::new("/dev/full");
+                std::fs::write(full, [0; 100]).map_err(StageError::io(full))?;
+            }
+            Act::Fail => return Err(StageError::work("please")(std::fmt::Error)),
+            Act::FailOver(path) => {
+                std::fs::write(path, "moved").map_err(StageError::io(path))?;
+                return Err(StageError::work("read it")(std::fmt::Error));
+            }
             Act::Panic => panic!("the panic of a test"),
         }
         let out = cx.out.join("note");
@@ -112,8 +124,7 @@ fn an_input_that_changes_while_it_is_read_is_not_recorded() {
     let summary = run_with(folder.path(), vec![(moving, None)], false, false);
     assert_eq!(counts(&summary), [0, 0, 1, 0]);
     let error = &summary.failures[0].error;
-    let wanted = format!("{} changed while it was read; nothing was recorded", source.display());
-    assert_eq!(error.to_string(), wanted);
+    assert_eq!(error.to_string(), "source changed while it was read; nothing was recorded");
     // The next build is right: the new bytes are read once, and the old ones still count as never read.
     assert_eq!(counts(&run_with(folder.path(), vec![(reader.clone(), None)], false, false)), [1, 0, 0, 0]);
     std::fs::write(&source, "still").unwrap();
@@ -174,8 +185,35 @@ fn a_failure_stops_what_is_behind_it_and_with_keep_going_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let summary = run_with(folder.path(), steps(), keep_going, false);
         assert_eq!(counts(&summary), wanted, "keep going: {keep_going}");
-        assert_eq!(summary.failures[0].error.to_string(), "failed to please");
+        let said = summary.failures[0].error.to_string();
+        assert!(said.starts_with("failed to please: "), "{said}");
     }
+}
+
+/// Where there is no room for one step, the next would take what is left from the steps at work.
+#[test]
+fn after_a_full_disk_nothing_starts_even_with_keep_going() {
+    let folder = tempfile::tempdir().unwrap();
+    let filling = Toy { act: Act::Fill, ..toy("b") };
+    let steps = || vec![(toy("a"), None), (filling.clone(), None), (toy("c"), None), (toy("d"), Some(2))];
+    let summary = run_with(folder.path(), steps(), true, false);
+    assert_eq!(counts(&summary), [1, 0, 1, 2]);
+    let error = &summary.failures[0].error;
+    assert!(matches!(error, StepError::Full { wrote: 0, space: Some(_), .. }), "{error:?}");
+    assert!(summary.is_full() && !summary.interrupted);
+}
+
+/// What is half written by somebody else and cannot be read is told as what it is.
+#[test]
+fn a_step_that_fails_over_a_moving_input_blames_the_move() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("source");
+    std::fs::write(&source, "still").unwrap();
+    // The clock's grain: without a pause both writes may be of one tick.
+    std::thread::sleep(std::time::Duration::from_millis(20));
+    let reader = Toy { source: Some(source.clone()), act: Act::FailOver(source), ..toy("reader") };
+    let summary = run_with(folder.path(), vec![(reader, None)], false, false);
+    assert!(matches!(summary.failures[0].error, StepError::Moved(_)), "{:?}", summary.failures);
 }
 
 #[test]

@@ -15,6 +15,7 @@ use crate::seed::Seed;
 use crate::sensor::{Account, Sensor, SimulateError, simulate};
 use crate::source::Capture;
 use crate::trajectory::Trajectory;
+use crate::units::amount;
 use serde::Serialize;
 use std::fs::File;
 use std::ops::ControlFlow;
@@ -61,6 +62,7 @@ impl Stage for Simulating {
         let sampled = sample_depth(&mut new_renderer()?, camera, &trajectory, cx)?;
         let mut frames = RenderedFrames::new(Box::new(new_renderer()?), camera, trajectory.clone());
         let (account, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
+        cx.remark = Some(amount(account.events, "ev"));
         let simulation = Simulation {
             camera,
             gaussians: gaussians.len(),

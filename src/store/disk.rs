@@ -11,6 +11,11 @@ pub(super) fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error)
     move |source| StoreError::Io { doing, path, source }
 }
 
+/// Whether a path leads nowhere: it, or a folder on the way, is not there.
+pub(super) fn is_absent(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+}
+
 /// How often an operation that a signal broke off is begun anew.
 const PATIENCE: usize = 100;
 
@@ -63,19 +68,23 @@ impl Disk {
     /// Holds the folder's `VERSION` against the format that this program knows; writes it into a new folder.
     pub(super) fn check_format(&self, root: &Path, known: u32, write: bool) -> Result<(), StoreError> {
         let path = root.join("VERSION");
-        match self.read_optional(&path)? {
-            Some(bytes) => {
-                let text = String::from_utf8_lossy(&bytes).trim().to_owned();
-                match text.parse::<u32>() {
-                    Ok(found) if found <= known => Ok(()),
-                    _ => Err(StoreError::Newer { path: root.to_owned(), found: text, known }),
-                }
-            }
-            None if write => {
-                self.write_atomically(&path, &root.join("VERSION.new"), format!("{known}\n").as_bytes())
-            }
-            None => Ok(()),
+        let bytes = self.read_optional(&path)?.unwrap_or_default();
+        let text =
+            String::from_utf8_lossy(&bytes).trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned();
+        // A power cut may leave the name and take the bytes.
+        if text.is_empty() {
+            return if write { self.write_version(&path, known) } else { Ok(()) };
         }
+        match text.parse::<u32>() {
+            Ok(found) if found <= known => Ok(()),
+            _ => Err(StoreError::Newer { path: root.to_owned(), found: text, known }),
+        }
+    }
+
+    /// On disk before anything else is: what a newer program would make of the store hangs on it.
+    fn write_version(&self, path: &Path, known: u32) -> Result<(), StoreError> {
+        let careful = Self { sync_each: true, ..self.clone() };
+        careful.write_atomically(path, &path.with_extension("new"), format!("{known}\n").as_bytes())
     }
 
     /// Writes a file under a temporary name and renames it: it is there whole, or not at all.

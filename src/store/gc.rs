@@ -63,8 +63,12 @@ impl Store {
             .into_iter()
             .partition(|record| !marked.contains(&Key(record.name)) && is_old(&record.stat));
         let keys = kept.iter().map(|record| Key(record.name)).chain(marked.iter().copied());
-        let named: BTreeSet<Digest> =
-            keys.filter_map(|key| self.record(&key)).flat_map(|r| r.outputs).map(|o| o.digest).collect();
+        let mut named = BTreeSet::new();
+        for key in keys {
+            // A record that cannot be read now may be read later: what it names must not be gone then.
+            let outputs = self.record(&key)?.map(|record| record.outputs);
+            named.extend(outputs.into_iter().flatten().map(|output| output.digest));
+        }
         let (blobs, kept): (Vec<_>, Vec<_>) = self
             .stored("cas", "")?
             .into_iter()

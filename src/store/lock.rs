@@ -1,9 +1,31 @@
 //! One writer a store: an advisory lock that the kernel drops with its holder, so there is nothing to unlock by hand.
+//! What the file says of its holder is for people; what nobody holds is overwritten.
 
 use super::{StoreError, disk};
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::path::Path;
+use std::time::Duration;
+
+/// Who wants the lock, and how patiently.
+#[derive(Debug, Clone)]
+pub struct Claim {
+    /// The command that asks, for those who wait for it.
+    pub command: String,
+    /// Since when: `YYYY-MM-DDThh:mm:ssZ`.
+    pub since: String,
+    /// Who waits is told again after this long.
+    pub remind: Duration,
+}
+
+impl Default for Claim {
+    fn default() -> Self {
+        Self { command: String::new(), since: String::new(), remind: Duration::from_mins(1) }
+    }
+}
+
+/// How often a lock that is held is tried.
+const TRY: Duration = Duration::from_millis(50);
 
 #[derive(Debug)]
 pub(super) struct Lock {
@@ -11,8 +33,14 @@ pub(super) struct Lock {
 }
 
 impl Lock {
-    /// Takes the lock. Where it is held: waits, telling `waiting` for whom, or fails with that.
-    pub(super) fn take(root: &Path, wait: bool, waiting: &mut dyn FnMut(&str)) -> Result<Self, StoreError> {
+    /// Takes the lock. Where it is held: waits, telling `waiting` for whom and again from time to time, or fails with
+    /// that.
+    pub(super) fn take(
+        root: &Path,
+        claim: &Claim,
+        wait: bool,
+        waiting: &mut dyn FnMut(&str),
+    ) -> Result<Self, StoreError> {
         let path = root.join("lock");
         let mut file = File::options()
             .read(true)
@@ -21,33 +49,170 @@ impl Lock {
             .truncate(false)
             .open(&path)
             .map_err(disk::failed("opening", &path))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                let mut holder = String::new();
-                // The text is for people; where it cannot be read the wait is as long.
-                let _ = file.read_to_string(&mut holder);
-                let holder = match holder.trim() {
-                    "" => "another process".to_owned(),
-                    text => text.to_owned(),
-                };
-                if !wait {
-                    return Err(StoreError::Locked { path: root.to_owned(), holder });
-                }
-                waiting(&holder);
-                file.lock().map_err(disk::failed("locking", &path))?;
+        let mut tries = 0;
+        let tries_a_reminder = claim.remind.as_millis().div_ceil(TRY.as_millis()).max(1);
+        loop {
+            match file.try_lock() {
+                Ok(()) => break,
+                Err(TryLockError::WouldBlock) => {}
+                Err(TryLockError::Error(e)) => return Err(disk::failed("locking", &path)(e)),
             }
-            Err(TryLockError::Error(e)) => return Err(disk::failed("locking", &path)(e)),
+            if !wait {
+                return Err(StoreError::Locked { path: root.to_owned(), holder: holder(&mut file, claim) });
+            }
+            if tries % tries_a_reminder == 0 {
+                waiting(&holder(&mut file, claim));
+            }
+            tries += 1;
+            std::thread::sleep(TRY);
         }
-        let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
-        let text = format!("pid {} on host {host}\n", std::process::id());
-        let write = |file: &mut File| -> std::io::Result<()> {
-            // Never empty in between: somebody may want to know for whom they wait.
-            file.rewind()?;
-            file.write_all(text.as_bytes())?;
-            file.set_len(text.len() as u64)
-        };
-        write(&mut file).map_err(disk::failed("writing", &path))?;
+        write(&mut file, &Holder::us(claim).to_text()).map_err(disk::failed("writing", &path))?;
         Ok(Self { _file: file })
+    }
+}
+
+fn write(file: &mut File, text: &str) -> std::io::Result<()> {
+    // Never empty in between: somebody may want to know for whom they wait.
+    file.rewind()?;
+    file.write_all(text.as_bytes())?;
+    file.set_len(text.len() as u64)
+}
+
+/// Who holds the lock, in words.
+fn holder(file: &mut File, claim: &Claim) -> String {
+    let mut text = String::new();
+    // Where it cannot be read the wait is as long.
+    let read = file.rewind().and_then(|()| file.read_to_string(&mut text));
+    let holder = read.ok().and_then(|_| Holder::parse(&text));
+    holder.map_or_else(|| "another process".to_owned(), |holder| holder.to_words(&claim.since))
+}
+
+/// What the lock's file says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Holder {
+    host: String,
+    pid: u32,
+    /// Identity of the machine's run: with another one the process is gone, whatever its number.
+    boot: String,
+    since: String,
+    command: String,
+}
+
+impl Holder {
+    fn us(claim: &Claim) -> Self {
+        let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
+        // Only Linux has it.
+        let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
+        let line = |text: &str| text.trim().replace(char::is_control, " ");
+        Self {
+            host: line(&host),
+            pid: std::process::id(),
+            boot: line(&boot),
+            since: line(&claim.since),
+            command: line(&claim.command),
+        }
+    }
+
+    fn to_text(&self) -> String {
+        let Self { host, pid, boot, since, command } = self;
+        format!("host: {host}\npid: {pid}\nboot: {boot}\nsince: {since}\ncommand: {command}\n")
+    }
+
+    /// Reads the first five lines: below them may stand the rest of a longer text that is just being replaced.
+    fn parse(text: &str) -> Option<Self> {
+        let mut lines = text.split_inclusive('\n');
+        let mut field = |name: &str| {
+            let line = lines.next()?.strip_suffix('\n')?.strip_prefix(name)?.strip_prefix(':')?;
+            Some(line.trim().to_owned())
+        };
+        Some(Self {
+            host: field("host")?,
+            pid: field("pid")?.parse().ok()?,
+            boot: field("boot")?,
+            since: field("since")?,
+            command: field("command")?,
+        })
+    }
+
+    /// For people: `pid 4711 on host node3 since 14:02 UTC (gs2e build)`, with the date where it was another day.
+    fn to_words(&self, now: &str) -> String {
+        let mut words = format!("pid {} on host {}", self.pid, self.host);
+        if let Some((date, time)) = self.since.split_once('T') {
+            let minutes = time.get(..5).unwrap_or(time);
+            let date = if now.starts_with(date) { String::new() } else { format!("{date} ") };
+            words.push_str(&format!(" since {date}{minutes} UTC"));
+        }
+        if !self.command.is_empty() {
+            words.push_str(&format!(" ({})", self.command));
+        }
+        words
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Holder {
+        Holder {
+            host: "node3".into(),
+            pid: 4711,
+            boot: "f2a0".into(),
+            since: "2026-03-01T14:02:59Z".into(),
+            command: "gs2e build -j8".into(),
+        }
+    }
+
+    #[test]
+    fn a_holder_is_read_as_it_was_written_and_nothing_else_is() {
+        let text = sample().to_text();
+        assert_eq!(Holder::parse(&text), Some(sample()));
+        assert_eq!(Holder::parse(&format!("{text}rest of a longer one\n")), Some(sample()));
+        for n in 0..text.len() {
+            assert_eq!(Holder::parse(&text[..n]), None, "cut at {n}");
+        }
+        assert_eq!(Holder::parse("pid 4711 on host node3\n"), None);
+    }
+
+    #[test]
+    fn a_holder_is_told_with_the_time_and_where_it_helps_the_date() {
+        let t = |holder: Holder, now: &str, wanted: &str| assert_eq!(holder.to_words(now), wanted);
+        t(sample(), "2026-03-01T15:00:00Z", "pid 4711 on host node3 since 14:02 UTC (gs2e build -j8)");
+        t(
+            sample(),
+            "2026-03-02T15:00:00Z",
+            "pid 4711 on host node3 since 2026-03-01 14:02 UTC (gs2e build -j8)",
+        );
+        let bare = Holder { since: String::new(), command: String::new(), ..sample() };
+        t(bare, "", "pid 4711 on host node3");
+    }
+
+    #[test]
+    fn who_waits_is_told_again_and_then_has_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let claim = Claim { command: "first\nof two".into(), remind: 2 * TRY, ..Claim::default() };
+        let first = Lock::take(folder.path(), &claim, false, &mut |_| {}).unwrap();
+        let mut told = Vec::new();
+        let mut held = Some(first);
+        let second = Lock::take(folder.path(), &claim, true, &mut |holder| {
+            told.push(holder.to_owned());
+            if told.len() == 3 {
+                held.take();
+            }
+        });
+        assert!(second.is_ok() && told.len() == 3, "{told:?}");
+        assert!(told.iter().all(|holder| holder.ends_with("(first of two)")), "{told:?}");
+    }
+
+    #[test]
+    fn what_a_dead_holder_left_is_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        std::fs::write(&path, sample().to_text().repeat(3)).unwrap();
+        let told = &mut |holder: &str| panic!("nobody holds it, and it waits for {holder}");
+        let _ours = Lock::take(folder.path(), &Claim::default(), true, told).unwrap();
+        let text = std::fs::read_to_string(path).unwrap();
+        assert_eq!(Holder::parse(&text).unwrap().pid, std::process::id());
+        assert_eq!(text.lines().count(), 5);
     }
 }

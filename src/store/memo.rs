@@ -4,9 +4,10 @@
 //! steps that are there) is worked out once and kept with the stat fields of every file that it was made from. While
 //! they all agree, nothing is read, parsed or hashed. A memo is only written where equal fields mean equal bytes.
 
-use super::Digest;
-use super::fs::{Fs, Stat};
+use super::disk::{Disk, failed, is_absent};
+use super::fs::Stat;
 use super::stat_cache::Sighting;
+use super::{Digest, StoreError};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -24,11 +25,31 @@ pub(super) struct Memo<T> {
 
 impl<T> Memo<T> {
     /// Whether every file is as it was; `path_of` says where a blob lies.
-    pub(super) fn holds(&self, tag: &Digest, fs: &dyn Fs, path_of: &impl Fn(&Digest) -> PathBuf) -> bool {
-        let is = |path: &Path, then: &Stat| fs.stat(path).is_ok_and(|now| now == *then);
-        self.tag == *tag
-            && self.files.iter().all(|(path, then)| is(Path::new(path), then))
-            && self.blobs.iter().all(|(digest, then)| is(&path_of(digest), then))
+    pub(super) fn holds(
+        &self,
+        tag: &Digest,
+        disk: &Disk,
+        path_of: &impl Fn(&Digest) -> PathBuf,
+    ) -> Result<bool, StoreError> {
+        let is = |path: &Path, then: &Stat| match disk.stat(path) {
+            Ok(now) => Ok(now == *then),
+            Err(e) if is_absent(&e) => Ok(false),
+            Err(e) => Err(failed("reading", path)(e)),
+        };
+        if self.tag != *tag {
+            return Ok(false);
+        }
+        for (path, then) in &self.files {
+            if !is(Path::new(path), then)? {
+                return Ok(false);
+            }
+        }
+        for (digest, then) in &self.blobs {
+            if !is(&path_of(digest), then)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 }
 

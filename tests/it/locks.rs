@@ -2,9 +2,10 @@
 
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
-use gs2e::store::{Access, Store};
+use gs2e::store::{Access, Claim, Opening, Store};
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 fn place() -> Workspace {
     let place = Workspace::new();
@@ -66,6 +67,50 @@ fn who_does_not_wait_fails_with_the_name() {
     assert!(ended.stderr.contains(&us) && ended.stderr.contains("help:"), "{}", ended.stderr);
     drop(holder);
     place.ok("build --no-wait");
+}
+
+/// The content of the lock is for people; it says who, where, since when and with what.
+#[test]
+fn the_lock_says_who_holds_it() {
+    let place = place();
+    place.ok("build -j 2 -q");
+    let text = std::fs::read_to_string(place.path(".gs2e/lock")).unwrap();
+    let field = |name: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(name)).map(str::trim);
+        line.unwrap_or_else(|| panic!("no `{name}` in\n{text}"))
+    };
+    let host = rustix::system::uname();
+    assert_eq!(field("host:"), host.nodename().to_str().unwrap());
+    assert!(field("pid:").parse::<u32>().is_ok_and(|pid| pid != std::process::id()), "{text}");
+    let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
+    assert_eq!(field("boot:"), boot.trim());
+    assert_eq!(field("command:"), "gs2e build -j 2 -q");
+    let since: Vec<&str> = field("since:").split(['-', 'T', ':']).collect();
+    assert!(
+        since.len() == 6 && since[5].ends_with('Z') && since[0].parse::<u32>().unwrap() >= 2025,
+        "{text}"
+    );
+}
+
+/// Who waits is told again from time to time, by the interval of its own claim.
+#[test]
+fn who_waits_long_is_told_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let claim = Claim { command: "gs2e build".into(), remind: Duration::from_millis(1), ..Claim::default() };
+    let mut held = Some(
+        Store::open(folder.path(), Opening { claim: claim.clone(), ..Access::Write.into() }, &mut |_| {})
+            .unwrap(),
+    );
+    let mut told = 0;
+    let store =
+        Store::open(folder.path(), Opening { claim: claim.clone(), ..Access::Write.into() }, &mut |holder| {
+            assert!(holder.ends_with("(gs2e build)"), "{holder}");
+            told += 1;
+            if told == 4 {
+                held.take();
+            }
+        });
+    assert!(store.is_ok() && told == 4, "told {told} times: {store:?}");
 }
 
 /// `plan`, `why` and `check` take no lock, and change nothing in a store that somebody works in.

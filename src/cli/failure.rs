@@ -1,0 +1,146 @@
+//! What is told of steps that failed: each at once, and all of them again at the end.
+
+use super::message::{Level, Message};
+use super::problem::{FULL, stage_failed, unplanned};
+use crate::run::StepError;
+use crate::store::record::{Provenance, Record, content};
+use crate::store::space::Space;
+use crate::store::{StoreError, Unlike};
+use crate::units::amount;
+
+/// A step and how far the run is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub(super) scene: &'a str,
+    pub(super) step: &'a str,
+    /// Steps that are finished and kept.
+    pub(super) finished: usize,
+    pub(super) all: usize,
+}
+
+/// What is told of a step that failed.
+pub(super) fn failed(at: Place<'_>, error: &StepError) -> Message {
+    let Place { scene, step, .. } = at;
+    let new = |code, what: String| Message::new(Level::Error, code, what).step(scene, step);
+    match error {
+        StepError::Plan(error) => unplanned(error),
+        StepError::Moved(_) => {
+            new("input-moved", format!("{scene}/{step}: {error}")).help("run again when it is at rest")
+        }
+        StepError::Stage(error) => stage_failed("step-failed", scene, step, error)
+            .help("mend it and run the same command: what is finished is kept"),
+        StepError::Full { wrote, space, cause } => {
+            new("disk-full", full(at, *wrote, space.as_ref())).because(cause).help(FULL)
+        }
+        StepError::Store(StoreError::Nondeterministic(sides)) => {
+            let what = format!("{scene}/{step}: other bytes than before from the same inputs");
+            let kept =
+                if sides.replaced { "the first were lost, these are kept" } else { "the first are kept" };
+            unlike(new("nondeterministic", what), sides)
+                .help(format!("{kept}; gs2e why {scene}/{step} shows what they were made from"))
+        }
+        StepError::Store(error) => new("store", format!("{scene}/{step}: failed {error}")),
+    }
+}
+
+fn full(at: Place<'_>, wrote: u64, space: Option<&Space>) -> String {
+    let Place { scene, step, finished, all } = at;
+    let room = space.map_or(String::new(), |space| {
+        let kind = if space.kind.is_empty() { String::new() } else { format!(" ({})", space.kind) };
+        format!(", {} free on {}{kind}", amount(space.free, "B"), space.mount.display())
+    });
+    let wrote = amount(wrote, "B");
+    format!(
+        "no space for {scene}/{step}: wrote {wrote}{room}; {finished} of {all} steps are finished and kept"
+    )
+}
+
+/// Both sides of a step that is not deterministic, and where they part.
+fn unlike(message: Message, sides: &Unlike) -> Message {
+    let side = |name: &str, record: &Record| {
+        let Provenance { tool, seconds, threads, .. } = &record.provenance;
+        let digest = content(&record.outputs);
+        format!("{name}: {digest} (gs2e {tool}, {seconds:.1} s, {threads} threads)")
+    };
+    let message = message
+        .detail(format!("key: {}", sides.now.key))
+        .detail(side("before", &sides.before))
+        .detail(side("now", &sides.now));
+    match &sides.first {
+        Some(place) => message.detail(format!("first difference: {place}")),
+        None => message,
+    }
+}
+
+/// The steps that failed once more, by scene, each with the command that looks closer. `failed` holds scene, step and
+/// message; `options` is what the command needs to find them.
+pub(super) fn again(failed: &[(String, String, Message)], options: &str) -> String {
+    let mut sorted: Vec<&(String, String, Message)> = failed.iter().collect();
+    // Steps of one scene keep the order in which they failed.
+    sorted.sort_by(|a, b| a.0.cmp(&b.0));
+    let mut lines = vec![format!("failed:")];
+    let mut last = None;
+    for (scene, step, message) in sorted {
+        if last != Some(scene) {
+            lines.push(format!(" {scene}"));
+        }
+        last = Some(scene);
+        lines.push(format!("  {}", message.what()));
+        lines.push(format!("  look closer: gs2e why {scene}/{step}{options}"));
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Digest, Key};
+
+    #[test]
+    fn a_full_disk_is_told_with_its_figures() {
+        let at = Place { scene: "a/b", step: "base/events", finished: 812, all: 8001 };
+        let t = |free, kind: &str, wanted: &str| {
+            let space = Space { free, mount: "/data".into(), kind: kind.into() };
+            assert_eq!(full(at, 1_210_000_000, Some(&space)), wanted);
+        };
+        let end = "; 812 of 8001 steps are finished and kept";
+        let begin = "no space for a/b/base/events: wrote 1.2 GB, ";
+        t(0, "ext4", &format!("{begin}0 B free on /data (ext4){end}"));
+        t(52_000, "", &format!("{begin}52.0 kB free on /data{end}"));
+        assert_eq!(full(at, 0, None), format!("no space for a/b/base/events: wrote 0 B{end}"));
+    }
+
+    #[test]
+    fn a_step_that_is_not_deterministic_is_told_with_both_sides() {
+        let key = Key(Digest::of(b"key"));
+        let record = |tool: &str, seconds, threads| {
+            let provenance = Provenance { tool: tool.into(), seconds, threads, ..Provenance::default() };
+            Record::new(key, "events", Vec::new(), provenance)
+        };
+        let (before, now) = (record("0.1.0", 3.06, 8), record("0.2.0", 2.0, 1));
+        let none = content(&[]);
+        let sides = Unlike { before, now, replaced: false, first: Some("events.h5 at byte 7".into()) };
+        let at = Place { scene: "a", step: "base/events", finished: 0, all: 1 };
+        let wanted = format!(
+            "error: a/base/events: other bytes than before from the same inputs\n key: {key}\n before: {none} \
+             (gs2e 0.1.0, 3.1 s, 8 threads)\n now: {none} (gs2e 0.2.0, 2.0 s, 1 threads)\n first difference: \
+             events.h5 at byte 7\nhelp: the first are kept; gs2e why a/base/events shows what they were made \
+             from"
+        );
+        let error = StepError::Store(StoreError::Nondeterministic(Box::new(sides)));
+        assert_eq!(failed(at, &error).to_text(), wanted);
+    }
+
+    #[test]
+    fn failures_are_told_again_by_scene() {
+        let message = |text: &str| Message::new(Level::Error, "step-failed", text);
+        let failed = ["b/x", "a/y", "b/w"].map(|name| {
+            let (scene, step) = name.split_once('/').unwrap();
+            (scene.to_owned(), step.to_owned(), message(&format!("{name}: failed to please")))
+        });
+        let wanted = "failed:\n a\n  a/y: failed to please\n  look closer: gs2e why a/y -q\n b\n  b/x: failed \
+                      to please\n  look closer: gs2e why b/x -q\n  b/w: failed to please\n  look closer: gs2e \
+                      why b/w -q";
+        assert_eq!(again(&failed, " -q"), wanted);
+    }
+}

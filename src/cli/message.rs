@@ -1,0 +1,169 @@
+//! One message in four parts: what failed, where, why, and what to do.
+
+use crate::recipe::Position;
+use serde_json::json;
+use std::path::Path;
+
+/// How bad it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Level {
+    /// Something was not done.
+    Error,
+    /// It goes on.
+    Warning,
+    /// It goes on later.
+    Waiting,
+}
+
+/// A message with a stable code.
+#[derive(Debug, Clone)]
+pub(super) struct Message {
+    level: Level,
+    code: &'static str,
+    what: String,
+    scene: Option<String>,
+    step: Option<String>,
+    /// The file that it is about.
+    path: Option<String>,
+    /// Where a recipe names what it is about.
+    named_at: Option<Position>,
+    /// More on where and what, a line each.
+    details: Vec<String>,
+    why: Vec<String>,
+    help: Option<String>,
+}
+
+impl Message {
+    pub(super) fn new(level: Level, code: &'static str, what: impl Into<String>) -> Self {
+        let what = what.into();
+        let (scene, step, path, named_at, help) = (None, None, None, None, None);
+        Self { level, code, what, scene, step, path, named_at, details: Vec::new(), why: Vec::new(), help }
+    }
+
+    /// About a scene as a whole.
+    pub(super) fn scene(self, scene: &str) -> Self {
+        Self { scene: Some(scene.to_owned()), ..self }
+    }
+
+    /// About one step of a scene.
+    pub(super) fn step(self, scene: &str, step: &str) -> Self {
+        Self { step: Some(step.to_owned()), ..self.scene(scene) }
+    }
+
+    /// About a file.
+    pub(super) fn path(self, path: &Path) -> Self {
+        Self { path: Some(path.display().to_string()), ..self }
+    }
+
+    /// Named at a place of a recipe.
+    pub(super) fn named_at(self, at: Option<Position>) -> Self {
+        Self { named_at: at, ..self }
+    }
+
+    /// One more line on where or what.
+    pub(super) fn detail(mut self, line: impl Into<String>) -> Self {
+        self.details.push(line.into());
+        self
+    }
+
+    /// One more cause, the nearest first.
+    pub(super) fn because(mut self, why: impl Into<String>) -> Self {
+        self.why.push(why.into());
+        self
+    }
+
+    /// What to do.
+    pub(super) fn help(self, help: impl Into<String>) -> Self {
+        Self { help: Some(help.into()), ..self }
+    }
+
+    /// What it is about, in one line.
+    pub(super) fn what(&self) -> &str {
+        &self.what
+    }
+
+    /// For people.
+    pub(super) fn to_text(&self) -> String {
+        let word = match self.level {
+            Level::Error => "error",
+            Level::Warning => "warning",
+            Level::Waiting => "waiting",
+        };
+        let mut lines = vec![format!("{word}: {}", self.what)];
+        lines.extend(self.place().map(|place| format!(" {place}")));
+        lines.extend(self.details.iter().map(|line| format!(" {line}")));
+        lines.extend(self.why.iter().map(|why| format!(" because {why}")));
+        lines.extend(self.help.iter().map(|help| format!("help: {help}")));
+        lines.join("\n")
+    }
+
+    fn place(&self) -> Option<String> {
+        match (&self.path, &self.named_at) {
+            (Some(path), Some(at)) => Some(format!("{path}, named at {at}")),
+            (Some(path), None) => Some(path.clone()),
+            (None, Some(at)) => Some(at.to_string()),
+            (None, None) => None,
+        }
+    }
+
+    /// For programs: what there is not is null. `line` and `column` are places in a recipe, and then so is `path`.
+    pub(super) fn to_json(&self) -> serde_json::Value {
+        let level = if self.level == Level::Error { "error" } else { "warning" };
+        let at = self.named_at.as_ref();
+        // `path` is then the recipe's.
+        let other = self.path.as_ref().filter(|_| at.is_some());
+        let message = std::iter::once(&self.what).chain(other).chain(&self.details).chain(&self.why);
+        let message: Vec<&str> = message.map(String::as_str).collect();
+        json!({
+            "level": level, "code": self.code, "message": message.join(": "),
+            "scene": self.scene, "step": self.step,
+            "path": at.map(|at| &at.file).or(self.path.as_ref()),
+            "line": at.map(|at| at.line), "column": at.map(|at| at.column),
+            "help": self.help,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn whole() -> Message {
+        let at = Position { file: "recipes/a.yaml".into(), line: 5, column: 22 };
+        Message::new(Level::Error, "input-missing", "a/b: the source is not there")
+            .step("a/b", "capture")
+            .path(Path::new("data/b"))
+            .named_at(Some(at))
+            .because("open data/b: no such file")
+            .help("a path is relative to the recipe's folder")
+    }
+
+    #[test]
+    fn four_parts_stand_below_one_another() {
+        let wanted = "error: a/b: the source is not there\n data/b, named at recipes/a.yaml:5:22\n \
+                      because open data/b: no such file\nhelp: a path is relative to the recipe's folder";
+        assert_eq!(whole().to_text(), wanted);
+        assert_eq!(Message::new(Level::Waiting, "locked", "x").to_text(), "waiting: x");
+    }
+
+    #[test]
+    fn programs_get_all_fields_and_the_cause_in_the_message() {
+        let value = whole().to_json();
+        let fields = ["level", "code", "message", "scene", "step", "path", "help"];
+        let wanted = [
+            "error",
+            "input-missing",
+            "a/b: the source is not there: data/b: open data/b: no such file",
+            "a/b",
+            "capture",
+            "recipes/a.yaml",
+            "a path is relative to the recipe's folder",
+        ];
+        assert_eq!(fields.map(|field| value[field].as_str()), wanted.map(Some));
+        assert_eq!([&value["line"], &value["column"]], [&json!(5), &json!(22)]);
+        let bare = Message::new(Level::Warning, "x", "y").to_json();
+        assert!(
+            ["scene", "step", "path", "line", "column", "help"].iter().all(|field| bare[field].is_null())
+        );
+    }
+}

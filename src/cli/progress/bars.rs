@@ -1,0 +1,120 @@
+//! The picture on a terminal: a bar with the remaining time, and the running steps below it.
+
+use crate::plan::Plan;
+use crate::run::estimate::Estimate;
+use crate::stage::StepId;
+use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// As many running steps are shown; of more it would be the terminal's top that is lost.
+const ROWS: usize = 16;
+
+const TICK: Duration = Duration::from_millis(200);
+
+/// A bar, and a row for each running step.
+#[derive(Debug)]
+pub(super) struct Bars {
+    all: MultiProgress,
+    whole: ProgressBar,
+    rows: BTreeMap<StepId, ProgressBar>,
+    estimate: Arc<Mutex<Estimate>>,
+    began: Instant,
+}
+
+impl Bars {
+    /// Bars for a plan on `cores`; `expected` gives the core-seconds that a step took before.
+    pub(super) fn new(plan: &Plan, cores: usize, expected: &dyn Fn(StepId) -> Option<f64>) -> Self {
+        let steps = plan.steps().iter().enumerate();
+        let steps = steps.map(|(id, step)| (step.step.stage(), expected(StepId(id))));
+        let estimate = Arc::new(Mutex::new(Estimate::new(steps, cores)));
+        let (shared, began) = (estimate.clone(), Instant::now());
+        let left = move |_: &ProgressState, out: &mut dyn Write| {
+            let estimate = shared.lock().expect("no holder of the estimate panics");
+            let text = estimate.remaining(began.elapsed().as_secs_f64()).map(left_words).unwrap_or_default();
+            // Text in memory can always be written.
+            let _ = out.write_str(&text);
+        };
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} {left}");
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left);
+        let all = MultiProgress::new();
+        let whole = all.add(ProgressBar::new(plan.steps().len() as u64).with_style(style));
+        whole.enable_steady_tick(TICK);
+        Self { all, whole, rows: BTreeMap::new(), estimate, began }
+    }
+
+    /// Takes the picture away.
+    pub(super) fn close(&mut self) {
+        for row in std::mem::take(&mut self.rows).into_values() {
+            row.finish_and_clear();
+        }
+        self.whole.finish_and_clear();
+    }
+
+    /// Shows lines above the picture.
+    pub(super) fn above(&self, show: impl FnOnce()) {
+        self.all.suspend(show);
+    }
+
+    pub(super) fn started(&mut self, step: StepId, name: &str, cores: usize) {
+        let now = self.began.elapsed().as_secs_f64();
+        self.change(|estimate| estimate.started(step, now, cores));
+        if self.rows.len() < ROWS {
+            let style = ProgressStyle::with_template("  {spinner} {wide_msg} {elapsed}");
+            let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
+            let row = ProgressBar::new_spinner().with_style(style).with_message(name.to_owned());
+            let row = self.all.add(row);
+            row.enable_steady_tick(TICK);
+            self.rows.insert(step, row);
+        }
+    }
+
+    /// A step came to its end, made in so many core-seconds or not.
+    pub(super) fn ended(&mut self, step: StepId, core_seconds: Option<f64>) {
+        self.change(|estimate| match core_seconds {
+            Some(taken) => estimate.made(step, taken),
+            None => estimate.ended(step),
+        });
+        if let Some(row) = self.rows.remove(&step) {
+            row.finish_and_clear();
+            self.all.remove(&row);
+        }
+        self.whole.inc(1);
+    }
+
+    /// A step will not be reached.
+    pub(super) fn lost(&self, step: StepId) {
+        self.change(|estimate| estimate.ended(step));
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Estimate)) {
+        change(&mut self.estimate.lock().expect("no holder of the estimate panics"));
+    }
+}
+
+/// A remaining time, no finer than it is known.
+fn left_words(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => "a few seconds left".to_owned(),
+        s if s < 90.0 => format!("about {:.0} s left", 10.0 * (s / 10.0).ceil()),
+        s if s < 5400.0 => format!("about {:.0} min left", (s / 60.0).ceil()),
+        s => format!("about {:.1} h left", s / 3600.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_is_told_in_round_words() {
+        let t = |seconds, wanted| assert_eq!(left_words(seconds), wanted, "{seconds}");
+        t(0.0, "a few seconds left");
+        t(41.0, "about 50 s left");
+        t(90.0, "about 2 min left");
+        t(3599.0, "about 60 min left");
+        t(5400.0, "about 1.5 h left");
+    }
+}

@@ -1,0 +1,49 @@
+//! Not more lines than a person can read.
+
+use std::collections::VecDeque;
+
+/// Lines within [`SPAN`] seconds.
+const LINES: usize = 10;
+const SPAN: f64 = 1.0;
+
+/// When the last lines were shown.
+#[derive(Debug, Default)]
+pub(super) struct Pace {
+    shown: VecDeque<f64>,
+}
+
+impl Pace {
+    /// Whether one more line may be shown at `now`, in seconds since some moment; it then counts as shown.
+    pub(super) fn admits(&mut self, now: f64) -> bool {
+        while self.shown.front().is_some_and(|then| now - then >= SPAN) {
+            self.shown.pop_front();
+        }
+        let admits = self.shown.len() < LINES;
+        if admits {
+            self.shown.push_back(now);
+        }
+        admits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ten_lines_a_second_whatever_comes() {
+        let mut pace = Pace::default();
+        // 8,001 steps that end within four seconds.
+        let admitted: Vec<f64> =
+            (0..=8000).map(|i| f64::from(i) / 2000.0).filter(|t| pace.admits(*t)).collect();
+        assert!(admitted.windows(11).all(|w| w[10] - w[0] >= SPAN), "{admitted:?}");
+        assert_eq!(admitted.len(), 41);
+        assert_eq!(admitted[..3], [0.0, 0.0005, 0.001], "the first are shown at once");
+    }
+
+    #[test]
+    fn slow_steps_are_all_shown() {
+        let mut pace = Pace::default();
+        assert!((0..100).all(|i| pace.admits(0.11 * f64::from(i))));
+    }
+}

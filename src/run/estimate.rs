@@ -1,0 +1,145 @@
+//! How much longer a run takes, from what its steps took before and what this run has shown so far.
+//!
+//! Time is counted in core-seconds. What a step that waits will take is what the same step took before, scaled by
+//! how this run compares with before; else the mean of its stage in this run. Where neither is known nothing is said.
+//! A step that an early cut-off will spare counts until it is settled: the time told is rather too long than too short.
+
+use crate::stage::StepId;
+use std::collections::BTreeMap;
+
+/// A run that goes on. Its clock counts seconds since it began.
+#[derive(Debug)]
+pub struct Estimate {
+    steps: Vec<Step>,
+    /// Cores for all steps together.
+    cores: f64,
+    /// By stage: core-seconds and number of the steps that were made in this run.
+    stages: BTreeMap<&'static str, (f64, f64)>,
+    /// Core-seconds that the made steps took before and now, where both are known.
+    before_and_now: [f64; 2],
+}
+
+#[derive(Debug)]
+struct Step {
+    stage: &'static str,
+    expected: Option<f64>,
+    state: State,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum State {
+    Waiting,
+    Running { since: f64, cores: f64 },
+    Ended,
+}
+
+/// A step that has taken longer than expected is taken to go on for this part of what it took.
+const OVERTIME: f64 = 0.1;
+
+impl Estimate {
+    /// A run of `steps`, each with its stage and the core-seconds that it took before, on `cores`.
+    pub fn new(steps: impl IntoIterator<Item = (&'static str, Option<f64>)>, cores: usize) -> Self {
+        let step = |(stage, expected)| Step { stage, expected, state: State::Waiting };
+        let steps = steps.into_iter().map(step).collect();
+        Self { steps, cores: cores.max(1) as f64, stages: BTreeMap::new(), before_and_now: [0.0; 2] }
+    }
+
+    /// A step starts at `now` on `cores`.
+    pub fn started(&mut self, step: StepId, now: f64, cores: usize) {
+        self.steps[step.0].state = State::Running { since: now, cores: cores.max(1) as f64 };
+    }
+
+    /// A step was made in this many core-seconds.
+    pub fn made(&mut self, step: StepId, core_seconds: f64) {
+        let step = &mut self.steps[step.0];
+        step.state = State::Ended;
+        let (sum, count) = self.stages.entry(step.stage).or_default();
+        *sum += core_seconds;
+        *count += 1.0;
+        if let Some(expected) = step.expected {
+            let [before, now] = &mut self.before_and_now;
+            *before += expected;
+            *now += core_seconds;
+        }
+    }
+
+    /// A step is up to date, or failed, or can no longer be reached.
+    pub fn ended(&mut self, step: StepId) {
+        self.steps[step.0].state = State::Ended;
+    }
+
+    /// Seconds from `now` to the end of the run; `None` where a step is left of which nothing is known.
+    #[must_use]
+    pub fn remaining(&self, now: f64) -> Option<f64> {
+        let (mut all, mut longest) = (0.0, 0.0_f64);
+        for step in self.steps.iter().filter(|step| step.state != State::Ended) {
+            let whole = self.core_seconds(step)?;
+            all += match step.state {
+                State::Running { since, cores } => {
+                    let used = (now - since) * cores;
+                    let left = (whole - used).max(OVERTIME * used);
+                    longest = longest.max(left / cores);
+                    left
+                }
+                State::Waiting | State::Ended => whole,
+            };
+        }
+        // No number of free cores helps the step that runs longest.
+        Some(longest.max(all / self.cores))
+    }
+
+    fn core_seconds(&self, step: &Step) -> Option<f64> {
+        let [before, now] = self.before_and_now;
+        let scale = if before > 0.0 { now / before } else { 1.0 };
+        let mean = || self.stages.get(step.stage).map(|(sum, count)| sum / count);
+        step.expected.map(|expected| scale * expected).or_else(mean)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(found: Option<f64>, wanted: f64) {
+        let found = found.expect("all is known");
+        assert!((found - wanted).abs() < 1e-9, "{found} where {wanted} is due");
+    }
+
+    #[test]
+    fn nothing_is_told_of_what_nobody_knows() {
+        let mut estimate = Estimate::new([("events", None), ("events", None), ("sharp", Some(4.0))], 2);
+        assert_eq!(estimate.remaining(0.0), None);
+        estimate.started(StepId(0), 0.0, 2);
+        estimate.made(StepId(0), 6.0);
+        // The other of its stage is taken to be like it: 6 and 4 core-seconds on two cores.
+        close(estimate.remaining(3.0), 5.0);
+    }
+
+    #[test]
+    fn what_a_step_took_before_counts_as_this_run_compares() {
+        let mut estimate = Estimate::new([("a", Some(10.0)), ("a", Some(20.0)), ("b", Some(30.0))], 1);
+        close(estimate.remaining(0.0), 60.0);
+        // Twice as slow as before, so the rest will be.
+        estimate.made(StepId(0), 20.0);
+        close(estimate.remaining(20.0), 100.0);
+        estimate.ended(StepId(1));
+        close(estimate.remaining(20.0), 60.0);
+        estimate.ended(StepId(2));
+        close(estimate.remaining(20.0), 0.0);
+    }
+
+    #[test]
+    fn a_running_step_counts_less_the_longer_it_runs_and_never_nothing() {
+        let mut estimate = Estimate::new([("a", Some(10.0))], 4);
+        estimate.started(StepId(0), 100.0, 1);
+        // One core is all that it has, however many are free.
+        close(estimate.remaining(100.0), 10.0);
+        close(estimate.remaining(106.0), 4.0);
+        close(estimate.remaining(130.0), 3.0);
+    }
+
+    #[test]
+    fn nothing_left_takes_no_time() {
+        close(Estimate::new([], 1).remaining(7.0), 0.0);
+    }
+}

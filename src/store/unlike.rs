@@ -1,0 +1,100 @@
+//! Other bytes for one key: both records, and where their files part.
+
+use super::Digest;
+use super::record::{Record, content};
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+/// What a key made before and what it made now.
+#[derive(Debug)]
+pub struct Unlike {
+    /// What is on record.
+    pub before: Record,
+    /// What was made now.
+    pub now: Record,
+    /// Whether the first bytes were lost, and these took their place.
+    pub replaced: bool,
+    /// The first file that differs, and where, as far as its bytes can be read.
+    pub first: Option<String>,
+}
+
+impl fmt::Display for Unlike {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [before, now] = [&self.before, &self.now].map(|record| content(&record.outputs));
+        write!(f, "key {} made {before} before and {now} now", self.now.key)
+    }
+}
+
+/// The first file, by name, that one side lacks or has with other bytes. Those before are where `path_of` says, those
+/// made now in `workspace`.
+pub(super) fn first_difference(
+    before: &Record,
+    now: &Record,
+    path_of: &dyn Fn(&Digest) -> PathBuf,
+    workspace: &Path,
+) -> Option<String> {
+    let find = |record: &Record, name: &str| {
+        record.outputs.iter().find(|output| output.name == name).map(|output| output.digest)
+    };
+    let mut names: Vec<&str> = before.outputs.iter().chain(&now.outputs).map(|o| o.name.as_str()).collect();
+    names.sort_unstable();
+    let name = names.into_iter().find(|name| find(before, name) != find(now, name))?;
+    Some(match (find(before, name), find(now, name)) {
+        (Some(before), Some(_)) => match first_offset(&path_of(&before), &workspace.join(name)) {
+            Ok(offset) => format!("{name} at byte {offset}"),
+            Err(e) => format!("{name}, at a byte that is not known: {e}"),
+        },
+        (Some(_), None) => format!("{name}, which was not made now"),
+        _ => format!("{name}, which was not made before"),
+    })
+}
+
+/// The offset of the first byte that differs; the length of the shorter one where it is the beginning of the other.
+fn first_offset(before: &Path, now: &Path) -> io::Result<u64> {
+    let open = |path: &Path| File::open(path).map(|file| BufReader::new(file).bytes());
+    let [mut before, mut now] = [open(before)?, open(now)?];
+    let mut offset = 0;
+    loop {
+        match (before.next().transpose()?, now.next().transpose()?) {
+            (Some(a), Some(b)) if a == b => offset += 1,
+            _ => return Ok(offset),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Key;
+    use crate::store::record::{Output, Provenance};
+
+    #[test]
+    fn the_first_difference_is_told_by_file_and_byte() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = |files: &[(&str, &str)]| {
+            let key = Key(Digest::of(b"key"));
+            let mut record = Record::new(key, "test", Vec::new(), Provenance::default());
+            for (name, text) in files {
+                let digest = Digest::of(text.as_bytes());
+                std::fs::write(folder.path().join(digest.to_string()), text).unwrap();
+                std::fs::write(folder.path().join(name), text).unwrap();
+                record.outputs.push(Output { name: (*name).into(), digest, size: text.len() as u64 });
+            }
+            record
+        };
+        let path_of = |digest: &Digest| folder.path().join(digest.to_string());
+        let t = |before: &[(&str, &str)], now: &[(&str, &str)], wanted: Option<&str>| {
+            // The files made now are written last, under their names.
+            let (before, now) = (record(before), record(now));
+            let found = first_difference(&before, &now, &path_of, folder.path());
+            assert_eq!(found.as_deref(), wanted);
+        };
+        t(&[("a", "one"), ("b", "two")], &[("a", "one"), ("b", "twin")], Some("b at byte 2"));
+        t(&[("a", "one")], &[("a", "one more")], Some("a at byte 3"));
+        t(&[("a", "one"), ("b", "x")], &[("a", "one")], Some("b, which was not made now"));
+        t(&[("b", "x")], &[("a", "one"), ("b", "x")], Some("a, which was not made before"));
+        t(&[("a", "one")], &[("a", "one")], None);
+    }
+}

@@ -1,0 +1,85 @@
+//! What a build says while it runs: lines for people, objects for programs.
+
+use crate::support::workspace::{TINY, Workspace};
+use gs2e::store::Digest;
+use serde_json::Value;
+
+fn two_scenes() -> Workspace {
+    let place = Workspace::with_tiny();
+    place.write("other.yaml", TINY.replace("scene: tiny", "scene: other").replace("seed: 1 }", "seed: 2 }"));
+    place
+}
+
+/// `[ 7/12] scene/step 0.1 s`, with what the step says of its product; not every one is shown, but these few are.
+#[test]
+fn finished_steps_are_told_in_plain_lines() {
+    let place = Workspace::with_tiny();
+    let told = place.ok("build -j 1 tiny.yaml").stderr;
+    let lines: Vec<&str> = told.lines().filter(|line| line.starts_with('[')).collect();
+    assert_eq!(lines.len(), 6, "{told}");
+    let mut names = Vec::new();
+    for (i, line) in lines.iter().enumerate() {
+        let rest = line.strip_prefix(&format!("[{}/6] tiny/", i + 1));
+        let words: Vec<&str> = rest.unwrap_or_else(|| panic!("{line}")).split(' ').collect();
+        assert!(words[1].parse::<f64>().is_ok() && words[2] == "s", "{line}");
+        // Only the events have something to add: how many they are.
+        let remark = &words[3..];
+        assert_eq!(
+            remark.last() == Some(&"ev") || remark.last() == Some(&"kev"),
+            words[0] == "base/events",
+            "{line}"
+        );
+        names.push(words[0]);
+    }
+    names.sort_unstable();
+    assert_eq!(
+        names,
+        ["base/checks", "base/events", "base/sharp", "base/trajectory", "capture", "reconstruct"]
+    );
+    let last = told.lines().last().unwrap();
+    assert!(last.starts_with("made 6, up to date 0, failed 0; ") && last.ends_with(" s"), "{last}");
+}
+
+/// A step for programs: where its products lie, under which digests.
+#[test]
+fn finished_steps_are_told_to_programs() {
+    let place = two_scenes();
+    for state in ["made", "kept"] {
+        let told = place.ok("build --json tiny.yaml other.yaml").stdout;
+        let steps: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        assert_eq!(steps.len(), 12, "{told}");
+        for step in &steps {
+            assert_eq!((step["state"].as_str(), step["key"].as_str().map(str::len)), (Some(state), Some(64)));
+            assert_eq!(step["seconds"].is_number(), state == "made", "{step}");
+            let outputs = step["outputs"].as_array().unwrap();
+            assert!(!outputs.is_empty(), "{step}");
+            for output in outputs {
+                let text = |field: &str| output[field].as_str().unwrap();
+                let bytes = std::fs::read(place.path(text("path"))).unwrap();
+                assert_eq!(Digest::of(&bytes).to_string(), text("digest"), "{}", text("role"));
+            }
+        }
+    }
+}
+
+/// `-q` leaves nothing but what went wrong.
+#[test]
+fn a_quiet_build_tells_failures_once() {
+    let place = two_scenes();
+    place.write(
+        "wrong.yaml",
+        TINY.replace(
+            "procedural: { kind: still-life, gaussians: 500, views: 6, arc: 6, seed: 1 }",
+            "nerfstudio: { path: wrong.json }",
+        )
+        .replace("camera:", "reconstruct: { given: { path: wrong.ply } }\ncamera:")
+        .replace("scene: tiny", "scene: wrong"),
+    );
+    place.write("wrong.json", "{}");
+    place.write("wrong.ply", "ply");
+    let ended = place.gs2e("build -k -q -j 1 tiny.yaml wrong.yaml");
+    assert_eq!(ended.code, 1);
+    assert_eq!(ended.stderr.matches("error: ").count(), 2, "{}", ended.stderr);
+    assert!(!ended.stderr.contains("failed:") && !ended.stderr.contains("made "), "{}", ended.stderr);
+    assert_eq!(place.stale("tiny.yaml"), [""; 0]);
+}
