@@ -1,42 +1,57 @@
 //! A disk that fills at random steps and is freed: the build says so and ends with 1, and the next one finishes.
 //!
 //! The store lies on a `tmpfs` of a few hundred KiB that grows from one build to the next. Mounting one needs rights;
-//! without them the test starts itself anew in a name space of its own, where it has them.
+//! without them the program starts itself anew in a name space of its own, where it has them, and where there is none the
+//! store's file operations fail in its place.
 
 use crate::Size;
+use crate::engine::{Built, Engine};
+use crate::failing::{Failing, How, Injection};
 use crate::place::{Place, Products, same, sound, within};
 use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
+use gs2e::store::fs::Real;
 use std::ffi::OsStr;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 
 const SCENES: u32 = 20;
 
 pub(crate) fn run(size: Size) -> Tally {
     let mut tally = Tally::default();
-    let rounds = size.of(20, 500);
-    let truth = {
-        let place = Place::new();
-        scenes::write(&place, SCENES, 5);
-        place.build("").unwrap()
-    };
+    let place = Place::new();
+    scenes::write(&place, SCENES, 5);
+    let truth = place.build("").unwrap();
+    let mounts = may_mount(place.root());
+    if !mounts {
+        tally
+            .notes
+            .push("no disk could be mounted: the file operations of the store fail instead".to_owned());
+    }
     tally.count("builds that met a full disk", 0);
-    for round in 0..rounds {
+    for round in 0..size.of(20, 500) {
         let mut random = Random::new(size.seed, round);
-        let ended = fill_and_free(&truth, &mut random, &mut tally);
+        let ended = if mounts {
+            fill_and_free(&truth, &mut random, &mut tally)
+        } else {
+            fail_and_mend(&truth, &mut random, &mut tally)
+        };
         tally.trial(ended.map_err(|why| format!("round {round}: {why}")));
     }
     tally
+}
+
+fn may_mount(folder: &Path) -> bool {
+    Disk::mount(folder, 64).is_ok()
 }
 
 /// Starts this program anew, with its own arguments, in a name space where it may mount, if it may not do so here.
 /// Returns where there is no need, or no such place.
 pub(crate) fn enter_name_space() {
     const NAME_SPACE: [&str; 4] = ["--user", "--map-root-user", "--mount", "--"];
-    let may_mount = |folder: &Path| Disk::mount(folder, 64).is_ok();
     let place = Place::new();
     if may_mount(place.root()) {
         return;
@@ -106,4 +121,23 @@ fn fill_and_free(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
         disk.grow(kib)?;
     }
     Err(format!("not finished with {kib} KiB"))
+}
+
+/// The same where nothing can be mounted: from some operation on there is no space, and each build gets further.
+fn fail_and_mend(truth: &Products, random: &mut Random, tally: &mut Tally) -> Result<(), String> {
+    let place = Place::in_memory();
+    scenes::write(&place, SCENES, 5);
+    loop {
+        let at = random.below(1500);
+        let full = Failing::new(Injection { at, how: How::NoSpace, forever: true });
+        match Engine::new(&place, Arc::new(full)).build(&place) {
+            Built::Failed(why) if why.to_lowercase().contains("no space") => {}
+            Built::Failed(why) => return Err(format!("operation {at}: {why}")),
+            Built::Panicked => return Err(format!("operation {at}: a panic")),
+            done @ Built::Done { .. } => return same(&done.products(&place)?, truth),
+        }
+        tally.count("builds that met a full disk", 1);
+        let sound = Engine::new(&place, Arc::new(Real));
+        within(&sound.look(&place)?, truth).map_err(|why| format!("operation {at}: {why}"))?;
+    }
 }

@@ -142,8 +142,12 @@ fn after_kill(
     finished: &mut BTreeSet<String>,
     tally: &mut Tally,
 ) -> Result<(), String> {
-    let at_work = std::fs::read_dir(place.path(".gs2e/tmp")).map_or(0, Iterator::count);
+    let begun = std::fs::read_dir(place.path(".gs2e/tmp")).into_iter().flatten();
+    let at_work = begun.filter(|entry| entry.as_ref().is_ok_and(|entry| entry.path().is_dir())).count();
     tally.count("steps lost", at_work as u64);
+    if at_work > CORES {
+        return Err(format!("{at_work} steps were at work on {CORES} cores"));
+    }
     let plan = place.plan()?;
     let products = sound(&plan).inspect_err(|_| tally.count("partial accepted", 1))?;
     within(&products, &undisturbed.products).inspect_err(|_| tally.count("partial accepted", 1))?;

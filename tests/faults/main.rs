@@ -9,6 +9,7 @@ mod arguments;
 mod damage;
 mod edits;
 mod engine;
+mod failing;
 mod flips;
 mod frozen;
 mod full;

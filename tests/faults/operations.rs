@@ -3,15 +3,13 @@
 //! But for an interruption that happens once, which is tried again, the build must say that it failed; nothing may
 //! count as up to date that is not; and a build without faults finishes with the right products.
 
-mod failing;
-
 use crate::Size;
 use crate::engine::{Built, Engine};
+use crate::failing::{Failing, How, Injection};
 use crate::place::{Place, Products, same, within};
 use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
-use failing::{Failing, How, Injection};
 use gs2e::store::fs::{Fs, Real};
 use std::fs;
 use std::path::PathBuf;
@@ -105,7 +103,7 @@ fn all_injections(scenes: u32, tally: &mut Tally) -> Vec<(Scenario, Injection)> 
         );
         for (at, kind) in counting.kinds().into_iter().enumerate() {
             for how in How::ALL.into_iter().filter(|how| how.can_meet(kind)) {
-                all.extend([false, true].map(|forever| (scenario, Injection { at, kind, how, forever })));
+                all.extend([false, true].map(|forever| (scenario, Injection { at, how, forever })));
             }
         }
     }

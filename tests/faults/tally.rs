@@ -42,9 +42,10 @@ impl Tally {
         self.trials
     }
 
-    fn figures(&self) -> String {
+    /// What was counted, behind `before` if there is any.
+    fn figures(&self, before: &str) -> String {
         let figures: Vec<String> = self.figures.iter().map(|(name, n)| format!("{name} {n}")).collect();
-        figures.join(", ")
+        if figures.is_empty() { String::new() } else { before.to_owned() + &figures.join(", ") }
     }
 }
 
@@ -65,7 +66,7 @@ impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, size, tally, seconds, .. } = self;
         write!(f, "{name}, seed {}, N {}, wrong {}", size.seed, tally.trials, tally.wrong())?;
-        writeln!(f, ", {seconds:.1} s: {}", tally.figures())?;
+        writeln!(f, ", {seconds:.1} s{}", tally.figures(": "))?;
         for why in tally.wrong.iter().take(SHOWN) {
             writeln!(f, "  wrong: {}", why.trim_end().replace('\n', "\n         "))?;
         }
@@ -89,11 +90,8 @@ impl Line {
     /// Its row of the table.
     pub(crate) fn row(&self) -> String {
         let Self { name, what, size, tally, seconds } = self;
-        let (trials, wrong) = (tally.trials, tally.wrong());
-        format!(
-            "{name:<10} {:>6} {trials:>8} {wrong:>6} {seconds:>8.1}  {what}; {}",
-            size.seed,
-            tally.figures()
-        )
+        let (seed, trials, wrong) = (size.seed, tally.trials, tally.wrong());
+        let figures = tally.figures("; ");
+        format!("{name:<10} {seed:>6} {trials:>8} {wrong:>6} {seconds:>8.1}  {what}{figures}")
     }
 }

@@ -2,15 +2,16 @@
 //! test a row; afterwards the products are always those of a build that nobody disturbed.
 
 mod moving;
+mod rot;
 
-use crate::support::steps::{products, recipe, steps};
+use crate::support::steps::{Step, products, recipe, steps};
 use crate::support::workspace::{Workspace, alter};
 use rustix::process::{Pid, Signal, kill_process_group};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, SystemTime};
 
@@ -196,6 +197,21 @@ fn a_recipe_is_removed() {
     stands_as_if_clean(&place);
     place.write("recipes/a.yaml", scene("a", 1).to_string());
     assert_eq!(made(&place), NONE, "nothing was thrown away");
+
+    fs::remove_file(place.path("recipes/a.yaml")).unwrap();
+    place.ok("gc --min-age 0s");
+    let (its, others): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| name.starts_with("a/"));
+    let blobs = |steps: &[(&String, &Step)]| -> BTreeSet<PathBuf> {
+        steps.iter().flat_map(|(_, step)| step.outputs.values().cloned()).collect()
+    };
+    let (its, others) = (blobs(&its), blobs(&others));
+    assert!(its.difference(&others).all(|path| !path.exists()), "its blobs are freed");
+    assert!(others.iter().all(|path| path.exists()), "and no other");
+    assert_eq!(steps(&place, "recipes"), after);
+    stands_as_if_clean(&place);
+    place.write("recipes/a.yaml", scene("a", 1).to_string());
+    assert_eq!(made(&place).len(), STEPS.len());
+    stands_as_if_clean(&place);
 }
 
 #[test]

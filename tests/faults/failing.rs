@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 /// Kinds of operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Folder,
     Write,
     Read,
@@ -23,7 +23,7 @@ pub(super) enum Kind {
 
 /// Ways to fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum How {
+pub(crate) enum How {
     NoSpace,
     Io,
     Interrupted,
@@ -34,10 +34,10 @@ pub(super) enum How {
 }
 
 impl How {
-    pub(super) const ALL: [Self; 5] = [Self::NoSpace, Self::Io, Self::Interrupted, Self::Short, Self::Denied];
+    pub(crate) const ALL: [Self; 5] = [Self::NoSpace, Self::Io, Self::Interrupted, Self::Short, Self::Denied];
 
     /// Whether an operation of this kind can fail so.
-    pub(super) fn can_meet(self, kind: Kind) -> bool {
+    pub(crate) fn can_meet(self, kind: Kind) -> bool {
         match self {
             Self::Io | Self::Interrupted => true,
             Self::NoSpace => {
@@ -60,14 +60,12 @@ impl How {
 
 /// What fails.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Injection {
+pub(crate) struct Injection {
     /// The number of the operation.
-    pub(super) at: usize,
-    /// What it was in a build without faults.
-    pub(super) kind: Kind,
-    pub(super) how: How,
+    pub(crate) at: usize,
+    pub(crate) how: How,
     /// Whether all operations fail from there on that can fail so.
-    pub(super) forever: bool,
+    pub(crate) forever: bool,
 }
 
 #[derive(Debug, Default)]
@@ -80,30 +78,30 @@ struct Log {
 
 /// The system's files, with faults.
 #[derive(Debug)]
-pub(super) struct Failing {
+pub(crate) struct Failing {
     injection: Option<Injection>,
     log: Mutex<Log>,
 }
 
 impl Failing {
-    pub(super) fn new(injection: Injection) -> Self {
+    pub(crate) fn new(injection: Injection) -> Self {
         Self { injection: Some(injection), log: Mutex::default() }
     }
 
     /// Counts only.
-    pub(super) fn never() -> Self {
+    pub(crate) fn never() -> Self {
         Self { injection: None, log: Mutex::default() }
     }
 
-    pub(super) fn kinds(&self) -> Vec<Kind> {
+    pub(crate) fn kinds(&self) -> Vec<Kind> {
         self.log.lock().unwrap().kinds.clone()
     }
 
-    pub(super) fn hits(&self) -> u64 {
+    pub(crate) fn hits(&self) -> u64 {
         self.log.lock().unwrap().hits
     }
 
-    pub(super) fn told(&self) -> String {
+    pub(crate) fn told(&self) -> String {
         self.log.lock().unwrap().told.clone().unwrap_or_default()
     }
 
