@@ -121,7 +121,8 @@ fn sequence(clean: &mut Clean, random: &mut Random, tally: &mut Tally) -> Result
             tally.count("edits", 1);
         }
         let after = || told.join("; ");
-        let built = place.build("-j 2").map_err(|why| format!("after {}: {why}", after()))?;
+        let with = random.pick(&["", "-j 2", "-j 2", "--verify", "--recheck 50%"]);
+        let built = place.build(with).map_err(|why| format!("after {}: {why}", after()))?;
         same(&built, &clean.products(&wishes)?).map_err(|why| format!("after {}: {why}", after()))?;
     }
     Ok(())

@@ -13,18 +13,20 @@ use gs2e::store::Digest;
 use rustix::process::Signal;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Cores that a build is given: at most so many steps are at work when it is killed.
 const CORES: usize = 2;
 
-/// Longest time before a kill, ms.
-const PATIENCE_MS: f64 = 150.0;
+/// Kills that it takes to get through a build, about: none comes later than this part of an undisturbed one.
+const KILLS_A_BUILD: f64 = 6.0;
 
 /// What a build that nobody disturbed makes.
 struct Undisturbed {
     products: Products,
     release: BTreeMap<PathBuf, Digest>,
+    /// The longest time before a kill.
+    patience: Duration,
 }
 
 pub(crate) fn run(size: Size) -> Tally {
@@ -50,9 +52,11 @@ pub(crate) fn run(size: Size) -> Tally {
 fn undisturbed(count: u32) -> Undisturbed {
     let place = Place::new();
     scenes::write(&place, count, 10);
+    let started = Instant::now();
     let products = place.build("").unwrap();
+    let patience = started.elapsed().div_f64(KILLS_A_BUILD);
     place.ok("release --to out").unwrap();
-    Undisturbed { products, release: tree(&place.path("out")) }
+    Undisturbed { products, release: tree(&place.path("out")), patience }
 }
 
 /// Builds with kills until the build, and the release after it, are done or enough kills are counted.
@@ -66,7 +70,7 @@ fn until_done(
     let mut finished = BTreeSet::new();
     let args = format!("build --json -j {CORES}");
     while tally.trials() < kills {
-        let after = Duration::from_secs_f64(1e-3 * PATIENCE_MS * random.unit());
+        let after = undisturbed.patience.mul_f64(random.unit());
         let (ended, was_hit) = run_until(place.root(), &args, after, Signal::KILL);
         note_made(&ended.made(), &mut finished, tally)?;
         if !was_hit {
@@ -100,7 +104,7 @@ fn released(
         if tally.trials() >= kills {
             break;
         }
-        let after = Duration::from_secs_f64(1e-3 * PATIENCE_MS * random.unit());
+        let after = undisturbed.patience.mul_f64(random.unit());
         let (ended, was_hit) = run_until(place.root(), "release --to out", after, Signal::KILL);
         if !was_hit {
             orderly(&ended, tally)?;

@@ -7,6 +7,7 @@ use crate::Size;
 use crate::engine::{Built, Engine};
 use crate::failing::{Failing, How, Injection};
 use crate::place::{Place, Products, same, within};
+use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
@@ -25,6 +26,8 @@ enum Scenario {
     Mending,
     /// Nothing.
     Idle,
+    /// Nothing, and every byte is read.
+    Verifying,
 }
 
 struct Fixture {
@@ -44,8 +47,8 @@ impl Fixture {
         Self { place, truth, recipes }
     }
 
-    fn engine(&self, fs: Arc<dyn Fs>) -> Engine {
-        Engine { recipes: self.recipes.clone(), fs, verify: false }
+    fn engine(&self, fs: Arc<dyn Fs>, scenario: Scenario) -> Engine {
+        Engine { recipes: self.recipes.clone(), fs, verify: matches!(scenario, Scenario::Verifying) }
     }
 
     /// The store in which the build begins.
@@ -55,7 +58,7 @@ impl Fixture {
         let known = match scenario {
             Scenario::Cold => return,
             Scenario::Mending => all - 1,
-            Scenario::Idle => all,
+            Scenario::Idle | Scenario::Verifying => all,
         };
         let engine = Engine { recipes: self.recipes[..known].to_vec(), fs: Arc::new(Real), verify: false };
         let Built::Done { outputs, .. } = engine.build(&self.place) else { panic!("a sound build failed") };
@@ -71,10 +74,19 @@ impl Fixture {
     }
 }
 
+/// Trials of the long run.
+const LONG_TRIALS: usize = 2000;
+
 pub(crate) fn run(size: Size) -> Tally {
     let scenes = size.of(3, 100);
     let mut tally = Tally::default();
-    let all = all_injections(scenes, &mut tally);
+    let mut all = all_injections(scenes, &mut tally);
+    tally.count("ways to fail", all.len() as u64);
+    if size.long {
+        // Each trial builds hundreds of steps: every so manieth is tried, from a place that the seed chooses.
+        let stride = all.len().div_ceil(LONG_TRIALS);
+        all = all.into_iter().skip(Random::new(size.seed, 0).below(stride)).step_by(stride).collect();
+    }
     tally.merge(spread(
         all.len(),
         || Fixture::new(scenes),
@@ -94,10 +106,10 @@ pub(crate) fn run(size: Size) -> Tally {
 fn all_injections(scenes: u32, tally: &mut Tally) -> Vec<(Scenario, Injection)> {
     let fixture = Fixture::new(scenes);
     let mut all = Vec::new();
-    for scenario in [Scenario::Cold, Scenario::Mending, Scenario::Idle] {
+    for scenario in [Scenario::Cold, Scenario::Mending, Scenario::Idle, Scenario::Verifying] {
         fixture.prepare(scenario);
         let counting = Arc::new(Failing::never());
-        let built = fixture.engine(counting.clone()).build(&fixture.place);
+        let built = fixture.engine(counting.clone(), scenario).build(&fixture.place);
         tally.trial(
             undisturbed(&fixture, scenario, &built).map_err(|why| format!("{scenario:?}, no fault: {why}")),
         );
@@ -119,6 +131,7 @@ fn undisturbed(fixture: &Fixture, scenario: Scenario, built: &Built) -> Result<(
         Scenario::Cold => (4 * scenes, 0),
         Scenario::Mending => (2 + 4, scenes - 2),
         Scenario::Idle => (0, scenes),
+        Scenario::Verifying => (0, 0),
     };
     if (made, settled) == wanted {
         return Ok(());
@@ -134,7 +147,7 @@ fn trial(
 ) -> Result<(), String> {
     fixture.prepare(scenario);
     let failing = Arc::new(Failing::new(injection));
-    let built = fixture.engine(failing.clone()).build(&fixture.place);
+    let built = fixture.engine(failing.clone(), scenario).build(&fixture.place);
     tally.count("errors injected", failing.hits());
     let is_retried = injection.how == How::Interrupted && !injection.forever;
     let verdict = match &built {
@@ -159,7 +172,7 @@ fn after(fixture: &Fixture, built: &Built) -> Result<(), String> {
     if let Built::Done { .. } = built {
         same(&built.products(place)?, truth)?;
     }
-    let sound = fixture.engine(Arc::new(Real));
+    let sound = fixture.engine(Arc::new(Real), Scenario::Idle);
     within(&sound.look(place)?, truth)?;
     let next = sound.build(place).products(place).and_then(|products| same(&products, truth));
     next.map_err(|why| format!("the next build: {why}"))
