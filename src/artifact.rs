@@ -25,22 +25,34 @@ use std::path::{Path, PathBuf};
 /// The files of an artifact by name, wherever the store keeps them.
 #[derive(Debug, Clone, Default)]
 pub struct Files {
-    paths: BTreeMap<String, PathBuf>,
-    bytes: u64,
+    files: BTreeMap<String, Stored>,
+}
+
+/// A file in the store.
+#[derive(Debug, Clone)]
+struct Stored {
+    path: PathBuf,
+    size: u64,
 }
 
 impl Files {
     /// The files that a step made, where the store keeps them.
     #[must_use]
     pub fn of(outputs: &[Output], store: &Store) -> Self {
-        let paths = outputs.iter().map(|o| (o.name.clone(), store.path_of(&o.digest))).collect();
-        Self { paths, bytes: outputs.iter().map(|o| o.size).sum() }
+        let stored = |o: &Output| Stored { path: store.path_of(&o.digest), size: o.size };
+        Self { files: outputs.iter().map(|o| (o.name.clone(), stored(o))).collect() }
     }
 
     /// Sum of their lengths.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.bytes
+        self.files.values().map(|file| file.size).sum()
+    }
+
+    /// Length of the file of this name; 0 where there is none.
+    #[must_use]
+    pub fn size(&self, name: &str) -> u64 {
+        self.files.get(name).map_or(0, |file| file.size)
     }
 
     /// Where the file of this name lies.
@@ -48,13 +60,13 @@ impl Files {
     /// # Errors
     /// When the artifact has no such file.
     pub fn path(&self, name: &str) -> Result<&Path, ArtifactError> {
-        let found = self.paths.get(name).map(PathBuf::as_path);
+        let found = self.files.get(name).map(|file| file.path.as_path());
         found.ok_or_else(|| ArtifactError { name: name.to_owned(), because: "it is not there".into() })
     }
 
     /// All names and paths, sorted by name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Path)> {
-        self.paths.iter().map(|(name, path)| (name.as_str(), path.as_path()))
+        self.files.iter().map(|(name, file)| (name.as_str(), file.path.as_path()))
     }
 
     fn read<T, E: ToString>(

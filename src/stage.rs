@@ -12,6 +12,8 @@ pub mod trajectory;
 
 use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::camera::{Camera, CameraChoice};
+use crate::image::Size;
+use crate::render::cpu;
 use crate::source::Capture;
 use crate::store::Digest;
 use crate::store::description::{Value, describe};
@@ -133,6 +135,11 @@ pub trait Stage: serde::Serialize {
     /// Raised when the same parameters and inputs come to mean other bytes.
     const REVISION: u32;
 
+    /// Parameters that came after the first revision, as their place among the parameters and the text of the value
+    /// that they had until then: a parameter that has this value stays out of the key. So adding one rekeys nothing,
+    /// and another default later rekeys just what relies on it. An entry is never changed.
+    const ADDED: &'static [(&'static str, &'static str)] = &[];
+
     /// What it takes from other steps.
     type Inputs: Inputs;
 
@@ -161,8 +168,7 @@ pub trait Stage: serde::Serialize {
     fn need(&self, files: &[Files]) -> Need {
         /// A small stage holds its inputs a few times over.
         const COPIES: u64 = 4;
-        let bytes: u64 = files.iter().map(Files::bytes).sum();
-        Need { memory: BASE_MEMORY + COPIES * bytes, gpu: false }
+        Need::memory([COPIES * files.iter().map(Files::bytes).sum::<u64>()])
     }
 
     /// Writes the product's files into `cx.out`.
@@ -181,8 +187,27 @@ pub struct Need {
     pub gpu: bool,
 }
 
-/// Buffers, stacks and tables of any step, bytes.
-pub const BASE_MEMORY: u64 = 8 << 20;
+impl Need {
+    /// Memory for these parts, bytes, beside what every step needs.
+    #[must_use]
+    pub fn memory(parts: impl IntoIterator<Item = u64>) -> Self {
+        /// Buffers, stacks and tables; with the program itself.
+        const BASE: u64 = 12 << 20;
+        Self { memory: parts.into_iter().fold(BASE, u64::saturating_add), gpu: false }
+    }
+}
+
+/// What a stage needs that renders: the renderer, and `others` bytes a pixel of its own. Without a capture that can be
+/// read the number of pixels is not known, and the stage will not run either.
+fn rendering_need(choice: Option<CameraChoice>, files: &[Files], others: u64) -> Need {
+    let size = files.first().and_then(|capture| Capture::open(capture).ok()).map(|capture| {
+        let own = capture.camera().0;
+        choice.map_or(own, |choice| choice.resolve(&own)).size
+    });
+    let scene = files.get(1).map_or(0, Files::bytes);
+    let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
+    Need::memory(size.into_iter().flat_map(|size| [cpu::memory(scene, size), own(size)]))
+}
 
 /// What a running stage may use beside its inputs.
 #[derive(Debug)]
@@ -336,7 +361,7 @@ where
         let mut fields = BTreeMap::from([
             ("stage".to_owned(), Value::Text(S::NAME.to_owned())),
             ("revision".to_owned(), Value::Unsigned(S::REVISION.into())),
-            ("params".to_owned(), describe(&self.stage)),
+            ("params".to_owned(), describe(&self.stage).with_implied(S::ADDED)),
             ("inputs".to_owned(), Value::Record(inputs)),
         ]);
         if let Some(class) = self.stage.class() {

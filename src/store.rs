@@ -1,7 +1,7 @@
 //! The store: immutable blobs under the BLAKE3 of their bytes, and records that say what a key made.
 //!
 //! ```text
-//! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  tmp/  trash/
+//! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  tmp/  trash/  roots/
 //! ```
 //! `cas/` and `ac/` are the truth and never changed in place; `state.db` is an index of `ac/` and a cache of file
 //! digests: losing it costs time, never correctness. Publishing goes blobs, record, sync, database row, in this order,
@@ -205,7 +205,6 @@ impl Store {
     /// The outputs on record for a key, if there is a record, and what it took. The index is asked first; what a
     /// process recorded that was killed before it wrote the index, or that works just now, stands in `ac/` alone and
     /// counts as much.
-    #[must_use]
     ///
     /// # Errors
     /// When the record is there and cannot be read.

@@ -50,8 +50,8 @@ impl Ninja {
     }
 
     /// The first build.
-    pub(crate) fn cold(&self) -> Command {
-        command("ninja", &self.dir, &["-j2"])
+    pub(crate) fn cold(&self, jobs: &str) -> Command {
+        command("ninja", &self.dir, &[jobs])
     }
 
     pub(crate) fn build(&self) -> Command {

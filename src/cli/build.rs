@@ -8,7 +8,7 @@ use super::{Common, Targets, clock, failure, machine, on_interrupt, plan};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
-use crate::plan::survey::{Settled, Survey, survey};
+use crate::plan::survey::{Settled, Survey, survey, unsettled};
 use crate::recipe::{self, Recipe};
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
@@ -69,14 +69,19 @@ impl Build {
             read_plan(paths)?;
         }
         let store = open(common, &self.care, console)?;
-        let Survey { settled, plan } = survey(paths, &store, &tag(common))?;
+        // What is to be made again must be in the plan.
+        let surveyed =
+            if self.care.recheck.is_some() { unsettled(paths) } else { survey(paths, &store, &tag(common)) };
+        let Survey { settled, plan } = surveyed?;
         tell_settled(&settled, &store, console);
+        let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {
             Summary::default()
         } else {
-            Building { targets: &self.targets, common, care: &self.care, console }.build(&plan, &store)?
+            let (targets, care) = (&self.targets, &self.care);
+            Building { settled, targets, common, care, console }.build(&plan, &store)?
         };
-        summary.kept += settled.iter().map(|scene| scene.steps.len()).sum::<usize>();
+        summary.kept += settled;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(exit(&summary))
     }
@@ -100,8 +105,9 @@ fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
             for step in &scene.steps {
                 let name = format!("{}/{}", scene.scene, step.name);
                 let outputs = plan::outputs(store, &step.outputs);
-                console
-                    .result(&json!({ "step": name, "state": "kept", "key": step.key, "outputs": outputs }));
+                console.result(&json!({
+                    "step": name, "state": "kept", "key": step.key, "outputs": outputs, "seconds": null,
+                }));
             }
         }
     }
@@ -162,6 +168,8 @@ pub(super) fn tell_notices(store: &Store, console: &Console) {
 
 /// What the user asked of a build.
 pub(super) struct Building<'a> {
+    /// Steps that were up to date at a glance.
+    pub(super) settled: usize,
     pub(super) targets: &'a Targets,
     pub(super) common: &'a Common,
     pub(super) care: &'a Care,
@@ -182,6 +190,7 @@ impl Building<'_> {
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
+        let progress = progress.beside(self.settled);
         let summary = run::run(plan, store, options, &cancel, &progress);
         let failed = progress.close();
         if common.keep_going && !failed.is_empty() {

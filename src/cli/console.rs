@@ -21,6 +21,11 @@ impl Console {
         !self.quiet && std::io::stderr().is_terminal()
     }
 
+    /// The same for people only, where what programs get has its own form.
+    pub(super) fn for_people(&self) -> Self {
+        Self { json: false, quiet: self.quiet }
+    }
+
     /// A line for people, unless they want none.
     pub(super) fn say(&self, text: &str) {
         if !self.quiet {

@@ -60,7 +60,8 @@ fn unlike(message: Message, sides: &Unlike) -> Message {
     let side = |name: &str, record: &Record| {
         let Provenance { tool, seconds, threads, .. } = &record.provenance;
         let digest = content(&record.outputs);
-        format!("{name}: {digest} (gs2e {tool}, {seconds:.1} s, {threads} threads)")
+        let plural = if *threads == 1 { "" } else { "s" };
+        format!("{name}: {digest} (gs2e {tool}, {seconds:.1} s, {threads} thread{plural})")
     };
     let message = message
         .detail(format!("key: {}", sides.now.key))
@@ -123,7 +124,7 @@ mod tests {
         let at = Place { scene: "a", step: "base/events", finished: 0, all: 1 };
         let wanted = format!(
             "error: a/base/events: other bytes than before from the same inputs\n key: {key}\n before: {none} \
-             (gs2e 0.1.0, 3.1 s, 8 threads)\n now: {none} (gs2e 0.2.0, 2.0 s, 1 threads)\n first difference: \
+             (gs2e 0.1.0, 3.1 s, 8 threads)\n now: {none} (gs2e 0.2.0, 2.0 s, 1 thread)\n first difference: \
              events.h5 at byte 7\nhelp: the first are kept; gs2e why a/base/events shows what they were made \
              from"
         );

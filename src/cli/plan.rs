@@ -41,7 +41,8 @@ impl Show {
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let Survey { settled, plan } = survey(&self.targets.recipes, &store, &tag(common))?;
         let assessed = assess(&plan, &store)?;
-        super::build::tell_notices(&store, console);
+        // What goes to programs is one array.
+        super::build::tell_notices(&store, &console.for_people());
         if self.estimate {
             estimate(&plan, &assessed, &store, common, console)?;
             return Ok(Exit::Done);

@@ -23,6 +23,8 @@ use std::time::Instant;
 /// Shows a run as it happens.
 pub(super) struct Progress<'a> {
     plan: &'a Plan,
+    /// Steps that were up to date at a glance, before the plan.
+    settled: usize,
     store: &'a Store,
     console: &'a Console,
     began: Instant,
@@ -62,7 +64,21 @@ impl<'a> Progress<'a> {
     ) -> Self {
         let bars = console.is_live().then(|| Bars::new(plan, cores, expected));
         let shown = Mutex::new(Shown { bars, ..Shown::default() });
-        Self { plan, store, console, began: Instant::now(), shown }
+        Self { plan, settled: 0, store, console, began: Instant::now(), shown }
+    }
+
+    /// Beside steps that were up to date at a glance: they count in what is told.
+    pub(super) fn beside(self, settled: usize) -> Self {
+        let mut shown = self.shown.into_inner().expect("no observer panics");
+        shown.ended += settled;
+        shown.finished += settled;
+        shown.bars.iter().for_each(|bars| bars.beside(settled));
+        Self { settled, shown: Mutex::new(shown), ..self }
+    }
+
+    /// All steps, settled or planned.
+    fn all(&self) -> usize {
+        self.settled + self.plan.steps().len()
     }
 
     /// Takes the bars away, and returns scene, step and message of each failure.
@@ -142,7 +158,7 @@ impl<'a> Progress<'a> {
     }
 
     fn made(&self, shown: &mut Shown, step: StepId, seconds: f64, remark: Option<&str>, warnings: &[String]) {
-        let (all, name) = (self.plan.steps().len(), self.name(step));
+        let (all, name) = (self.all(), self.name(step));
         // What bars show needs no lines.
         if shown.bars.is_none() && shown.pace.admits(self.began.elapsed().as_secs_f64()) {
             let (width, ended) = (all.to_string().len(), shown.ended);
@@ -158,7 +174,7 @@ impl<'a> Progress<'a> {
         let step = failure.step;
         self.ended(shown, &Ended { step, state: "failed", key: None, outputs: &[], seconds: None }, None);
         let (scene, name) = self.place(step);
-        let place = Place { scene, step: name, finished: shown.finished, all: self.plan.steps().len() };
+        let place = Place { scene, step: name, finished: shown.finished, all: self.all() };
         let message = failure::failed(place, &failure.error);
         self.tell(shown, &message);
         shown.failed.push((scene.to_owned(), name.to_owned(), message));

@@ -48,7 +48,7 @@ impl Release {
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
-        let building = Building { targets: &self.targets, common, care: &self.care, console };
+        let building = Building { settled: 0, targets: &self.targets, common, care: &self.care, console };
         let summary = building.build(&plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit(&summary);

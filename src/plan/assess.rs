@@ -248,7 +248,7 @@ fn step_behind(
 }
 
 /// A step with those of its inputs that are known.
-fn describe(
+pub(crate) fn describe(
     step: &PlannedStep,
     sources: &Sources,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,

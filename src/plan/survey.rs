@@ -87,7 +87,11 @@ pub fn survey(paths: &[PathBuf], store: &Store, tag: &Digest) -> Result<Survey, 
     Ok(Survey { settled, plan: Plan::new(recipes) })
 }
 
-fn unsettled(paths: &[PathBuf]) -> Result<Survey, SurveyError> {
+/// Reads and plans every scene, whatever is remembered.
+///
+/// # Errors
+/// Every fault of the recipes, as [`recipe::read_all`].
+pub fn unsettled(paths: &[PathBuf]) -> Result<Survey, SurveyError> {
     Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?) })
 }
 

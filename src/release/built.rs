@@ -5,14 +5,14 @@ use crate::camera::Camera;
 use crate::check::Finding;
 use crate::licence::Composed;
 use crate::plan::Plan;
+use crate::plan::assess::{Product, describe};
 use crate::recipe::Recipe;
 use crate::run::Summary;
 use crate::scene::{Gaussians, Screening};
 use crate::source::Capture;
-use crate::stage::StepId;
 use crate::store::description::Line;
 use crate::store::record::Output;
-use crate::store::{Key, Store, StoreError};
+use crate::store::{Key, Store};
 use std::path::PathBuf;
 
 /// A scene whose steps are all made.
@@ -75,9 +75,6 @@ pub enum GatherError {
         /// Step name.
         step: String,
     },
-    /// The store failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
     /// A product cannot be opened.
     #[error("{scene}/{step}: failed to {because}")]
     Unreadable {
@@ -130,11 +127,13 @@ pub(super) fn gather<'a>(
     let recipe = &plan.scenes()[index];
     let not_built = |step: &str| GatherError::NotBuilt { scene: recipe.scene.clone(), step: step.to_owned() };
     let mut steps = Vec::new();
+    let outputs_of = |id| summary.products.get(&id).map(|product| product.outputs.clone());
     for (id, planned) in plan.steps_of(index) {
-        let (key, outputs) = made(summary, id).ok_or_else(|| not_built(&planned.name))?;
-        let (name, stage) = (planned.name.clone(), planned.step.stage());
-        let description = store.full_record(&key)?.ok_or_else(|| not_built(&name))?.description;
-        steps.push(BuiltStep { name, stage, key, description, outputs });
+        let Product { key, outputs, sources } =
+            summary.products.get(&id).ok_or_else(|| not_built(&planned.name))?;
+        let description = describe(planned, sources, &outputs_of).lines();
+        let (name, stage, outputs) = (planned.name.clone(), planned.step.stage(), outputs.clone());
+        steps.push(BuiltStep { name, stage, key: *key, description, outputs });
     }
     let shelf = Shelf { scene: &recipe.scene, store, steps };
     let (capture, _) = shelf.open("capture")?;
@@ -151,10 +150,6 @@ pub(super) fn gather<'a>(
     let owner = recipe.licence.as_ref().map(|l| l.expression.as_str());
     let licence = crate::licence::compose(recipe.source.kind(), owner);
     Ok(BuiltScene { recipe, capture, gaussians, licence, trajectories, steps: shelf.steps })
-}
-
-fn made(summary: &Summary, id: StepId) -> Option<(Key, Vec<Output>)> {
-    summary.products.get(&id).map(|product| (product.key, product.outputs.clone()))
 }
 
 fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {

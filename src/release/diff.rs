@@ -245,12 +245,11 @@ fn scene([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneFile; 2])
 }
 
 fn steps(old: &[ManifestStep], new: &[ManifestStep]) -> Vec<StepChange> {
-    let find = |list: &'_ [ManifestStep], step: &ManifestStep| list.iter().position(|s| s.step == step.step);
-    let there = new.iter().filter_map(|step| match find(old, step) {
+    let there = new.iter().filter_map(|step| match old.iter().find(|s| s.step == step.step) {
         None => Some(StepChange::new(step, false, vec![Reason::StepAdded])),
-        Some(i) => step_change(&old[i], step),
+        Some(before) => step_change(before, step),
     });
-    let gone = old.iter().filter(|step| find(new, step).is_none());
+    let gone = old.iter().filter(|step| new.iter().all(|s| s.step != step.step));
     let gone = gone.map(|step| StepChange::new(step, false, vec![Reason::StepRemoved]));
     there.chain(gone).collect()
 }

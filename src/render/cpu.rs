@@ -17,6 +17,7 @@ mod splat;
 
 use super::shared::MAX_EDGE;
 use super::{Channels, RenderError, Rendered, Renderer, Style, View, Work};
+use crate::image::Size;
 use crate::scene::Gaussians;
 use activate::Activated;
 use bin::{Grid, Lists};
@@ -42,6 +43,14 @@ pub struct Cpu {
 /// The numerical class: plain IEEE operations in a fixed order, equal on every machine. Raised with every change of
 /// a pixel's bits.
 pub const FINGERPRINT: &str = "cpu/1";
+
+/// Memory that rendering a scene of this many bytes at this size takes, bytes, by measurement: the scene as it is and
+/// as the renderer has it; colour, alpha and depth of every pixel, and the lists of its tile.
+#[must_use]
+pub fn memory(scene_bytes: u64, size: Size) -> u64 {
+    const BYTES_A_PIXEL: u64 = 24;
+    2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
+}
 
 impl Cpu {
     /// Prepares a scene. Gaussians with a value that is not finite are kept out of every image.

@@ -4,6 +4,7 @@ use crate::plan::Plan;
 use crate::plan::past::Past;
 use crate::stage::StepId;
 use std::cmp::Reverse;
+use std::time::Duration;
 
 /// A step's place in the order: the smallest comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -11,8 +12,11 @@ pub(super) struct Rank(Reverse<u64>, pub(super) StepId);
 
 /// The rank of each step. A step of which nothing is known counts as nothing: the result depends on no rank.
 pub(super) fn ranks(plan: &Plan, past: &[Option<Past>]) -> Vec<Rank> {
-    // Milliseconds, so that ranks are compared exactly.
-    let own = |step: usize| past[step].map_or(0, |p| (p.core_seconds * 1e3).max(0.0) as u64);
+    // Milliseconds, so that ranks are compared exactly; what a damaged record may say is no reason to stop.
+    let own = |step: usize| {
+        let seconds = past[step].map_or(0.0, |past| past.core_seconds);
+        Duration::try_from_secs_f64(seconds).map_or(0, |d| u64::try_from(d.as_millis()).unwrap_or(u64::MAX))
+    };
     let mut chains: Vec<u64> = (0..plan.steps().len()).map(own).collect();
     // Inputs stand before those that need them, so backwards every follower is done.
     for (step, planned) in plan.steps().iter().enumerate().rev() {

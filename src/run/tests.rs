@@ -1,10 +1,11 @@
 //! The executor on toy stages.
 
 use super::*;
-use crate::artifact::{Artifact, ArtifactError};
+use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::recipe;
-use crate::stage::{SourceFile, Stage, Target};
+use crate::stage::{Context, SourceFile, Stage, Target};
 use crate::store::Access;
+use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
 /// What steps of these tests hand on.

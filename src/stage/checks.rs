@@ -3,8 +3,8 @@
 //! Neither the scene's id nor the trajectory's name is part of what is checked, so findings are stored with an empty
 //! subject; whoever shows them says whose they are.
 
-use super::{Context, Stage, StageError, Target};
-use crate::artifact::{EventStream, Motion, Verdicts, write_json};
+use super::{Context, Need, Stage, StageError, Target};
+use crate::artifact::{EventStream, Files, Motion, Verdicts, write_json};
 use crate::check::drift::DriftLaw;
 use crate::check::tally::Observer;
 use crate::check::{Limits, Subject, Tally, judge};
@@ -27,6 +27,13 @@ impl Stage for Checking {
     const REVISION: u32 = 1;
     type Inputs = (Target<Motion>, Option<Target<EventStream>>);
     type Output = Verdicts;
+
+    fn need(&self, files: &[Files]) -> Need {
+        // The stream passes by in chunks; what the sensor saw at some frames is held, with the counts of each pixel.
+        let held =
+            files.iter().map(|files| files.size("brightness.npy") + files.size("poses.txt")).sum::<u64>();
+        Need::memory([held, held, held])
+    }
 
     fn run(
         &self,

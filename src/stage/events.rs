@@ -1,7 +1,7 @@
 //! Stage `events`: renders the luminance of every pose and shows it to the sensor.
 
-use super::{Context, Stage, StageError, Target};
-use crate::artifact::{EventStream, Motion, Simulation, write_json};
+use super::{Context, Need, Stage, StageError, Target};
+use crate::artifact::{EventStream, Files, Motion, Simulation, write_json};
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
 use crate::frames::anchors::Anchors;
@@ -36,6 +36,9 @@ pub struct Simulating {
     pub seed: Seed,
 }
 
+/// State of the sensor, pictures between the renderer and it, and the sample of the flow, by measurement.
+const BYTES_A_PIXEL: u64 = 232;
+
 /// Pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
 
@@ -47,6 +50,10 @@ impl Stage for Simulating {
 
     fn class(&self) -> Option<String> {
         Some(cpu::FINGERPRINT.to_owned())
+    }
+
+    fn need(&self, files: &[Files]) -> Need {
+        super::rendering_need(self.camera, files, BYTES_A_PIXEL)
     }
 
     fn run(

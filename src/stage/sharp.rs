@@ -1,7 +1,7 @@
 //! Stage `sharp`: the frames that a release shows, one PNG a pose.
 
-use super::{Context, Stage, StageError, Target};
-use crate::artifact::{Motion, Pictures, write_json};
+use super::{Context, Need, Stage, StageError, Target};
+use crate::artifact::{Files, Motion, Pictures, write_json};
 use crate::camera::CameraChoice;
 use crate::image::png;
 use crate::render::cpu::{self, Cpu};
@@ -29,6 +29,9 @@ pub struct Photographing {
 /// Frames that are rendered before any of them is encoded: the encoder works on one core a frame.
 const BATCH: usize = 8;
 
+/// A batch in 32-bit colour, and what the encoders hold, by measurement.
+const BYTES_A_PIXEL: u64 = 104;
+
 impl Stage for Photographing {
     const NAME: &'static str = "sharp";
     const REVISION: u32 = 1;
@@ -37,6 +40,10 @@ impl Stage for Photographing {
 
     fn class(&self) -> Option<String> {
         Some(cpu::FINGERPRINT.to_owned())
+    }
+
+    fn need(&self, files: &[Files]) -> Need {
+        super::rendering_need(self.camera, files, BYTES_A_PIXEL)
     }
 
     fn run(

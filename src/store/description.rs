@@ -35,6 +35,8 @@ pub enum Value {
     Variant(String, Box<Value>),
     /// Digest of an input.
     Digest(Digest),
+    /// A value that is shown, and stays out of the encoding of the record that holds it.
+    Implied(Box<Value>),
 }
 
 impl Value {
@@ -55,16 +57,53 @@ impl Value {
             Self::Bytes(v) => tagged(out, 6, v),
             Self::List(values) => nested(out, 7, |out| values.iter().for_each(|v| v.encode(out))),
             Self::Record(fields) => nested(out, 8, |out| {
-                for (name, value) in fields {
+                for (name, value) in fields.iter().filter(|(_, value)| !matches!(value, Self::Implied(_))) {
                     tagged(out, 5, name.as_bytes());
                     value.encode(out);
                 }
             }),
+            // Only a field can be left out.
+            Self::Implied(value) => value.encode(out),
             Self::Variant(name, value) => nested(out, 9, |out| {
                 tagged(out, 5, name.as_bytes());
                 value.encode(out);
             }),
             Self::Digest(v) => tagged(out, 10, v.as_bytes()),
+        }
+    }
+
+    /// The same, with those fields implied that stand at one of these places and read like the text beside it. A record
+    /// that holds nothing else is implied itself.
+    #[must_use]
+    pub fn with_implied(self, added: &[(&str, &str)]) -> Self {
+        if added.is_empty() { self } else { self.imply("", added) }
+    }
+
+    fn imply(self, path: &str, added: &[(&str, &str)]) -> Self {
+        match self {
+            Self::Record(fields) if !fields.is_empty() => {
+                let below =
+                    |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
+                let imply = |(name, value): (String, Self)| {
+                    let value = value.imply(&below(&name), added);
+                    (name, value)
+                };
+                let fields: BTreeMap<String, Self> = fields.into_iter().map(imply).collect();
+                let all = fields.values().all(|value| matches!(value, Self::Implied(_)));
+                let record = Self::Record(fields);
+                if all && !path.is_empty() { Self::Implied(Box::new(record)) } else { record }
+            }
+            leaf if added.contains(&(path, leaf.to_string().as_str())) => Self::Implied(Box::new(leaf)),
+            Self::Variant(name, value) => {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                // The choice itself counts, whatever its content implies.
+                let value = match value.imply(&path, added) {
+                    Self::Implied(value) => value,
+                    value => Box::new(value),
+                };
+                Self::Variant(name, value)
+            }
+            leaf => leaf,
         }
     }
 
@@ -90,6 +129,7 @@ impl Value {
                 }
             }
             Self::Variant(name, value) if **value != Self::empty() => value.walk(&below(name), lines),
+            Self::Implied(value) => value.walk(path, lines),
             leaf => lines.push(Line { path: path.to_owned(), text: leaf.to_string() }),
         }
     }
@@ -118,6 +158,7 @@ impl fmt::Display for Value {
             Self::Record(_) => f.write_str("{}"),
             Self::Variant(name, _) => f.write_str(name),
             Self::Digest(v) => write!(f, "{v}"),
+            Self::Implied(v) => v.fmt(f),
         }
     }
 }
@@ -441,6 +482,37 @@ mod tests {
         want.extend(b"with-number");
         want.extend([3, 8, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(bytes(&value), want);
+    }
+
+    /// A stage before and after it was given two parameters.
+    #[test]
+    fn a_parameter_with_its_first_value_rekeys_nothing() {
+        #[derive(serde::Serialize)]
+        struct Before {
+            a: f64,
+        }
+        #[derive(serde::Serialize)]
+        struct After {
+            a: f64,
+            gain: Choice,
+            more: More,
+        }
+        #[derive(serde::Serialize)]
+        struct More {
+            depth: u8,
+        }
+        let before = bytes(&describe(&Before { a: 1.0 }));
+        let added = [("gain", "plain"), ("more.depth", "3")];
+        let after =
+            |gain, depth| describe(&After { a: 1.0, gain, more: More { depth } }).with_implied(&added);
+        assert_eq!(bytes(&after(Choice::Plain, 3)), before);
+        for other in [after(Choice::WithNumber(1), 3), after(Choice::Plain, 4)] {
+            assert_ne!(bytes(&other), before);
+        }
+        // What is left out is told all the same: an edit shows the value that was there before.
+        let text: Vec<String> =
+            after(Choice::Plain, 3).lines().into_iter().map(|l| l.path + "=" + &l.text).collect();
+        assert_eq!(text, ["a=1.0", "gain=plain", "more.depth=3"]);
     }
 
     #[test]

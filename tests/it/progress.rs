@@ -83,3 +83,17 @@ fn a_quiet_build_tells_failures_once() {
     assert!(!ended.stderr.contains("failed:") && !ended.stderr.contains("made "), "{}", ended.stderr);
     assert_eq!(place.stale("tiny.yaml"), [""; 0]);
 }
+
+/// Scenes that are up to date at a glance count among the steps, in the lines and in the end.
+#[test]
+fn steps_that_were_settled_count() {
+    let place = two_scenes();
+    place.ok("build -q tiny.yaml other.yaml");
+    // Beyond the grain in which a file could change unseen, so that the next build looks no closer.
+    std::thread::sleep(std::time::Duration::from_millis(2100));
+    place.ok("build -q tiny.yaml other.yaml");
+    place.write("other.yaml", TINY.replace("scene: tiny", "scene: other").replace("seed: 1 }", "seed: 3 }"));
+    let told = place.ok("build -j 1 tiny.yaml other.yaml").stderr;
+    assert!(told.contains("[12/12] other/base/checks "), "{told}");
+    assert!(told.contains("made 6, up to date 6, failed 0; "), "{told}");
+}

@@ -45,6 +45,12 @@ impl Bars {
         Self { all, whole, rows: BTreeMap::new(), estimate, began }
     }
 
+    /// Counts steps that were up to date before.
+    pub(super) fn beside(&self, settled: usize) {
+        self.whole.inc_length(settled as u64);
+        self.whole.inc(settled as u64);
+    }
+
     /// Takes the picture away.
     pub(super) fn close(&mut self) {
         for row in std::mem::take(&mut self.rows).into_values() {

@@ -82,7 +82,6 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    #[expect(clippy::needless_pass_by_value, reason = "the cases read better so")]
     fn leaves_that_differ_are_told_by_their_place() {
         let t = |old: Value, new: Value, wanted: &[&str]| {
             let show = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);

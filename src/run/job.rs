@@ -1,0 +1,107 @@
+//! The work of one step, on its own thread: from its inputs to a record.
+
+use super::StepError;
+use crate::artifact::Files;
+use crate::plan::assess::{Reason, Sources, read_sources};
+use crate::plan::{Plan, PlannedStep};
+use crate::stage::{Context, Need, StageError, StepId};
+use crate::store::description::Value;
+use crate::store::record::{Output, Provenance, Record};
+use crate::store::space::{Space, is_full};
+use crate::store::{Key, Store, StoreError, Workspace};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+/// A step that must run.
+pub(super) struct Stale {
+    pub(super) key: Key,
+    pub(super) description: Value,
+    /// The files outside the store as the key has them.
+    pub(super) sources: Sources,
+    pub(super) reason: Reason,
+    /// Whether it is up to date, and only held against itself.
+    pub(super) recheck: Option<Vec<Output>>,
+    pub(super) files: Vec<Files>,
+    pub(super) need: Need,
+}
+
+/// What a step made.
+pub(super) struct Made {
+    pub(super) outputs: Vec<Output>,
+    pub(super) seconds: f64,
+    pub(super) cores: usize,
+    pub(super) warnings: Vec<String>,
+    pub(super) remark: Option<String>,
+}
+
+/// One step's work, on its own thread.
+pub(super) struct Job<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) store: &'a Store,
+    pub(super) cancel: &'a AtomicBool,
+    pub(super) cores: usize,
+}
+
+impl Job<'_> {
+    pub(super) fn run(&self, step: StepId, stale: &Stale) -> Result<Made, StepError> {
+        if let Reason::BlobAltered { digest } = &stale.reason {
+            self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
+        }
+        let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
+        self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
+    }
+
+    fn make(&self, step: StepId, stale: &Stale, workspace: &Workspace<'_>) -> Result<Made, StepError> {
+        let planned = &self.plan.steps()[step.0];
+        let started = Instant::now();
+        let mut cx = Context::new(workspace.path(), self.cancel);
+        let worked = self.pool()?.install(|| planned.step.run(&stale.files, &mut cx));
+        let seconds = started.elapsed().as_secs_f64();
+        // Half of a file that somebody is writing is like a broken one: that it moves is the better word for it.
+        if !matches!(worked, Err(StageError::Cancelled)) {
+            self.refuse_moved(planned, &stale.sources)?;
+        }
+        worked?;
+        let Context { warnings, remark, .. } = cx;
+        let provenance = Provenance {
+            tool: env!("CARGO_PKG_VERSION").to_owned(),
+            seconds,
+            threads: self.cores,
+            memory: stale.need.memory,
+            warnings: warnings.clone(),
+        };
+        let record = Record::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);
+        let outputs = match &stale.recheck {
+            None => self.store.publish(workspace, record)?,
+            Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
+        };
+        Ok(Made { outputs, seconds, cores: self.cores, warnings, remark })
+    }
+
+    /// The error, or that there is no room where that is behind it: by its causes, else by what is left, because not
+    /// every library passes on why it could not write.
+    fn with_space(&self, error: StepError, wrote: u64) -> StepError {
+        let may_have_written = match &error {
+            StepError::Stage(StageError::Work { .. } | StageError::Io { .. }) => true,
+            StepError::Store(error) => !matches!(error, StoreError::Nondeterministic(_)),
+            _ => false,
+        };
+        let space = self.store.space().ok();
+        let is_used_up = may_have_written && space.as_ref().is_some_and(Space::is_used_up);
+        if !is_used_up && !is_full(&error) {
+            return error;
+        }
+        StepError::Full { wrote, space, cause: error.to_string() }
+    }
+
+    /// The bytes that were read must be those that the key holds: the step may have waited long for its start.
+    fn refuse_moved(&self, planned: &PlannedStep, then: &Sources) -> Result<(), StepError> {
+        let now = read_sources(self.plan, self.store, planned)?;
+        now.moved_since(then).map_or(Ok(()), |name| Err(StepError::Moved(name)))
+    }
+
+    fn pool(&self) -> Result<rayon::ThreadPool, StageError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.cores).build();
+        pool.map_err(StageError::work("start threads"))
+    }
+}
