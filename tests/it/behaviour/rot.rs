@@ -65,8 +65,8 @@ fn rot_is_found_by_those_who_read() {
     assert_eq!(made(&place), super::NONE);
     rot(&place.path("out/d/base/poses.txt"));
     let audit = place.gs2e("audit out");
-    assert_eq!(audit.code, 3, "{}", audit.stderr);
-    assert!(audit.stdout.contains("d/base/poses.txt"), "{}", audit.stdout);
+    assert_eq!(audit.code, 3, "{}{}", audit.stdout, audit.stderr);
+    assert!((audit.stdout + &audit.stderr).contains("d/base/poses.txt"));
     rot(&steps(&place, "recipes")["d/base/trajectory"].outputs["poses.txt"]);
     assert!(place.ok("plan --verify").stdout.contains("altered"), "{}", place.ok("plan --verify").stdout);
     assert_eq!(place.build("--verify recipes"), ["d/base/trajectory"]);
