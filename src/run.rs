@@ -179,8 +179,8 @@ impl Summary {
     }
 }
 
-/// The most steps that are made, and the longest time, before what was made is synced and indexed.
-const BATCH: (usize, Duration) = (256, Duration::from_secs(2));
+/// The longest time before what was made is synced and indexed, if it is not much.
+const BATCH: Duration = Duration::from_secs(2);
 
 /// Remembers what a run came to, so that the next one finds it at a glance, and has all of it on disk.
 ///
@@ -206,7 +206,7 @@ pub fn run(
     let ranks = order::ranks(plan, &past(plan, store)?);
     thread::scope(|scope| {
         let mut executor = Executor::new(plan, store, options, cancel, observer, ranks);
-        let (mut made, mut flushed) = (0, Instant::now());
+        let mut flushed = Instant::now();
         loop {
             executor.start_ready(scope, &sender);
             if executor.running.is_empty() {
@@ -214,14 +214,13 @@ pub fn run(
             }
             let finished = receiver.recv().expect("the executor keeps a sender");
             executor.finish(finished);
-            made += 1;
-            if made >= BATCH.0 || flushed.elapsed() >= BATCH.1 {
+            if store.is_due() || flushed.elapsed() >= BATCH {
                 match store.flush() {
                     // Told already, with the step; what runs is let come to its end.
                     Err(error) if executor.summary.is_full() && error.is_full() => {}
                     flushed => flushed?,
                 }
-                (made, flushed) = (0, Instant::now());
+                flushed = Instant::now();
             }
         }
     })

@@ -354,16 +354,15 @@ impl Store {
         {
             return Err(self.nondeterministic(workspace, before.clone(), record, false));
         }
+        // While the files of both are where they were.
+        let unlike = before.map(|before| self.nondeterministic(workspace, before, record.clone(), true));
         files.iter().try_for_each(|file| self.blobs.publish(file))?;
         record.write(&self.root, &self.disk)?;
         for output in &record.outputs {
             self.settle(&output.digest)?;
         }
         self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
-        match before {
-            Some(before) => Err(self.nondeterministic(workspace, before, record, true)),
-            None => Ok(record.outputs),
-        }
+        unlike.map_or(Ok(record.outputs), Err)
     }
 
     /// Holds the files of a workspace against what is on record for a key, and publishes nothing.
@@ -463,6 +462,14 @@ impl Store {
         let memo = Memo { tag, files, blobs, fact };
         let row = postcard::to_stdvec(&memo).expect("a memo is plain data");
         state.put_new(Table::Memo, name, row);
+    }
+
+    /// Whether so much is pending that it should be written, for the case that this process is killed.
+    #[must_use]
+    pub fn is_due(&self) -> bool {
+        /// Some hundred steps with their files.
+        const ROWS: usize = 2048;
+        self.state().pending() >= ROWS
     }
 
     /// Has what was published on disk, and writes what is pending to the database.

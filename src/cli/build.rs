@@ -185,6 +185,10 @@ impl Building<'_> {
         if !idle {
             tell_sensors(plan, console)?;
         }
+        if store.is_due() {
+            // What was learned by reading is not learned again if the run is killed.
+            store.flush()?;
+        }
         let options = options(common, self.care);
         let past = if console.is_live() { past(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);

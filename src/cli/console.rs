@@ -45,7 +45,12 @@ impl Console {
         self.print(&value.to_string());
     }
 
-    /// A line of stdout.
+    /// A result of many parts, without a value of the whole.
+    pub(super) fn large_result(&self, value: &impl serde::Serialize) {
+        self.print(&serde_json::to_string(value).expect("results are plain data"));
+    }
+
+    /// A line of stdout, or several.
     #[expect(clippy::unused_self, reason = "everything printed goes through the console")]
     pub(super) fn print(&self, text: &str) {
         // A reader that closed the pipe has read all it wants.

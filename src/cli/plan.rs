@@ -9,8 +9,10 @@ use crate::plan::assess::{Action, Assessment, Reason, assess};
 use crate::plan::past::past;
 use crate::plan::survey::{Settled, Survey, survey};
 use crate::store::record::Output;
-use crate::store::{Access, Opening, Store};
-use serde_json::{Value, json};
+use crate::store::{Access, Digest, Key, Opening, Store};
+use serde::Serialize;
+use serde_json::json;
+use std::path::PathBuf;
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
@@ -26,13 +28,22 @@ pub(super) struct Show {
 }
 
 /// A step as it is shown.
+#[derive(Serialize)]
 struct Row<'a> {
     scene: &'a str,
     step: &'a str,
     action: Action,
     reason: &'a Reason,
-    key: Option<String>,
-    outputs: &'a [Output],
+    key: Option<Key>,
+    outputs: Vec<File<'a>>,
+}
+
+/// A file of a step as programs are told of it.
+#[derive(Debug, Serialize)]
+pub(super) struct File<'a> {
+    role: &'a str,
+    digest: Digest,
+    path: PathBuf,
 }
 
 impl Show {
@@ -47,9 +58,9 @@ impl Show {
             estimate(&plan, &assessed, &store, common, console)?;
             return Ok(Exit::Done);
         }
-        let rows = rows(&plan, &assessed, &settled);
+        let rows = rows(&plan, &assessed, &settled, &store);
         if console.json {
-            console.result(&rows.iter().map(|row| json(row, &store)).collect());
+            console.large_result(&rows);
         } else {
             show(&rows, console);
         }
@@ -58,15 +69,20 @@ impl Show {
 }
 
 /// All steps, sorted by scene.
-fn rows<'a>(plan: &'a Plan, assessed: &'a [Assessment], settled: &'a [Settled]) -> Vec<Row<'a>> {
+fn rows<'a>(
+    plan: &'a Plan,
+    assessed: &'a [Assessment],
+    settled: &'a [Settled],
+    store: &Store,
+) -> Vec<Row<'a>> {
     let known = settled.iter().flat_map(|scene| {
         scene.steps.iter().map(|step| Row {
             scene: &scene.scene,
             step: &step.name,
             action: Action::Keep,
             reason: &Reason::UpToDate,
-            key: Some(step.key.to_string()),
-            outputs: &step.outputs,
+            key: Some(step.key),
+            outputs: outputs(store, &step.outputs),
         })
     });
     let others = plan.steps().iter().zip(assessed).map(|(step, a)| Row {
@@ -74,8 +90,8 @@ fn rows<'a>(plan: &'a Plan, assessed: &'a [Assessment], settled: &'a [Settled]) 
         step: &step.name,
         action: a.action,
         reason: &a.reason,
-        key: a.key.map(|key| key.to_string()),
-        outputs: a.outputs.as_deref().unwrap_or_default(),
+        key: a.key,
+        outputs: outputs(store, a.outputs.as_deref().unwrap_or_default()),
     });
     let mut rows: Vec<Row<'a>> = known.chain(others).collect();
     // Stable: the steps of a scene stay in the order of the plan.
@@ -83,35 +99,29 @@ fn rows<'a>(plan: &'a Plan, assessed: &'a [Assessment], settled: &'a [Settled]) 
     rows
 }
 
-fn json(row: &Row<'_>, store: &Store) -> Value {
-    json!({
-        "scene": row.scene, "step": row.step, "action": row.action, "reason": row.reason, "key": row.key,
-        "outputs": outputs(store, row.outputs),
-    })
-}
-
 /// Files of a step as programs are told of them.
-pub(super) fn outputs(store: &Store, outputs: &[Output]) -> Value {
-    let one = |o: &Output| json!({ "role": o.name, "digest": o.digest, "path": store.path_of(&o.digest) });
-    outputs.iter().map(one).collect()
+pub(super) fn outputs<'a>(store: &Store, outputs: &'a [Output]) -> Vec<File<'a>> {
+    let file = |o: &'a Output| File { role: &o.name, digest: o.digest, path: store.path_of(&o.digest) };
+    outputs.iter().map(file).collect()
 }
 
 fn show(rows: &[Row<'_>], console: &Console) {
-    for row in rows {
+    let line = |row: &Row<'_>| {
         let action = match row.action {
             Action::Run => "run",
             Action::MayRun => "may run",
             Action::Keep => "keep",
         };
-        console.print(&format!("{action:7}  {}/{}  {}", row.scene, row.step, words(row.reason)));
-    }
+        format!("{action:7}  {}/{}  {}", row.scene, row.step, words(row.reason))
+    };
+    console.print(&rows.iter().map(line).collect::<Vec<_>>().join("\n"));
     let count = |action| rows.iter().filter(|row| row.action == action).count();
     let [run, may, keep] = [Action::Run, Action::MayRun, Action::Keep].map(count);
     console.say(&format!("{run} to run, {may} may run, {keep} up to date"));
 }
 
 /// What would run, in sum.
-#[derive(Debug, Default, serde::Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Estimate {
     /// Steps that will run, and those that may.
     steps: usize,

@@ -6,6 +6,7 @@ mod pace;
 use super::console::Console;
 use super::failure::{self, Place};
 use super::message::{Level, Message};
+use super::plan;
 use crate::plan::Plan;
 use crate::plan::assess::Reason;
 use crate::run::{Event, Failure, Observer};
@@ -131,11 +132,9 @@ impl<'a> Progress<'a> {
 
     fn to_json(&self, ended: &Ended<'_>) -> Value {
         let Ended { step, state, key, outputs, seconds } = ended;
-        let output =
-            |o: &Output| json!({ "role": o.name, "digest": o.digest, "path": self.store.path_of(&o.digest) });
         json!({
             "step": self.name(*step), "state": state, "key": key.map(Key::to_string),
-            "outputs": outputs.iter().map(output).collect::<Vec<_>>(), "seconds": seconds,
+            "outputs": plan::outputs(self.store, outputs), "seconds": seconds,
         })
     }
 

@@ -65,14 +65,15 @@ impl Blobs {
         Ok(Finished { output: Output { name, digest, size }, path })
     }
 
-    /// Publishes a finished file; first writer wins.
+    /// Publishes a finished file; first writer wins. Its name in the workspace goes: a name that went later would move
+    /// the blob's ctime, and the blob would be read again for it.
     pub(super) fn publish(&self, file: &Finished) -> Result<(), StoreError> {
         let to = self.path(&file.output.digest);
         if let Some(folder) = to.parent() {
             self.disk.create_dir(folder)?;
         }
         if self.disk.link_new(&file.path, &to)? {
-            return Ok(());
+            return self.disk.remove(&file.path);
         }
         // Somebody had it first, or its bytes were altered since: only the bytes can tell.
         let _alone = self.replacing.lock().expect("no holder panics");

@@ -242,6 +242,11 @@ impl State {
         self.pending.insert((table, name.to_owned()), None);
     }
 
+    /// Rows that are not written yet.
+    pub(super) fn pending(&self) -> usize {
+        self.pending.len()
+    }
+
     /// Whether there is something to write.
     pub(super) fn is_behind(&self) -> bool {
         self.write && (!self.pending.is_empty() || self.damage.is_some())
