@@ -10,17 +10,24 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Reads `[--long] [--only NAME]... [--seed N]`; `names` are those of the tests.
+    /// Reads `[--long] [--minutes N] [--only NAME]... [--seed N]`; `names` are those of the tests.
     pub(crate) fn parse(args: impl Iterator<Item = String>, names: &[&str]) -> Result<Self, String> {
-        let mut read = Self { size: Size { long: false, seed: 1 }, only: Vec::new() };
+        let mut read = Self { size: Size { long: false, seed: 1, minutes: None }, only: Vec::new() };
         let mut args = args;
         while let Some(arg) = args.next() {
             let mut value = || args.next().ok_or(format!("{arg} wants a value"));
             match arg.as_str() {
                 "--long" => read.size.long = true,
                 "--seed" => read.size.seed = value()?.parse().map_err(|e| format!("--seed: {e}"))?,
+                "--minutes" => {
+                    read.size.minutes = Some(value()?.parse().map_err(|e| format!("--minutes: {e}"))?);
+                }
                 "--only" => read.only.push(value()?),
-                _ => return Err(format!("unknown argument `{arg}`: [--long] [--only NAME]... [--seed N]")),
+                _ => {
+                    return Err(format!(
+                        "unknown argument `{arg}`; there are --long, --minutes N, --only NAME, --seed N"
+                    ));
+                }
             }
         }
         let unknown = read.only.iter().find(|name| !names.contains(&name.as_str()));

@@ -95,7 +95,7 @@ impl Clean {
 }
 
 pub(crate) fn run(size: Size) -> Tally {
-    let mut tally = spread_over(4, size.of(50, 500), Clean::default, |clean, number, tally| {
+    let mut tally = spread_over(size, 4, size.of(50, 500), Clean::default, |clean, number, tally| {
         sequence(clean, &mut Random::new(size.seed, number as u64), tally)
     });
     tally.count("sequences wrong", tally.wrong());

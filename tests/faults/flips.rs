@@ -54,7 +54,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 
 pub(crate) fn run(size: Size) -> Tally {
     let each = size.of(500, 5000);
-    spread(2 * each, Fixture::new, |fixture, number, tally| {
+    spread(size, 2 * each, Fixture::new, |fixture, number, tally| {
         let mut random = Random::new(size.seed, number as u64);
         // Every file has its turn.
         if number < each {

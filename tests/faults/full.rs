@@ -4,13 +4,13 @@
 //! without them the program starts itself anew in a name space of its own, where it has them, and where there is none the
 //! store's file operations fail in its place.
 
-use crate::Size;
 use crate::engine::{Built, Engine};
 use crate::failing::{Failing, How, Injection};
 use crate::place::{Place, Products, same, sound, within};
 use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
+use crate::{Size, is_over};
 use gs2e::store::fs::Real;
 use std::ffi::OsStr;
 use std::os::unix::process::CommandExt;
@@ -32,7 +32,8 @@ pub(crate) fn run(size: Size) -> Tally {
             .push("no disk could be mounted: the file operations of the store fail instead".to_owned());
     }
     tally.count("builds that met a full disk", 0);
-    for round in 0..size.of(20, 500) {
+    let end = size.end();
+    for round in (0..size.of(20, 500)).take_while(|_| !is_over(end)) {
         let mut random = Random::new(size.seed, round);
         let ended = if mounts {
             fill_and_free(&truth, &mut random, &mut tally)

@@ -3,12 +3,12 @@
 //! After each kill every step that counts as up to date is read and held against an undisturbed build; no step that
 //! was told as made, or counted as up to date after a kill, is ever made again; the next run needs nobody's help.
 
-use crate::Size;
 use crate::place::{Place, Products, same, sound, tree, within};
 use crate::program::{end, run_until, start};
 use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
+use crate::{Size, is_over};
 use gs2e::store::Digest;
 use rustix::process::Signal;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,9 +17,6 @@ use std::time::{Duration, Instant};
 
 /// Cores that a build is given: at most so many steps are at work when it is killed.
 const CORES: usize = 2;
-
-/// Kills that it takes to get through a build, about: none comes later than this part of an undisturbed one.
-const KILLS_A_BUILD: f64 = 6.0;
 
 /// What a build that nobody disturbed makes.
 struct Undisturbed {
@@ -30,16 +27,19 @@ struct Undisturbed {
 }
 
 pub(crate) fn run(size: Size) -> Tally {
-    let (kills, count) = size.of((200, 200), (1000, 2000));
-    let undisturbed = undisturbed(count);
+    // No kill comes later than this part of an undisturbed build: late enough to get through the looking at a store
+    // that grows, early enough to take several kills a build.
+    let (kills, count, part) = size.of((200, 200, 0.5), (1000, 2000, 0.25));
+    let undisturbed = undisturbed(count, part);
     let mut random = Random::new(size.seed, 0);
     let mut tally = Tally::default();
     for figure in ["finished steps redone", "partial accepted", "human acts", "steps lost", "builds finished"]
     {
         tally.count(figure, 0);
     }
-    while tally.trials() < kills {
-        let place = Place::new();
+    let end = size.end();
+    while tally.trials() < kills && !is_over(end) {
+        let place = Place::in_memory();
         scenes::write(&place, count, 10);
         let ended = until_done(&place, &undisturbed, &mut random, kills, &mut tally);
         if let Err(why) = ended {
@@ -49,12 +49,12 @@ pub(crate) fn run(size: Size) -> Tally {
     tally
 }
 
-fn undisturbed(count: u32) -> Undisturbed {
-    let place = Place::new();
+fn undisturbed(count: u32, part: f64) -> Undisturbed {
+    let place = Place::in_memory();
     scenes::write(&place, count, 10);
     let started = Instant::now();
     let products = place.build("").unwrap();
-    let patience = started.elapsed().div_f64(KILLS_A_BUILD);
+    let patience = started.elapsed().mul_f64(part);
     place.ok("release --to out").unwrap();
     Undisturbed { products, release: tree(&place.path("out")), patience }
 }

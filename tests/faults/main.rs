@@ -1,6 +1,6 @@
 //! The fault tests: the engine is killed, cut off, starved and damaged, and must never be wrong.
 //!
-//! `cargo xtask faults [--long] [--only NAME]... [--seed N]` runs them in release mode. Each prints a line with its name,
+//! `cargo xtask faults [--long] [--minutes N] [--only NAME]... [--seed N]` runs them in release mode. Each prints a line with its name,
 //! seed, number of trials, how many went wrong, and seconds, and the command that repeats it; a table ends it. Any
 //! wrong trial makes the exit code 1.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics, which counts as wrong")]
@@ -30,7 +30,7 @@ use arguments::Arguments;
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tally::{Line, Tally};
 
 /// How large a test is, and where its random numbers begin.
@@ -38,12 +38,19 @@ use tally::{Line, Tally};
 struct Size {
     long: bool,
     seed: u64,
+    /// The longest that it may go on beginning trials.
+    minutes: Option<u64>,
 }
 
 impl Size {
     /// A number for CI, another for the long run.
     fn of<T>(self, ci: T, long: T) -> T {
         if self.long { long } else { ci }
+    }
+
+    /// When it begins no more trials; asked for when the trials begin.
+    fn end(self) -> Option<Instant> {
+        self.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes))
     }
 }
 
@@ -103,6 +110,11 @@ fn run(test: &Test, size: Size) -> Line {
         Line { name: test.name, what: test.what, size, tally, seconds: started.elapsed().as_secs_f64() };
     say(&line.to_string());
     line
+}
+
+/// Whether a test's time is over.
+fn is_over(end: Option<Instant>) -> bool {
+    end.is_some_and(|end| Instant::now() >= end)
 }
 
 /// A line for people, on stdout: the figures are the result.

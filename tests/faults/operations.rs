@@ -88,6 +88,7 @@ pub(crate) fn run(size: Size) -> Tally {
         all = all.into_iter().skip(Random::new(size.seed, 0).below(stride)).step_by(stride).collect();
     }
     tally.merge(spread(
+        size,
         all.len(),
         || Fixture::new(scenes),
         |fixture, number, tally| {

@@ -53,6 +53,7 @@ pub(crate) fn run(size: Size) -> Tally {
     losses.extend(vec![Loss::Reordered; reorderings]);
     let prefixes = Recording::new(scenes).recorder.len() + 1;
     let mut tally = spread(
+        size,
         prefixes * losses.len(),
         || Recording::new(scenes),
         |recording, number, tally| {

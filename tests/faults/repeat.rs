@@ -1,10 +1,10 @@
 //! The same recipes give the same tree: with one thread and all, in any order, in another folder, at another time.
 
-use crate::Size;
 use crate::place::{Place, tree};
 use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
+use crate::{Size, is_over};
 use gs2e::store::Digest;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -22,7 +22,8 @@ pub(crate) fn run(size: Size) -> Tally {
     if !clock {
         tally.notes.push("not run: another clock (there is no `faketime`)".to_owned());
     }
-    for round in 0..rounds {
+    let end = size.end();
+    for round in (0..rounds).take_while(|_| !is_over(end)) {
         let mut random = Random::new(size.seed, round);
         let mut trial = |name: &str, tree: Result<Tree, String>| {
             let ended = tree.and_then(|tree| match tree == truth {

@@ -127,7 +127,7 @@ fn all_damage(size: Size, fixture: &Fixture) -> Vec<Damage> {
 
 pub(crate) fn run(size: Size) -> Tally {
     let all = all_damage(size, &Fixture::new());
-    spread(all.len(), Fixture::new, |fixture, number, tally| {
+    spread(size, all.len(), Fixture::new, |fixture, number, tally| {
         fixture.restore();
         let damage = all[number];
         match damage {

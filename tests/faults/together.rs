@@ -1,11 +1,11 @@
 //! Two coordinators on one store, and eight writers to one shared `cas/` and `ac/`.
 
-use crate::Size;
 use crate::place::{Place, Products, same};
 use crate::program::{Ended, end, start};
 use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
+use crate::{Size, is_over};
 use gs2e::store::Digest;
 use std::collections::BTreeSet;
 use std::fs;
@@ -25,7 +25,7 @@ pub(crate) fn run(size: Size) -> Tally {
     };
     let mut tally = Tally::default();
     ["steps run twice", "corrupt entries", "waits named"].iter().for_each(|figure| tally.count(figure, 0));
-    let started = Instant::now();
+    let (started, end) = (Instant::now(), size.end());
     for round in 0.. {
         let mut random = Random::new(size.seed, round);
         let ended = if round % 2 == 0 {
@@ -34,7 +34,7 @@ pub(crate) fn run(size: Size) -> Tally {
             eight_writers(&truth, &mut random, &mut tally)
         };
         tally.trial(ended.map_err(|why| format!("round {round}: {why}")));
-        if started.elapsed() > time {
+        if started.elapsed() > time || is_over(end) {
             break;
         }
     }
