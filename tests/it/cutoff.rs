@@ -1,14 +1,12 @@
-//! Early cut-off and damage: how many steps the next build makes, row by row of the engine's behaviour table.
+//! Early cut-off, damage and explanations beyond the rows of the engine's behaviour table.
 
 use crate::support::steps::{Step, recipe, steps};
-use crate::support::workspace::Workspace;
+use crate::support::workspace::{Workspace, alter};
 use gs2e::scene::ply::write_ply;
 use gs2e::scene::procedural::{StillLife, gaussians};
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
 
 const NONE: [&str; 0] = [];
 
@@ -68,67 +66,6 @@ fn white_space_in_a_source_runs_its_reader_and_nothing_behind() {
     assert_eq!(place.stale("tiny.yaml"), NONE);
 }
 
-#[test]
-fn an_edit_undone_runs_nothing() {
-    let place = captured();
-    place.ok("build tiny.yaml");
-    let a = over_files("tiny");
-    let mut b = a.clone();
-    b["trajectories"][0]["speed"] = json!({ "function": "1 + 0.5*t" });
-    place.write("tiny.yaml", b.to_string());
-    assert_eq!(place.build("tiny.yaml").len(), 4);
-    place.write("tiny.yaml", a.to_string());
-    assert_eq!(place.build("tiny.yaml"), NONE);
-}
-
-#[test]
-fn a_limit_of_a_check_runs_the_checks() {
-    let place = captured();
-    place.ok("build tiny.yaml");
-    let mut edited = over_files("tiny");
-    edited["checks"] = json!({ "event_rate": { "max": 4321 } });
-    place.write("tiny.yaml", edited.to_string());
-    assert_eq!(place.build("tiny.yaml"), ["tiny/base/checks"]);
-}
-
-/// Writes other bytes of the same length into a file, and puts its mode and mtime back.
-fn alter(path: &Path) {
-    let before = fs::metadata(path).unwrap();
-    let mut bytes = fs::read(path).unwrap();
-    let last = bytes.len() - 1;
-    bytes[last] ^= 1;
-    fs::set_permissions(path, fs::Permissions::from_mode(0o644)).unwrap();
-    fs::write(path, bytes).unwrap();
-    let file = fs::File::options().write(true).open(path).unwrap();
-    file.set_modified(before.modified().unwrap()).unwrap();
-    fs::set_permissions(path, before.permissions()).unwrap();
-}
-
-#[test]
-fn a_lost_or_altered_output_is_made_again_and_nothing_behind() {
-    let place = captured();
-    place.ok("build tiny.yaml");
-    let whole = steps(&place, "tiny.yaml");
-    for (name, step) in &whole {
-        let (role, path) = step.outputs.first_key_value().unwrap();
-        let bytes = fs::read(path).unwrap();
-        let t = |code: &str, damage: &dyn Fn(&Path)| {
-            damage(path);
-            let plan = steps(&place, "tiny.yaml");
-            assert_eq!(
-                (stale(&plan).0, plan[name].code.as_str()),
-                (vec![name.as_str()], code),
-                "{name}, {role}"
-            );
-            assert_eq!(place.build("tiny.yaml"), [name.as_str()], "{name}, {role}: {code}");
-            assert_eq!(fs::read(path).unwrap(), bytes, "{name}, {role}: {code}");
-            assert_eq!(steps(&place, "tiny.yaml"), whole);
-        };
-        t("blob-altered", &alter);
-        t("blob-missing", &|path| fs::remove_file(path).unwrap());
-    }
-}
-
 /// Two steps with other keys and one blob in common, which is damaged: neither hurts what the other mended.
 #[test]
 fn a_damaged_blob_of_two_steps() {
@@ -142,48 +79,11 @@ fn a_damaged_blob_of_two_steps() {
         let before = steps(&place, "tiny.yaml");
         let poses = |name: &str| before[name].outputs["poses.txt"].clone();
         assert_eq!(poses("tiny/bridge/trajectory"), poses("tiny/refuse/trajectory"), "the premise");
-        alter(&poses("tiny/bridge/trajectory"));
+        alter(&poses("tiny/bridge/trajectory"), true);
         let made = place.build(&format!("-j {cores} tiny.yaml"));
         assert!(made.iter().all(|step| step.ends_with("/trajectory")), "{made:?}");
         assert_eq!(steps(&place, "tiny.yaml"), before);
     }
-}
-
-#[test]
-fn scenes_with_equal_inputs_share_what_they_can() {
-    let place = captured();
-    for scene in ["a", "b", "c"] {
-        place.write(
-            &format!("recipes/{scene}.yaml"),
-            over_files(scene)
-                .to_string()
-                .replace("scene.ply", "../scene.ply")
-                .replace("transforms.json", "../transforms.json"),
-        );
-    }
-    let made = place.build("-j 2 recipes");
-    let plan = steps(&place, "recipes");
-    let keys: BTreeSet<_> = plan.values().map(|step| step.key.clone().unwrap()).collect();
-    assert_eq!(plan.len(), 18);
-    // Each scene's noise has a seed of its own: three event streams, three verdicts, one of each other step.
-    assert_eq!((made.len(), keys.len()), (10, 10));
-}
-
-#[test]
-fn a_recipe_that_goes_and_comes_back_runs_nothing() {
-    let place = Workspace::new();
-    for scene in ["a", "b"] {
-        place.write(&format!("recipes/{scene}.yaml"), recipe(scene).to_string());
-    }
-    place.ok("build");
-    let both = steps(&place, "recipes");
-    fs::remove_file(place.path("recipes/a.yaml")).unwrap();
-    assert_eq!(place.build("recipes"), NONE);
-    let left: BTreeMap<_, _> = both.clone().into_iter().filter(|(name, _)| name.starts_with("b/")).collect();
-    assert_eq!(steps(&place, "recipes"), left);
-    place.write("recipes/a.yaml", recipe("a").to_string());
-    assert_eq!(place.build("recipes"), NONE);
-    assert_eq!(steps(&place, "recipes"), both);
 }
 
 /// The database is an index: without it, or with another file in its place, the records count.

@@ -24,18 +24,3 @@ fn folders_and_the_order_of_files_do_not_show() {
     there.ok("release --store kept --to elsewhere/out elsewhere/deep/z.yaml elsewhere/deep/a.yaml");
     same_tree(&here.path("out"), &there.path("elsewhere/out"));
 }
-
-/// Comments, the order of fields and the spelling of numbers are not what a recipe says.
-#[test]
-fn the_recipes_spelling_enters_no_key() {
-    let place = Workspace::with_tiny();
-    place.ok("build tiny.yaml");
-    let respelled = TINY
-        .replace("seed: 7\n", "")
-        .replace("rate: 2400", "rate: 2.4e3")
-        .replace("on: 1.0, off: 1.0", "off: 1, on: 1.00")
-        .replace("0.25*sin(t) + 1.1", "0.25 * sin( t )+1.1")
-        + "# seeds may stand anywhere\nseed: 7\n";
-    place.write("tiny.yaml", respelled);
-    assert_eq!(place.stale("tiny.yaml"), [""; 0]);
-}

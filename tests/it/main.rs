@@ -3,6 +3,7 @@
 
 mod audit;
 mod bad_input;
+mod behaviour;
 mod checks;
 mod cli;
 mod codecs;

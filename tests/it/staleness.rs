@@ -1,17 +1,6 @@
 //! What is made again and what is left alone, through the program: a table of edits and their steps.
 
 use crate::support::workspace::{TINY, Workspace, tree};
-use std::fs::File;
-use std::time::{Duration, SystemTime};
-
-const ALL: [&str; 6] = [
-    "tiny/capture",
-    "tiny/reconstruct",
-    "tiny/base/trajectory",
-    "tiny/base/events",
-    "tiny/base/sharp",
-    "tiny/base/checks",
-];
 
 #[test]
 fn a_second_release_makes_nothing_and_changes_nothing() {
@@ -22,15 +11,6 @@ fn a_second_release_makes_nothing_and_changes_nothing() {
     assert!(second.stderr.lines().any(|line| line.starts_with("made 0,")), "{}", second.stderr);
     assert_eq!(place.stale("tiny.yaml"), [""; 0]);
     assert!(before == tree(&place.path("out")), "a release of what is there already changed the tree");
-}
-
-#[test]
-fn a_touched_recipe_makes_nothing() {
-    let place = Workspace::with_tiny();
-    assert_eq!(sorted(place.build("tiny.yaml")), sorted(ALL.map(str::to_owned).to_vec()));
-    let recipe = File::options().write(true).open(place.path("tiny.yaml")).expect("the recipe is there");
-    recipe.set_modified(SystemTime::now() + Duration::from_secs(60)).expect("stamps can be set");
-    assert_eq!(place.build("tiny.yaml"), [""; 0]);
 }
 
 /// Each edit makes the steps that read what it changes, and those that follow from them, and no other.

@@ -1,22 +1,36 @@
 //! What CI runs, step by step, each with its seconds; the first failure stops it.
 
-use crate::command::{Outcome, cargo, say};
-use crate::{demo, suite};
+use crate::command::{Outcome, cargo, program, root, say};
+use crate::{demo, faults, suite};
+use std::ffi::OsStr;
 use std::time::Instant;
 
 type Step = (&'static str, fn() -> Outcome);
 
-const STEPS: [Step; 5] = [
+const STEPS: [Step; 7] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]).run()
     }),
     ("tests", || suite::run(&[])),
+    ("faults", || faults::run(&[])),
     ("documentation", || {
         cargo(&["doc", "--quiet", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings").run()
     }),
     ("the README's first command", demo::first_command_twice),
+    ("builds beside ninja", builds_beside_ninja),
 ];
+
+/// Holds the time of builds that have little or nothing to do against ninja's, where there is one.
+fn builds_beside_ninja() -> Outcome {
+    let has_ninja = program(OsStr::new("ninja"), &["--version"]).succeeds();
+    if !has_ninja || !root().join("../shared").is_dir() {
+        say("absent: ninja, or ../shared with its graph: builds are not timed beside it");
+        return Ok(());
+    }
+    let check = ["bench", "--quiet", "--bench", "build", "--", "--check", "--scenes", "1000", "--runs", "7"];
+    cargo(&check).run()
+}
 
 /// Runs every step.
 pub(crate) fn run() -> Outcome {

@@ -1,10 +1,11 @@
-//! Tasks of the repository: `cargo xtask ci | test | bench | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | bench | manifest`.
 //!
 //! The standard library only, so that building it costs a second and never a second copy of the crate's dependencies.
 
 mod ci;
 mod command;
 mod demo;
+mod faults;
 mod suite;
 
 use std::process::ExitCode;
@@ -12,8 +13,9 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask <task>
 
-  ci                 what CI runs: formatting, clippy, tests, documentation, the README's first command
+  ci                 what CI runs: formatting, clippy, tests, faults, documentation, the README's first command
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
+  faults [ARGS]...   kills, starves and damages the engine (`--long`, `--minutes N`, `--only NAME`, `--seed N`)
   bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, names of workloads)
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
@@ -27,6 +29,7 @@ fn main() -> ExitCode {
     let done = match (task.as_deref(), rest.as_slice()) {
         (Some("ci"), []) => ci::run(),
         (Some("test"), args) => suite::run(args),
+        (Some("faults"), args) => faults::run(args),
         (Some("bench"), [part, args @ ..]) if part == "build" => {
             command::cargo(&["bench", "--quiet", "--bench", "build", "--"]).args(args).run()
         }

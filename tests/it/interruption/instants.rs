@@ -1,15 +1,13 @@
-//! Builds stopped at many instants, step by step: what was told as finished stays and is never made again, and the
-//! products are those of a build that nobody disturbed.
+//! An interrupt, step by step: what was told as finished stays and is never made again, and the products are those of a
+//! build that nobody disturbed.
 
-use crate::support::steps::{keys, recipe, steps};
+use crate::support::steps::{keys, products, recipe};
 use crate::support::workspace::Workspace;
-use gs2e::store::Digest;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
 const SCENES: usize = 4;
 
@@ -33,23 +31,6 @@ fn start(place: &Workspace) -> Child {
 fn made(line: &str) -> Option<String> {
     let told: Value = serde_json::from_str(line).ok()?;
     (told["state"] == "made").then(|| told["step"].as_str().unwrap().to_owned())
-}
-
-/// Digests of all products, read from the store: each must be what its name says.
-fn products(place: &Workspace) -> BTreeMap<(String, String), Digest> {
-    let mut products = BTreeMap::new();
-    for (name, step) in steps(place, "recipes") {
-        assert_eq!(step.action, "keep", "{name}");
-        for (role, path) in step.outputs {
-            let digest = Digest::of(&std::fs::read(&path).unwrap());
-            assert!(
-                path.ends_with(digest.to_string()),
-                "{name}, {role}: the bytes are not those of the name"
-            );
-            products.insert((name.clone(), role), digest);
-        }
-    }
-    products
 }
 
 fn files_in(place: &Workspace, folder: &str) -> usize {
@@ -85,48 +66,5 @@ fn an_interrupt_tells_how_many_steps_it_keeps() {
     let undisturbed = self::place();
     undisturbed.ok("build");
     assert_eq!(keys(&place, "recipes"), keys(&undisturbed, "recipes"));
-    assert_eq!(products(&place), products(&undisturbed));
-}
-
-#[test]
-fn kills_at_random_instants_lose_only_what_was_at_work() {
-    let undisturbed = place();
-    let started = Instant::now();
-    undisturbed.ok("build");
-    let whole = started.elapsed();
-
-    // Numerical Recipes' linear congruential generator, seed 2.
-    let (mut random, mut kills) = (2u32, 0);
-    let mut instant = || {
-        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        whole.mul_f64(0.5 * f64::from(random >> 8) / f64::from(1 << 24))
-    };
-    while kills < 15 {
-        let place = place();
-        let mut once = BTreeSet::new();
-        while !survives(&place, instant(), &mut once) {
-            kills += 1;
-            place.ok("plan");
-        }
-        assert_eq!(products(&place), products(&undisturbed));
-        assert_eq!(files_in(&place, ".gs2e/tmp"), 0);
-    }
-    eprintln!("kills at random instants: seed 2, {kills} kills in a build of {whole:.2?}, 0 wrong");
-}
-
-/// Builds, and kills the program after a while: whether it was done before. No step may be made that `once` has.
-fn survives(place: &Workspace, after: Duration, once: &mut BTreeSet<String>) -> bool {
-    let mut child = start(place);
-    std::thread::sleep(after);
-    let is_killed = child.try_wait().unwrap().is_none();
-    if is_killed {
-        child.kill().unwrap();
-    }
-    let ended = child.wait_with_output().unwrap();
-    assert!(is_killed || ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
-    // The last line may be cut, and a step may be finished and not told yet; what was told stays.
-    for step in String::from_utf8_lossy(&ended.stdout).lines().filter_map(made) {
-        assert!(once.insert(step.clone()), "{step} was made twice");
-    }
-    !is_killed
+    assert_eq!(products(&place, "recipes"), products(&undisturbed, "recipes"));
 }

@@ -1,6 +1,7 @@
 //! A plan as the program tells it, and the smallest recipe that is still a whole one.
 
 use super::workspace::Workspace;
+use gs2e::store::Digest;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -55,4 +56,19 @@ pub(crate) fn keys(place: &Workspace, recipes: &str) -> BTreeMap<String, String>
 
 fn text(value: &Value) -> String {
     value.as_str().expect("a text").to_owned()
+}
+
+/// Digests of all products, read from the store: each step is up to date, and each file is what its name says.
+pub(crate) fn products(place: &Workspace, recipes: &str) -> BTreeMap<(String, String), Digest> {
+    let mut products = BTreeMap::new();
+    for (name, step) in steps(place, recipes) {
+        assert_eq!(step.action, "keep", "{name}");
+        for (role, path) in step.outputs {
+            let digest = Digest::of(&std::fs::read(&path).expect("a product can be read"));
+            let is_named = path.ends_with(digest.to_string());
+            assert!(is_named, "{name}, {role}: the bytes are not those of the name");
+            products.insert((name.clone(), role), digest);
+        }
+    }
+    products
 }

@@ -3,8 +3,10 @@
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::SystemTime;
 
 /// A small scene: 500 Gaussians, 6 views on an arc of 6 degrees, 12 poses, 64x48 pixels.
 pub(crate) const TINY: &str = "\
@@ -73,7 +75,8 @@ impl Workspace {
         self.command(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts")
     }
 
-    fn command(&self, args: &str) -> Command {
+    /// The program with these arguments, to be started by the test.
+    pub(crate) fn command(&self, args: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
         command.args(args.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
         command
@@ -115,6 +118,19 @@ impl Workspace {
         }
         made
     }
+}
+
+/// Writes other bytes of the same length into a file and puts its mode back; its mtime is now, or as before.
+pub(crate) fn alter(path: &Path, keep_mtime: bool) {
+    let before = fs::metadata(path).unwrap();
+    let mut bytes = fs::read(path).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    fs::set_permissions(path, fs::Permissions::from_mode(0o644)).unwrap();
+    fs::write(path, bytes).unwrap();
+    let mtime = if keep_mtime { before.modified().unwrap() } else { SystemTime::now() };
+    fs::File::options().write(true).open(path).unwrap().set_modified(mtime).unwrap();
+    fs::set_permissions(path, before.permissions()).unwrap();
 }
 
 /// Every file below `folder` by its `/`-separated path.

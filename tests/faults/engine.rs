@@ -1,0 +1,144 @@
+//! The engine within this process, over any file operations.
+
+use crate::place::{Place, Products};
+use gs2e::plan::assess::{Action, assess};
+use gs2e::plan::survey::{Survey, survey};
+use gs2e::run::{Budget, Event, Observer, Options, run, settle};
+use gs2e::stage::StepId;
+use gs2e::store::fs::Fs;
+use gs2e::store::record::Output;
+use gs2e::store::{Access, Digest, Opening, Store};
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+struct Silent;
+
+impl Observer for Silent {
+    fn tell(&self, _: &Event<'_>) {}
+}
+
+/// Steps by `scene/step`, with their outputs.
+pub(crate) type Outputs = Vec<(String, Vec<Output>)>;
+
+/// How a build within this process ended.
+#[derive(Debug)]
+pub(crate) enum Built {
+    /// It says that everything is there.
+    Done {
+        outputs: Outputs,
+        /// How many steps were made, and how many scenes it knew at a glance.
+        made: usize,
+        settled: usize,
+    },
+    /// The words for people: the program would end with 1.
+    Failed(String),
+    Panicked,
+}
+
+/// How a build is done.
+#[derive(Debug, Clone)]
+pub(crate) struct Engine {
+    pub(crate) recipes: Vec<PathBuf>,
+    pub(crate) fs: Arc<dyn Fs>,
+    pub(crate) verify: bool,
+}
+
+impl Engine {
+    /// Over all recipes of a place.
+    pub(crate) fn new(place: &Place, fs: Arc<dyn Fs>) -> Self {
+        Self { recipes: vec![place.path("recipes")], fs, verify: false }
+    }
+
+    fn store(&self, place: &Place, access: Access) -> Result<Store, String> {
+        let opening = Opening { verify: self.verify, fs: self.fs.clone(), ..access.into() };
+        Store::open(&place.store(), opening, &mut |_| {}).map_err(|e| e.to_string())
+    }
+
+    fn survey(&self, store: &Store) -> Result<(Survey, Outputs), String> {
+        let survey = survey(&self.recipes, store, &tag()).map_err(|faults| format!("{faults:?}"))?;
+        let steps = survey.settled.iter().flat_map(|scene| {
+            scene.steps.iter().map(|step| (format!("{}/{}", scene.scene, step.name), step.outputs.clone()))
+        });
+        let settled = steps.collect();
+        Ok((survey, settled))
+    }
+
+    /// Builds on one core, as `gs2e build -j 1` does.
+    pub(crate) fn build(&self, place: &Place) -> Built {
+        match catch_unwind(AssertUnwindSafe(|| self.build_unguarded(place))) {
+            Err(_) => Built::Panicked,
+            Ok(built) => built.unwrap_or_else(Built::Failed),
+        }
+    }
+
+    fn build_unguarded(&self, place: &Place) -> Result<Built, String> {
+        let store = self.store(place, Access::Write)?;
+        let (Survey { settled, plan }, mut outputs) = self.survey(&store)?;
+        let settled = settled.len();
+        if plan.steps().is_empty() {
+            return Ok(Built::Done { outputs, made: 0, settled });
+        }
+        // As the command does: what is missing or unreadable is known before anything runs.
+        assess(&plan, &store).map_err(|e| e.to_string())?;
+        let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
+        let options = Options { budget, keep_going: false, recheck: None };
+        let summary =
+            run(&plan, &store, options, &AtomicBool::new(false), &Silent).map_err(|e| e.to_string())?;
+        settle(&plan, &summary, &store, &tag()).map_err(|e| e.to_string())?;
+        if let Some(failure) = summary.failures.first() {
+            return Err(failure.error.to_string());
+        }
+        for (step, id) in plan.steps().iter().zip((0..).map(StepId)) {
+            let product =
+                summary.products.get(&id).ok_or_else(|| format!("{} was not reached", step.name))?;
+            outputs.push((format!("{}/{}", plan.scene_of(step), step.name), product.outputs.clone()));
+        }
+        Ok(Built::Done { outputs, made: summary.made, settled })
+    }
+
+    /// What a store says is up to date, to somebody who only looks; each product is read.
+    pub(crate) fn look(&self, place: &Place) -> Result<Products, String> {
+        let store = self.store(place, Access::Read)?;
+        let (Survey { plan, .. }, mut outputs) = self.survey(&store)?;
+        let assessed = assess(&plan, &store).map_err(|e| e.to_string())?;
+        for (step, a) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == Action::Keep) {
+            outputs.push((format!("{}/{}", plan.scene_of(step), step.name), a.outputs.unwrap_or_default()));
+        }
+        products(place, &outputs)
+    }
+}
+
+/// Names this program, as the command names itself.
+fn tag() -> Digest {
+    Digest::of(b"the fault tests")
+}
+
+impl Built {
+    /// The products, read, of a build that must have ended well.
+    pub(crate) fn products(&self, place: &Place) -> Result<Products, String> {
+        match self {
+            Self::Done { outputs, .. } => products(place, outputs),
+            other => Err(format!("{other:?}")),
+        }
+    }
+}
+
+/// The products that are there, read: each must have the bytes that its record states.
+fn products(place: &Place, steps: &[(String, Vec<Output>)]) -> Result<Products, String> {
+    let mut products = Products::new();
+    for (name, outputs) in steps {
+        for output in outputs {
+            let digest = output.digest.to_string();
+            let path = place.store().join("cas").join(&digest[..2]).join(&digest);
+            let bytes = fs::read(&path).map_err(|e| format!("{name}/{} is on record: {e}", output.name))?;
+            if Digest::of(&bytes) != output.digest {
+                return Err(format!("{name}/{} is on record with other bytes", output.name));
+            }
+            products.insert(format!("{name}/{}", output.name), output.digest);
+        }
+    }
+    Ok(products)
+}

@@ -1,0 +1,184 @@
+//! File operations of which one, or all from one on, fail.
+
+use gs2e::store::Digest;
+use gs2e::store::fs::{Entry, Fs, Real, Stat};
+use std::io;
+use std::path::Path;
+use std::sync::Mutex;
+
+/// Kinds of operations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Folder,
+    Write,
+    Read,
+    Stat,
+    List,
+    Protect,
+    Link,
+    Rename,
+    Remove,
+    Sync,
+}
+
+/// Ways to fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum How {
+    NoSpace,
+    Io,
+    Interrupted,
+    /// Half of the bytes are written, then there is no space.
+    Short,
+    /// The folder does not take the name.
+    Denied,
+}
+
+impl How {
+    pub(crate) const ALL: [Self; 5] = [Self::NoSpace, Self::Io, Self::Interrupted, Self::Short, Self::Denied];
+
+    /// Whether an operation of this kind can fail so.
+    pub(crate) fn can_meet(self, kind: Kind) -> bool {
+        match self {
+            Self::Io | Self::Interrupted => true,
+            Self::NoSpace => {
+                matches!(kind, Kind::Folder | Kind::Write | Kind::Link | Kind::Rename | Kind::Sync)
+            }
+            Self::Short => kind == Kind::Write,
+            Self::Denied => matches!(kind, Kind::Folder | Kind::Link | Kind::Rename),
+        }
+    }
+
+    fn error(self) -> io::Error {
+        match self {
+            Self::NoSpace | Self::Short => rustix::io::Errno::NOSPC.into(),
+            Self::Io => rustix::io::Errno::IO.into(),
+            Self::Interrupted => rustix::io::Errno::INTR.into(),
+            Self::Denied => rustix::io::Errno::ACCESS.into(),
+        }
+    }
+}
+
+/// What fails.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Injection {
+    /// The number of the operation.
+    pub(crate) at: usize,
+    pub(crate) how: How,
+    /// Whether all operations fail from there on that can fail so.
+    pub(crate) forever: bool,
+}
+
+#[derive(Debug, Default)]
+struct Log {
+    kinds: Vec<Kind>,
+    hits: u64,
+    /// The first operation that failed.
+    told: Option<String>,
+}
+
+/// The system's files, with faults.
+#[derive(Debug)]
+pub(crate) struct Failing {
+    injection: Option<Injection>,
+    log: Mutex<Log>,
+}
+
+impl Failing {
+    pub(crate) fn new(injection: Injection) -> Self {
+        Self { injection: Some(injection), log: Mutex::default() }
+    }
+
+    /// Counts only.
+    pub(crate) fn never() -> Self {
+        Self { injection: None, log: Mutex::default() }
+    }
+
+    pub(crate) fn kinds(&self) -> Vec<Kind> {
+        self.log.lock().unwrap().kinds.clone()
+    }
+
+    pub(crate) fn hits(&self) -> u64 {
+        self.log.lock().unwrap().hits
+    }
+
+    pub(crate) fn told(&self) -> String {
+        self.log.lock().unwrap().told.clone().unwrap_or_default()
+    }
+
+    /// Counts the operation: the error that it meets, if any.
+    fn meets(&self, kind: Kind, path: &Path) -> Option<How> {
+        let mut log = self.log.lock().unwrap();
+        let number = log.kinds.len();
+        log.kinds.push(kind);
+        let Injection { at, how, forever, .. } = self.injection?;
+        let is_now = number == at || forever && number > at;
+        if !is_now || !how.can_meet(kind) {
+            return None;
+        }
+        log.hits += 1;
+        log.told.get_or_insert_with(|| format!("{kind:?} of {}", path.display()));
+        Some(how)
+    }
+
+    fn pass<T>(&self, kind: Kind, path: &Path, operation: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+        self.meets(kind, path).map_or_else(operation, |how| Err(how.error()))
+    }
+}
+
+impl Fs for Failing {
+    fn create_dir_all(&self, path: &Path) -> io::Result<()> {
+        self.pass(Kind::Folder, path, || Real.create_dir_all(path))
+    }
+
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        match self.meets(Kind::Write, path) {
+            None => Real.write(path, bytes),
+            Some(How::Short) => {
+                Real.write(path, &bytes[..bytes.len() / 2])?;
+                Err(How::Short.error())
+            }
+            Some(how) => Err(how.error()),
+        }
+    }
+
+    fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
+        self.pass(Kind::Read, path, || Real.read(path))
+    }
+
+    fn digest(&self, path: &Path) -> io::Result<Digest> {
+        self.pass(Kind::Read, path, || Real.digest(path))
+    }
+
+    fn stat(&self, path: &Path) -> io::Result<Stat> {
+        self.pass(Kind::Stat, path, || Real.stat(path))
+    }
+
+    fn list(&self, path: &Path) -> io::Result<Vec<Entry>> {
+        self.pass(Kind::List, path, || Real.list(path))
+    }
+
+    fn protect(&self, path: &Path) -> io::Result<()> {
+        self.pass(Kind::Protect, path, || Real.protect(path))
+    }
+
+    fn link(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.pass(Kind::Link, to, || Real.link(from, to))
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.pass(Kind::Rename, to, || Real.rename(from, to))
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        self.pass(Kind::Remove, path, || Real.remove(path))
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        self.pass(Kind::Sync, path, || Real.sync(path))
+    }
+
+    fn sync_all(&self, root: &Path) -> io::Result<()> {
+        // In memory there is nothing to sync, and on a disk it would write what others wrote.
+        self.pass(Kind::Sync, root, || Ok(()))
+    }
+}

@@ -1,0 +1,165 @@
+//! `kill -9` of the process group at random instants, until everything is done.
+//!
+//! After each kill every step that counts as up to date is read and held against an undisturbed build; no step that
+//! was told as made, or counted as up to date after a kill, is ever made again; the next run needs nobody's help.
+
+use crate::place::{Place, Products, same, sound, tree, within};
+use crate::program::{end, run_until, start};
+use crate::random::Random;
+use crate::scenes;
+use crate::tally::Tally;
+use crate::{Size, is_over};
+use gs2e::store::Digest;
+use rustix::process::Signal;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Cores that a build is given: at most so many steps are at work when it is killed.
+const CORES: usize = 2;
+
+/// What a build that nobody disturbed makes.
+struct Undisturbed {
+    products: Products,
+    release: BTreeMap<PathBuf, Digest>,
+    /// The longest time before a kill.
+    patience: Duration,
+}
+
+pub(crate) fn run(size: Size) -> Tally {
+    // No kill comes later than this part of an undisturbed build: late enough to get through the looking at a store
+    // that grows, early enough to take several kills a build.
+    let (kills, count, part) = size.of((200, 200, 0.5), (1000, 2000, 0.25));
+    let undisturbed = undisturbed(count, part);
+    let mut random = Random::new(size.seed, 0);
+    let mut tally = Tally::default();
+    for figure in ["finished steps redone", "partial accepted", "human acts", "steps lost", "builds finished"]
+    {
+        tally.count(figure, 0);
+    }
+    let end = size.end();
+    while tally.trials() < kills && !is_over(end) {
+        let place = Place::in_memory();
+        scenes::write(&place, count, 10);
+        let ended = until_done(&place, &undisturbed, &mut random, kills, &mut tally);
+        if let Err(why) = ended {
+            tally.trial(Err(why));
+        }
+    }
+    tally
+}
+
+fn undisturbed(count: u32, part: f64) -> Undisturbed {
+    let place = Place::in_memory();
+    scenes::write(&place, count, 10);
+    let started = Instant::now();
+    let products = place.build("").unwrap();
+    let patience = started.elapsed().mul_f64(part);
+    place.ok("release --to out").unwrap();
+    Undisturbed { products, release: tree(&place.path("out")), patience }
+}
+
+/// Builds with kills until the build, and the release after it, are done or enough kills are counted.
+fn until_done(
+    place: &Place,
+    undisturbed: &Undisturbed,
+    random: &mut Random,
+    kills: u64,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let mut finished = BTreeSet::new();
+    let args = format!("build --json -j {CORES}");
+    while tally.trials() < kills {
+        let after = undisturbed.patience.mul_f64(random.unit());
+        let (ended, was_hit) = run_until(place.root(), &args, after, Signal::KILL);
+        note_made(&ended.made(), &mut finished, tally)?;
+        if !was_hit {
+            orderly(&ended, tally)?;
+            break;
+        }
+        let state = after_kill(place, undisturbed, &mut finished, tally);
+        tally.trial(state);
+    }
+    // The kills may be used up before the build is done: the rest runs undisturbed.
+    let ended = end(start(place.root(), &args));
+    orderly(&ended, tally)?;
+    note_made(&ended.made(), &mut finished, tally)?;
+    same(&place.finished()?, &undisturbed.products)?;
+    if std::fs::read_dir(place.path(".gs2e/tmp")).unwrap().next().is_some() {
+        return Err("leftovers in tmp/ after a whole build".to_owned());
+    }
+    tally.count("builds finished", 1);
+    released(place, undisturbed, random, kills, tally)
+}
+
+/// A release that is killed four times at most: the tree is the undisturbed one, and the audit finds nothing.
+fn released(
+    place: &Place,
+    undisturbed: &Undisturbed,
+    random: &mut Random,
+    kills: u64,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    for _ in 0..4 {
+        if tally.trials() >= kills {
+            break;
+        }
+        let after = undisturbed.patience.mul_f64(random.unit());
+        let (ended, was_hit) = run_until(place.root(), "release --to out", after, Signal::KILL);
+        if !was_hit {
+            orderly(&ended, tally)?;
+            continue;
+        }
+        let state = place.finished().and_then(|products| same(&products, &undisturbed.products));
+        tally.trial(state);
+    }
+    place.ok("release --to out").inspect_err(|_| tally.count("human acts", 1))?;
+    place.ok("audit out")?;
+    if tree(&place.path("out")) == undisturbed.release {
+        Ok(())
+    } else {
+        Err("the release is not that of an undisturbed build".to_owned())
+    }
+}
+
+/// The next run after a kill must just work.
+fn orderly(ended: &crate::program::Ended, tally: &mut Tally) -> Result<(), String> {
+    if ended.code == Some(0) {
+        return Ok(());
+    }
+    tally.count("human acts", 1);
+    Err(format!("a build after a kill: {ended}"))
+}
+
+fn note_made(made: &[String], finished: &mut BTreeSet<String>, tally: &mut Tally) -> Result<(), String> {
+    let again: Vec<&String> = made.iter().filter(|step| finished.contains(*step)).collect();
+    tally.count("finished steps redone", again.len() as u64);
+    let answer = again.first().map_or(Ok(()), |step| Err(format!("{step} was finished and is made again")));
+    finished.extend(made.iter().cloned());
+    answer
+}
+
+/// What the store says after a kill, held against the truth.
+fn after_kill(
+    place: &Place,
+    undisturbed: &Undisturbed,
+    finished: &mut BTreeSet<String>,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let begun = std::fs::read_dir(place.path(".gs2e/tmp")).into_iter().flatten();
+    let at_work = begun.filter(|entry| entry.as_ref().is_ok_and(|entry| entry.path().is_dir())).count();
+    tally.count("steps lost", at_work as u64);
+    if at_work > CORES {
+        return Err(format!("{at_work} steps were at work on {CORES} cores"));
+    }
+    let plan = place.plan()?;
+    let products = sound(&plan).inspect_err(|_| tally.count("partial accepted", 1))?;
+    within(&products, &undisturbed.products).inspect_err(|_| tally.count("partial accepted", 1))?;
+    let kept: BTreeSet<String> =
+        plan.into_iter().filter(|(_, step)| step.keep).map(|(name, _)| name).collect();
+    if let Some(step) = finished.iter().find(|step| !kept.contains(*step)) {
+        return Err(format!("{step} was told as made and is lost"));
+    }
+    finished.extend(kept);
+    Ok(())
+}

@@ -1,0 +1,180 @@
+//! The n-th file operation of the store fails, for every n and in every way that it can, once and for ever.
+//!
+//! But for an interruption that happens once, which is tried again, the build must say that it failed; nothing may
+//! count as up to date that is not; and a build without faults finishes with the right products.
+
+use crate::Size;
+use crate::engine::{Built, Engine};
+use crate::failing::{Failing, How, Injection};
+use crate::place::{Place, Products, same, within};
+use crate::random::Random;
+use crate::scenes;
+use crate::tally::Tally;
+use crate::workers::spread;
+use gs2e::store::fs::{Fs, Real};
+use std::fs;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What the build that meets the fault has to do.
+#[derive(Debug, Clone, Copy)]
+enum Scenario {
+    /// Everything, in a new store.
+    Cold,
+    /// A blob that is altered, one that is gone, and a scene that is new; another scene is known at a glance.
+    Mending,
+    /// Nothing.
+    Idle,
+    /// Nothing, and every byte is read.
+    Verifying,
+}
+
+struct Fixture {
+    place: Place,
+    truth: Products,
+    recipes: Vec<PathBuf>,
+}
+
+impl Fixture {
+    fn new(scenes: u32) -> Self {
+        let place = Place::in_memory();
+        scenes::write(&place, scenes, u32::MAX);
+        // What is younger than two seconds is read each time: scenes would never be known at a glance.
+        std::thread::sleep(Duration::from_millis(2100));
+        let truth = Engine::new(&place, Arc::new(Real)).build(&place).products(&place).unwrap();
+        let recipes = (0..scenes).map(|number| place.path(&format!("recipes/{number}.yaml"))).collect();
+        Self { place, truth, recipes }
+    }
+
+    fn engine(&self, fs: Arc<dyn Fs>, scenario: Scenario) -> Engine {
+        Engine { recipes: self.recipes.clone(), fs, verify: matches!(scenario, Scenario::Verifying) }
+    }
+
+    /// The store in which the build begins.
+    fn prepare(&self, scenario: Scenario) {
+        let _ = fs::remove_dir_all(self.place.store());
+        let all = self.recipes.len();
+        let known = match scenario {
+            Scenario::Cold => return,
+            Scenario::Mending => all - 1,
+            Scenario::Idle | Scenario::Verifying => all,
+        };
+        let engine = Engine { recipes: self.recipes[..known].to_vec(), fs: Arc::new(Real), verify: false };
+        let Built::Done { outputs, .. } = engine.build(&self.place) else { panic!("a sound build failed") };
+        if let Scenario::Mending = scenario {
+            let path = |step: usize| {
+                let digest = outputs[step].1[0].digest.to_string();
+                self.place.store().join("cas").join(&digest[..2]).join(&digest)
+            };
+            fs::remove_file(path(0)).unwrap();
+            fs::remove_file(path(2)).unwrap();
+            fs::write(path(2), "altered").unwrap();
+        }
+    }
+}
+
+/// Trials of the long run.
+const LONG_TRIALS: usize = 2000;
+
+pub(crate) fn run(size: Size) -> Tally {
+    let scenes = size.of(3, 100);
+    let mut tally = Tally::default();
+    let mut all = all_injections(scenes, &mut tally);
+    tally.count("ways to fail", all.len() as u64);
+    if size.long {
+        // Each trial builds hundreds of steps: every so manieth is tried, from a place that the seed chooses.
+        let stride = all.len().div_ceil(LONG_TRIALS);
+        all = all.into_iter().skip(Random::new(size.seed, 0).below(stride)).step_by(stride).collect();
+    }
+    tally.merge(spread(
+        size,
+        all.len(),
+        || Fixture::new(scenes),
+        |fixture, number, tally| {
+            let (scenario, injection) = all[number];
+            trial(fixture, scenario, injection, tally)
+                .map_err(|why| format!("{scenario:?}, {injection:?}: {why}"))
+        },
+    ));
+    for figure in ["panics", "success despite an error", "wrong states"] {
+        tally.count(figure, 0);
+    }
+    tally
+}
+
+/// Every operation of a build without faults, with each way in which it can fail.
+fn all_injections(scenes: u32, tally: &mut Tally) -> Vec<(Scenario, Injection)> {
+    let fixture = Fixture::new(scenes);
+    let mut all = Vec::new();
+    for scenario in [Scenario::Cold, Scenario::Mending, Scenario::Idle, Scenario::Verifying] {
+        fixture.prepare(scenario);
+        let counting = Arc::new(Failing::never());
+        let built = fixture.engine(counting.clone(), scenario).build(&fixture.place);
+        tally.trial(
+            undisturbed(&fixture, scenario, &built).map_err(|why| format!("{scenario:?}, no fault: {why}")),
+        );
+        for (at, kind) in counting.kinds().into_iter().enumerate() {
+            for how in How::ALL.into_iter().filter(|how| how.can_meet(kind)) {
+                all.extend([false, true].map(|forever| (scenario, Injection { at, how, forever })));
+            }
+        }
+    }
+    all
+}
+
+/// Without faults: the right products, from no more steps than there must be, and unmoved scenes known at a glance.
+fn undisturbed(fixture: &Fixture, scenario: Scenario, built: &Built) -> Result<(), String> {
+    same(&built.products(&fixture.place)?, &fixture.truth)?;
+    let Built::Done { made, settled, .. } = *built else { return Err(format!("{built:?}")) };
+    let scenes = fixture.recipes.len();
+    let wanted = match scenario {
+        Scenario::Cold => (4 * scenes, 0),
+        Scenario::Mending => (2 + 4, scenes - 2),
+        Scenario::Idle => (0, scenes),
+        Scenario::Verifying => (0, 0),
+    };
+    if (made, settled) == wanted {
+        return Ok(());
+    }
+    Err(format!("{made} steps made and {settled} scenes known at a glance, wanted {wanted:?}"))
+}
+
+fn trial(
+    fixture: &Fixture,
+    scenario: Scenario,
+    injection: Injection,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    fixture.prepare(scenario);
+    let failing = Arc::new(Failing::new(injection));
+    let built = fixture.engine(failing.clone(), scenario).build(&fixture.place);
+    tally.count("errors injected", failing.hits());
+    let is_retried = injection.how == How::Interrupted && !injection.forever;
+    let verdict = match &built {
+        Built::Panicked => {
+            tally.count("panics", 1);
+            Err("a panic".to_owned())
+        }
+        Built::Done { .. } if failing.hits() > 0 && !is_retried => {
+            tally.count("success despite an error", 1);
+            Err(format!("success although {} failed", failing.told()))
+        }
+        Built::Failed(why) if is_retried => Err(format!("an interruption is tried again, not told: {why}")),
+        Built::Done { .. } | Built::Failed(_) => Ok(()),
+    };
+    let state = after(fixture, &built).inspect_err(|_| tally.count("wrong states", 1));
+    verdict.and(state)
+}
+
+/// What counts as up to date is; and the next build finishes.
+fn after(fixture: &Fixture, built: &Built) -> Result<(), String> {
+    let Fixture { place, truth, .. } = fixture;
+    if let Built::Done { .. } = built {
+        same(&built.products(place)?, truth)?;
+    }
+    let sound = fixture.engine(Arc::new(Real), Scenario::Idle);
+    within(&sound.look(place)?, truth)?;
+    let next = sound.build(place).products(place).and_then(|products| same(&products, truth));
+    next.map_err(|why| format!("the next build: {why}"))
+}

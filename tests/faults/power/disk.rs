@@ -1,0 +1,121 @@
+//! What a disk may hold after a power failure: everything up to the last sync, and of what came after it some names,
+//! some bytes, in any order.
+
+use super::recorder::{Database, Op};
+use crate::random::Random;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What becomes of that which was not synced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Loss {
+    /// Nothing of it is there, but for the database: what that claims must be there.
+    Dropped,
+    /// All names are there, and files have lost bytes.
+    Torn,
+    /// Some operations reached the disk and earlier ones did not; files have lost bytes.
+    Reordered,
+}
+
+#[derive(Debug, Clone)]
+struct Content {
+    bytes: Vec<u8>,
+    synced: bool,
+}
+
+/// The content of a store's folder.
+#[derive(Debug, Default)]
+pub(super) struct Disk {
+    folders: BTreeSet<PathBuf>,
+    files: BTreeMap<PathBuf, Content>,
+    /// Every state of the database since the last sync, and the last before it.
+    databases: Vec<Database>,
+}
+
+impl Disk {
+    /// After these operations and the power failure.
+    pub(super) fn after(ops: &[Op], loss: Loss, random: &mut Random) -> Self {
+        let synced = ops.iter().rposition(|op| matches!(op, Op::SyncAll)).map_or(0, |last| last + 1);
+        let mut disk = Self::default();
+        ops[..synced].iter().for_each(|op| disk.apply(op));
+        disk.apply(&Op::SyncAll);
+        for op in &ops[synced..] {
+            let reaches = match loss {
+                Loss::Dropped => matches!(op, Op::Commit(_) | Op::Sync(_)),
+                Loss::Torn => true,
+                Loss::Reordered => random.once_in(2) || matches!(op, Op::Commit(_)),
+            };
+            if reaches {
+                disk.apply(op);
+            }
+        }
+        if loss != Loss::Dropped {
+            disk.tear(random);
+        }
+        if loss == Loss::Reordered && !disk.databases.is_empty() {
+            // Its log is not synced at a commit: an older state may come back.
+            disk.databases.truncate(1 + random.below(disk.databases.len()));
+        }
+        disk
+    }
+
+    fn apply(&mut self, op: &Op) {
+        match op {
+            Op::Folder(path) => self.folders.extend(path.ancestors().map(Path::to_owned)),
+            Op::Write(path, bytes) | Op::Link(path, bytes) => {
+                self.files.insert(path.clone(), Content { bytes: bytes.clone(), synced: false });
+            }
+            Op::Rename(from, to, bytes) => {
+                // What a step wrote by itself was not known before.
+                let written = bytes.clone().map(|bytes| Content { bytes, synced: false });
+                if let Some(content) = self.files.remove(from).or(written) {
+                    self.files.insert(to.clone(), content);
+                }
+            }
+            Op::Remove(path) => {
+                self.files.retain(|file, _| !file.starts_with(path));
+                self.folders.retain(|folder| !folder.starts_with(path));
+            }
+            Op::Sync(path) => self.files.get_mut(path).into_iter().for_each(|content| content.synced = true),
+            Op::SyncAll => {
+                self.files.values_mut().for_each(|content| content.synced = true);
+                self.databases.drain(..self.databases.len().saturating_sub(1));
+            }
+            Op::Commit(database) => self.databases.push(database.clone()),
+        }
+    }
+
+    /// Files that were not synced lose all, the end, or every byte but not their length; or they are lucky.
+    fn tear(&mut self, random: &mut Random) {
+        for content in self.files.values_mut().filter(|content| !content.synced) {
+            let bytes = &mut content.bytes;
+            match random.below(5) {
+                0 => bytes.clear(),
+                1 => bytes.truncate(random.below(bytes.len() + 1)),
+                2 => bytes.fill(0),
+                3 => {
+                    let from = random.below(bytes.len() + 1);
+                    bytes[from..].fill(0);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Writes it where the store was.
+    pub(super) fn write(&self, root: &Path) {
+        fs::create_dir_all(root).unwrap();
+        for folder in &self.folders {
+            fs::create_dir_all(root.join(folder)).unwrap();
+        }
+        for (path, content) in &self.files {
+            let path = root.join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(&path, &content.bytes).unwrap();
+        }
+        for (suffix, bytes) in self.databases.last().into_iter().flatten() {
+            fs::write(root.join(format!("state.db{suffix}")), bytes).unwrap();
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! File operations that are carried out and written down.
+
+use gs2e::store::Digest;
+use gs2e::store::fs::{Entry, Fs, Real, Stat};
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// The files of the database, by name.
+pub(super) type Database = Vec<(&'static str, Vec<u8>)>;
+
+/// An operation that changes what the disk holds; paths are relative to the store.
+#[derive(Debug, Clone)]
+pub(super) enum Op {
+    Folder(PathBuf),
+    /// A file's bytes, under a new name or in place of what it had.
+    Write(PathBuf, Vec<u8>),
+    /// A second name, with the bytes: steps write their files by themselves.
+    Link(PathBuf, Vec<u8>),
+    /// Another name, with the bytes where it is a file's.
+    Rename(PathBuf, PathBuf, Option<Vec<u8>>),
+    Remove(PathBuf),
+    Sync(PathBuf),
+    SyncAll,
+    Commit(Database),
+}
+
+/// The system's files, recorded.
+#[derive(Debug)]
+pub(super) struct Recorder {
+    root: PathBuf,
+    ops: Mutex<Vec<Op>>,
+    /// The stat fields that the engine saw last of each file.
+    stats: Mutex<BTreeMap<PathBuf, Stat>>,
+}
+
+impl Recorder {
+    /// Records what happens below the store at `root`.
+    pub(super) fn new(root: PathBuf) -> Self {
+        Self { root, ops: Mutex::default(), stats: Mutex::default() }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.ops.lock().unwrap().len()
+    }
+
+    pub(super) fn ops(&self) -> Vec<Op> {
+        self.ops.lock().unwrap().clone()
+    }
+
+    pub(super) fn stats(&self) -> BTreeMap<PathBuf, Stat> {
+        self.stats.lock().unwrap().clone()
+    }
+
+    fn below(&self, path: &Path) -> PathBuf {
+        path.strip_prefix(&self.root).unwrap().to_owned()
+    }
+
+    fn note(&self, op: Op) {
+        self.ops.lock().unwrap().push(op);
+    }
+}
+
+impl Fs for Recorder {
+    fn create_dir_all(&self, path: &Path) -> io::Result<()> {
+        self.note(Op::Folder(self.below(path)));
+        Real.create_dir_all(path)
+    }
+
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.note(Op::Write(self.below(path), bytes.to_vec()));
+        Real.write(path, bytes)
+    }
+
+    fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
+        Real.read(path)
+    }
+
+    fn digest(&self, path: &Path) -> io::Result<Digest> {
+        Real.digest(path)
+    }
+
+    fn stat(&self, path: &Path) -> io::Result<Stat> {
+        let stat = Real.stat(path)?;
+        if path.starts_with(&self.root) {
+            self.stats.lock().unwrap().insert(path.to_owned(), stat);
+        }
+        Ok(stat)
+    }
+
+    fn list(&self, path: &Path) -> io::Result<Vec<Entry>> {
+        Real.list(path)
+    }
+
+    fn protect(&self, path: &Path) -> io::Result<()> {
+        Real.protect(path)
+    }
+
+    fn link(&self, from: &Path, to: &Path) -> io::Result<()> {
+        let bytes = fs::read(from)?;
+        Real.link(from, to)?;
+        self.note(Op::Link(self.below(to), bytes));
+        Ok(())
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        let bytes = fs::read(from).ok();
+        Real.rename(from, to)?;
+        self.note(Op::Rename(self.below(from), self.below(to), bytes));
+        Ok(())
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        Real.remove(path)?;
+        self.note(Op::Remove(self.below(path)));
+        Ok(())
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        self.note(Op::Sync(self.below(path)));
+        Ok(())
+    }
+
+    fn sync_all(&self, _: &Path) -> io::Result<()> {
+        self.note(Op::SyncAll);
+        Ok(())
+    }
+
+    fn committed(&self, database: &Path) -> io::Result<()> {
+        let mut files = Database::new();
+        for suffix in SUFFIXES {
+            let mut path = database.to_owned().into_os_string();
+            path.push(suffix);
+            if let Ok(bytes) = fs::read(PathBuf::from(path)) {
+                files.push((suffix, bytes));
+            }
+        }
+        self.note(Op::Commit(files));
+        Ok(())
+    }
+}
+
+/// What the names of the database and of its log end with. Its index into the log is never trusted after a crash.
+const SUFFIXES: [&str; 2] = ["", "-wal"];

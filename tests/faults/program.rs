@@ -1,0 +1,92 @@
+//! The program under test, run to its end or killed before it.
+
+use rustix::process::{Pid, Signal, kill_process_group};
+use serde_json::Value;
+use std::fmt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// How a run ended.
+#[derive(Debug)]
+pub(crate) struct Ended {
+    /// `None`: a signal ended it.
+    pub(crate) code: Option<i32>,
+    pub(crate) signal: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Ended {
+    fn of(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+        Self {
+            code: output.status.code(),
+            signal: output.status.signal(),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
+    }
+
+    /// The steps that `build --json` told as made; the last line may be cut.
+    pub(crate) fn made(&self) -> Vec<String> {
+        let told = self.stdout.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let made = told.filter(|line| line["state"] == "made");
+        made.filter_map(|line| line["step"].as_str().map(str::to_owned)).collect()
+    }
+
+    /// No panic and no signal of its own: whatever it was fed, it ends by itself and says why.
+    pub(crate) fn is_orderly(&self) -> Result<(), String> {
+        let panicked = self.code == Some(101) || self.stderr.contains("panicked at");
+        // 3 is a verdict, with its own words.
+        let says_why = ["error", "interrupted"].iter().any(|word| self.stderr.contains(word));
+        let unsaid = !matches!(self.code, Some(0 | 3)) && !says_why;
+        if panicked || self.signal.is_some() || unsaid { Err(self.to_string()) } else { Ok(()) }
+    }
+}
+
+impl fmt::Display for Ended {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lines: Vec<&str> = self.stderr.lines().collect();
+        let tail = lines[lines.len().saturating_sub(12)..].join("\n");
+        write!(f, "exit code {:?}, signal {:?}\n{tail}", self.code, self.signal)
+    }
+}
+
+fn command(folder: &Path, args: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
+    command.args(args.split_whitespace()).current_dir(folder).stdin(Stdio::null());
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
+    command
+}
+
+/// Starts it in a process group of its own.
+pub(crate) fn start(folder: &Path, args: &str) -> Child {
+    command(folder, args).spawn().unwrap()
+}
+
+/// Waits for its end.
+pub(crate) fn end(child: Child) -> Ended {
+    Ended::of(child.wait_with_output().unwrap())
+}
+
+/// Runs it to its end, which must be an orderly one.
+pub(crate) fn run(folder: &Path, args: &str) -> Result<Ended, String> {
+    let ended = end(start(folder, args));
+    ended.is_orderly().map_err(|why| format!("`gs2e {args}` ended out of order: {why}"))?;
+    Ok(ended)
+}
+
+/// Runs it, and sends its process group a signal after a while unless it ended before; whether it was sent.
+pub(crate) fn run_until(folder: &Path, args: &str, after: Duration, signal: Signal) -> (Ended, bool) {
+    let started = Instant::now();
+    let child = start(folder, args);
+    let pid = Pid::from_child(&child);
+    std::thread::sleep(after.saturating_sub(started.elapsed()));
+    // A child that nobody waited for keeps its number: the signal can reach no other group.
+    kill_process_group(pid, signal).unwrap();
+    let ended = end(child);
+    let was_hit = ended.code.is_none() || ended.code == Some(130);
+    (ended, was_hit)
+}

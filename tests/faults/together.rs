@@ -1,0 +1,127 @@
+//! Two coordinators on one store, and eight writers to one shared `cas/` and `ac/`.
+
+use crate::place::{Place, Products, same};
+use crate::program::{Ended, end, start};
+use crate::random::Random;
+use crate::scenes;
+use crate::tally::Tally;
+use crate::{Size, is_over};
+use gs2e::store::Digest;
+use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+const SCENES: u32 = 12;
+const WRITERS: usize = 8;
+
+pub(crate) fn run(size: Size) -> Tally {
+    let time = Duration::from_secs(size.of(30, 30 * 60));
+    let truth = {
+        let place = Place::in_memory();
+        scenes::write(&place, SCENES, 4);
+        place.build("").unwrap()
+    };
+    let mut tally = Tally::default();
+    ["steps run twice", "corrupt entries", "waits named"].iter().for_each(|figure| tally.count(figure, 0));
+    let (started, end) = (Instant::now(), size.end());
+    for round in 0.. {
+        let mut random = Random::new(size.seed, round);
+        let ended = if round % 2 == 0 {
+            two_coordinators(&truth, &mut random, &mut tally)
+        } else {
+            eight_writers(&truth, &mut random, &mut tally)
+        };
+        tally.trial(ended.map_err(|why| format!("round {round}: {why}")));
+        if started.elapsed() > time || is_over(end) {
+            break;
+        }
+    }
+    tally
+}
+
+fn pause(random: &mut Random, most_ms: usize) {
+    std::thread::sleep(Duration::from_millis(random.below(most_ms) as u64));
+}
+
+/// Each step is made by one of them; who waits says for whom.
+fn two_coordinators(truth: &Products, random: &mut Random, tally: &mut Tally) -> Result<(), String> {
+    let place = Place::in_memory();
+    scenes::write(&place, SCENES, 4);
+    let first = start(place.root(), "build --json -j 1");
+    pause(random, 60);
+    let second = start(place.root(), "build --json -j 1");
+    let pids = [first.id(), second.id()];
+    let ended = [end(first), end(second)];
+    let mut made = BTreeSet::new();
+    for (own, ended) in ended.iter().enumerate() {
+        succeeded(ended)?;
+        let twice = ended.made().into_iter().filter(|step| !made.insert(step.clone())).count();
+        tally.count("steps run twice", twice as u64);
+        if twice > 0 {
+            return Err(format!("{twice} steps were made by both"));
+        }
+        if let Some(line) = ended.stderr.lines().find(|line| line.starts_with("waiting:")) {
+            if !line.contains(&format!("pid {} ", pids[1 - own])) {
+                return Err(format!("the other is pid {}, and it says: {line}", pids[1 - own]));
+            }
+            tally.count("waits named", 1);
+        }
+    }
+    same(&place.finished()?, truth)
+}
+
+fn succeeded(ended: &Ended) -> Result<(), String> {
+    ended.is_orderly()?;
+    if ended.code == Some(0) { Ok(()) } else { Err(ended.to_string()) }
+}
+
+/// Stores with locks and databases of their own over the same blobs and records, as tasks on several hosts have them.
+fn eight_writers(truth: &Products, random: &mut Random, tally: &mut Tally) -> Result<(), String> {
+    let place = Place::in_memory();
+    scenes::write(&place, SCENES, 4);
+    let store = |number: usize| format!("stores/{number}");
+    for name in ["cas", "ac"] {
+        fs::create_dir_all(place.path("shared").join(name)).unwrap();
+    }
+    for number in 0..WRITERS {
+        fs::create_dir_all(place.path(&store(number))).unwrap();
+        for name in ["cas", "ac"] {
+            symlink(place.path("shared").join(name), place.path(&store(number)).join(name)).unwrap();
+        }
+    }
+    let writers: Vec<_> = (0..WRITERS)
+        .map(|number| {
+            pause(random, 5);
+            start(place.root(), &format!("build -q -j 1 --store {}", store(number)))
+        })
+        .collect();
+    for writer in writers {
+        succeeded(&end(writer))?;
+    }
+    let corrupt = corrupt_blobs(&place.path("shared/cas"));
+    tally.count("corrupt entries", corrupt.len() as u64);
+    if let Some(path) = corrupt.first() {
+        return Err(format!("{path} holds other bytes than its name says"));
+    }
+    // A store that begins with nothing but the shared files reads every record, and runs nothing.
+    for name in ["cas", "ac"] {
+        fs::create_dir_all(place.store()).unwrap();
+        symlink(place.path("shared").join(name), place.store().join(name)).unwrap();
+    }
+    let ended = place.ok("build --json")?;
+    if ended.stderr.contains("damaged") || !ended.made().is_empty() {
+        tally.count("corrupt entries", 1);
+        return Err(format!("the shared records do not all count: {ended}"));
+    }
+    same(&place.finished()?, truth)
+}
+
+/// Files whose bytes are not those of their names.
+fn corrupt_blobs(cas: &Path) -> Vec<String> {
+    let entries = walkdir::WalkDir::new(cas).into_iter().map(Result::unwrap);
+    let files = entries.filter(|entry| entry.file_type().is_file());
+    let is_wrong = |path: &Path| !path.ends_with(Digest::of(&fs::read(path).unwrap()).to_string());
+    files.filter(|file| is_wrong(file.path())).map(|file| file.path().display().to_string()).collect()
+}
