@@ -29,7 +29,7 @@ struct Undisturbed {
 pub(crate) fn run(size: Size) -> Tally {
     // No kill comes later than this part of an undisturbed build: late enough to get through the looking at a store
     // that grows, early enough to take several kills a build.
-    let (kills, count, part) = size.of((200, 200, 0.5), (1000, 2000, 0.25));
+    let (kills, count, part) = size.of((200, 200, 0.2), (1000, 2000, 0.2));
     let undisturbed = undisturbed(count, part);
     let mut random = Random::new(size.seed, 0);
     let mut tally = Tally::default();

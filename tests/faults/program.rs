@@ -3,6 +3,7 @@
 use rustix::process::{Pid, Signal, kill_process_group};
 use serde_json::Value;
 use std::fmt;
+use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -81,12 +82,26 @@ pub(crate) fn run(folder: &Path, args: &str) -> Result<Ended, String> {
 /// Runs it, and sends its process group a signal after a while unless it ended before; whether it was sent.
 pub(crate) fn run_until(folder: &Path, args: &str, after: Duration, signal: Signal) -> (Ended, bool) {
     let started = Instant::now();
-    let child = start(folder, args);
+    let mut child = start(folder, args);
     let pid = Pid::from_child(&child);
-    std::thread::sleep(after.saturating_sub(started.elapsed()));
-    // A child that nobody waited for keeps its number: the signal can reach no other group.
-    kill_process_group(pid, signal).unwrap();
-    let ended = end(child);
+    let (mut stdout, mut stderr) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
+    let (told, errors) = std::thread::scope(|scope| {
+        // Read all the while: a program whose pipe is full would wait, and be killed at nothing but that.
+        let told = scope.spawn(|| read(&mut stdout));
+        let errors = scope.spawn(|| read(&mut stderr));
+        std::thread::sleep(after.saturating_sub(started.elapsed()));
+        // A child that nobody waited for keeps its number: the signal can reach no other group.
+        kill_process_group(pid, signal).unwrap();
+        (told.join().unwrap(), errors.join().unwrap())
+    });
+    let status = child.wait().unwrap();
+    let ended = Ended::of(Output { status, stdout: told, stderr: errors });
     let was_hit = ended.code.is_none() || ended.code == Some(130);
     (ended, was_hit)
+}
+
+fn read(pipe: &mut impl Read) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    pipe.read_to_end(&mut bytes).unwrap();
+    bytes
 }
