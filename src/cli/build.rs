@@ -274,6 +274,9 @@ pub(super) fn tell_end(summary: &Summary, seconds: f64, console: &Console) {
     if summary.interrupted && console.json {
         console.result(&Message::new(Level::Error, "interrupted", line.as_str()).to_json());
     }
+    if summary.rechecked > 0 {
+        console.say(&format!("{} steps made again, each with the bytes on record", summary.rechecked));
+    }
     console.say(&line);
 }
 

@@ -12,6 +12,7 @@ mod determinism;
 mod diff;
 mod event_statistics;
 mod gc;
+mod glance;
 mod golden_digests;
 mod interruption;
 mod keys;
