@@ -365,9 +365,10 @@ impl Store {
         }
         // While the files of both are where they were.
         let unlike = before.map(|before| self.nondeterministic(workspace, before, record.clone(), true));
-        files.iter().try_for_each(|file| self.blobs.publish(file))?;
+        let ours = files.iter().map(|file| self.blobs.publish(file)).collect::<Result<Vec<bool>, _>>()?;
         record.write(&self.root, &self.disk)?;
-        for output in &record.outputs {
+        for (output, _) in record.outputs.iter().zip(ours).filter(|(_, is_ours)| *is_ours) {
+            // Nobody knew its name before. One that was there already is as settled as it was.
             self.settle(&output.digest)?;
         }
         self.state().put(Table::Record, &record.key.to_string(), record.brief().row());

@@ -65,21 +65,22 @@ impl Blobs {
         Ok(Finished { output: Output { name, digest, size }, path })
     }
 
-    /// Publishes a finished file; first writer wins. Its name in the workspace goes: a name that went later would move
-    /// the blob's ctime, and the blob would be read again for it.
-    pub(super) fn publish(&self, file: &Finished) -> Result<(), StoreError> {
+    /// Publishes a finished file; first writer wins. Whether it is this file that lies there now. Its name in the
+    /// workspace goes then: a name that went later would move the blob's ctime, and the blob would be read again for it.
+    pub(super) fn publish(&self, file: &Finished) -> Result<bool, StoreError> {
         let to = self.path(&file.output.digest);
         if let Some(folder) = to.parent() {
             self.disk.create_dir(folder)?;
         }
         if self.disk.link_new(&file.path, &to)? {
-            return self.disk.remove(&file.path);
+            return self.disk.remove(&file.path).map(|()| true);
         }
         // Somebody had it first, or its bytes were altered since: only the bytes can tell.
         let _alone = self.replacing.lock().expect("no holder panics");
-        if self.disk.digest(&to).map_err(failed("reading", &to))? != file.output.digest {
+        let is_altered = self.disk.digest(&to).map_err(failed("reading", &to))? != file.output.digest;
+        if is_altered {
             self.disk.rename(&file.path, &to)?;
         }
-        Ok(())
+        Ok(is_altered)
     }
 }
