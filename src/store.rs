@@ -18,6 +18,7 @@ pub mod gc;
 mod hash;
 mod lock;
 mod memo;
+mod publish;
 pub mod record;
 mod root;
 pub mod space;
@@ -30,15 +31,12 @@ pub use root::Root;
 
 use blob::Blobs;
 pub use lock::Claim;
+pub use publish::Workspace;
 pub use unlike::Unlike;
 
 use disk::Disk;
 use fs::Fs;
-use memo::Memo;
-use rayon::prelude::*;
 use record::{Brief, Output, Record};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use space::Space;
 use stat_cache::{Entry, Sighting};
 use state::{State, Table};
@@ -339,66 +337,6 @@ impl Store {
         self.blobs.discard(digest)
     }
 
-    /// An empty folder for a step to write its files in.
-    ///
-    /// # Errors
-    /// When it cannot be made.
-    pub fn workspace(&self) -> Result<Workspace<'_>, StoreError> {
-        let path = self.blobs.fresh("tmp");
-        self.disk.create_dir(&path)?;
-        Ok(Workspace { path, store: self })
-    }
-
-    /// Publishes the files of a workspace as what `record` made: blobs, then the record, then the index.
-    ///
-    /// # Errors
-    /// When a file cannot be read or written, or the key is on record with other bytes. Where those are still there
-    /// nothing is published; where they are lost the new ones take their place.
-    pub fn publish(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<Vec<Output>, StoreError> {
-        let files = self.blobs.finish(workspace.path())?;
-        record.outputs = files.iter().map(|file| file.output.clone()).collect();
-        let before = self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs);
-        if let Some(before) = &before
-            && before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)))
-        {
-            return Err(self.nondeterministic(workspace, before.clone(), record, false));
-        }
-        // While the files of both are where they were.
-        let unlike = before.map(|before| self.nondeterministic(workspace, before, record.clone(), true));
-        let ours = files.iter().map(|file| self.blobs.publish(file)).collect::<Result<Vec<bool>, _>>()?;
-        record.write(&self.root, &self.disk)?;
-        for (output, _) in record.outputs.iter().zip(ours).filter(|(_, is_ours)| *is_ours) {
-            // Nobody knew its name before. One that was there already is as settled as it was.
-            self.settle(&output.digest)?;
-        }
-        self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
-        unlike.map_or(Ok(record.outputs), Err)
-    }
-
-    /// Holds the files of a workspace against what is on record for a key, and publishes nothing.
-    ///
-    /// # Errors
-    /// When a file cannot be read, or the bytes differ.
-    pub fn compare(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<(), StoreError> {
-        let files = self.blobs.finish(workspace.path())?;
-        record.outputs = files.iter().map(|file| file.output.clone()).collect();
-        match self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs) {
-            Some(before) => Err(self.nondeterministic(workspace, before, record, false)),
-            None => Ok(()),
-        }
-    }
-
-    fn nondeterministic(
-        &self,
-        workspace: &Workspace<'_>,
-        before: Record,
-        now: Record,
-        replaced: bool,
-    ) -> StoreError {
-        let first = unlike::first_difference(&before, &now, &|digest| self.path_of(digest), workspace.path());
-        StoreError::Nondeterministic(Box::new(Unlike { before, now, replaced, first }))
-    }
-
     /// The file system that the store is on.
     ///
     /// # Errors
@@ -416,62 +354,6 @@ impl Store {
         let stat = self.disk.stat(&path).map_err(disk::failed("reading", &path))?;
         self.enter(&path, Entry { seen: Sighting::settled(stat), digest: *digest });
         Ok(())
-    }
-
-    /// The facts remembered under these names, where their grounds have not moved. Trusts stat fields, so a store
-    /// that was opened to verify remembers nothing.
-    ///
-    /// # Errors
-    /// When a file is there and cannot be looked at.
-    pub fn recall<T: DeserializeOwned + Send>(
-        &self,
-        names: &[String],
-        tag: &Digest,
-    ) -> Result<Vec<Option<T>>, StoreError> {
-        /// Below this many, looking each one up is less than reading the table.
-        const FEW: usize = 64;
-        if self.verified.is_some() {
-            return Ok(names.iter().map(|_| None).collect());
-        }
-        let rows: Vec<Option<Vec<u8>>> = if names.len() < FEW {
-            names.iter().map(|name| self.state().get(Table::Memo, name)).collect()
-        } else {
-            let mut all = self.state().all(Table::Memo);
-            names.iter().map(|name| all.remove(name)).collect()
-        };
-        let recall = |row: Option<Vec<u8>>| {
-            let memo = row.and_then(|row| postcard::from_bytes::<Memo<T>>(&row).ok());
-            let Some(memo) = memo else { return Ok(None) };
-            if !memo.holds(tag, &self.disk, &|digest| self.blobs.path(digest))? {
-                return Ok(None);
-            }
-            self.counts.trusted.fetch_add(memo.files.len() + memo.blobs.len(), Ordering::Relaxed);
-            Ok(Some(memo.fact))
-        };
-        rows.into_par_iter().map(recall).collect()
-    }
-
-    /// Remembers a fact that was made from `files`, seen before they were read, and from `blobs`. Where one of them
-    /// is so young that it could still change unseen, nothing is remembered.
-    pub fn remember<T: Serialize>(
-        &self,
-        name: &str,
-        tag: Digest,
-        files: &[(PathBuf, Sighting)],
-        blobs: &[Digest],
-        fact: T,
-    ) {
-        let mut state = self.state();
-        let known = |digest: &Digest| {
-            let row = state.get(Table::Stat, self.blobs.path(digest).to_str()?)?;
-            let entry: Entry = postcard::from_bytes(&row).ok()?;
-            (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))
-        };
-        let blobs: Option<Vec<_>> = blobs.iter().map(known).collect();
-        let (Some(files), Some(blobs)) = (memo::firm(files), blobs) else { return };
-        let memo = Memo { tag, files, blobs, fact };
-        let row = postcard::to_stdvec(&memo).expect("a memo is plain data");
-        state.put_new(Table::Memo, name, row);
     }
 
     /// Whether so much is pending that it should be written, for the case that this process is killed.
@@ -517,28 +399,4 @@ pub enum BlobState {
     Missing,
     /// There, with other bytes.
     Altered,
-}
-
-/// A folder under `tmp/` that is removed with its content when dropped.
-#[derive(Debug)]
-pub struct Workspace<'s> {
-    path: PathBuf,
-    store: &'s Store,
-}
-
-impl Workspace<'_> {
-    /// Where it is.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
-impl Drop for Workspace<'_> {
-    fn drop(&mut self) {
-        // Whatever stays is removed when the store is next opened for writing; the failure is told at the next flush.
-        if let Err(error) = self.store.disk.remove(&self.path) {
-            self.store.failed.lock().expect("no holder panics").get_or_insert(error);
-        }
-    }
 }

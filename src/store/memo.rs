@@ -6,26 +6,30 @@
 
 use super::disk::{Disk, failed, is_absent};
 use super::fs::Stat;
-use super::stat_cache::Sighting;
-use super::{Digest, StoreError};
+use super::stat_cache::{Entry, Sighting};
+use super::state::Table;
+use super::{Digest, Store, StoreError};
+use rayon::prelude::*;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 /// A fact with its grounds.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Memo<T> {
+struct Memo<T> {
     /// What else the fact depends on: the program itself, and its options.
-    pub(super) tag: Digest,
+    tag: Digest,
     /// Files outside the store.
-    pub(super) files: Vec<(String, Stat)>,
+    files: Vec<(String, Stat)>,
     /// Blobs.
-    pub(super) blobs: Vec<(Digest, Stat)>,
-    pub(super) fact: T,
+    blobs: Vec<(Digest, Stat)>,
+    fact: T,
 }
 
 impl<T> Memo<T> {
     /// Whether every file is as it was; `path_of` says where a blob lies.
-    pub(super) fn holds(
+    fn holds(
         &self,
         tag: &Digest,
         disk: &Disk,
@@ -53,8 +57,66 @@ impl<T> Memo<T> {
     }
 }
 
+impl Store {
+    /// The facts remembered under these names, where their grounds have not moved. Trusts stat fields, so a store
+    /// that was opened to verify remembers nothing.
+    ///
+    /// # Errors
+    /// When a file is there and cannot be looked at.
+    pub fn recall<T: DeserializeOwned + Send>(
+        &self,
+        names: &[String],
+        tag: &Digest,
+    ) -> Result<Vec<Option<T>>, StoreError> {
+        /// Below this many, looking each one up is less than reading the table.
+        const FEW: usize = 64;
+        if self.verified.is_some() {
+            return Ok(names.iter().map(|_| None).collect());
+        }
+        let rows: Vec<Option<Vec<u8>>> = if names.len() < FEW {
+            names.iter().map(|name| self.state().get(Table::Memo, name)).collect()
+        } else {
+            let mut all = self.state().all(Table::Memo);
+            names.iter().map(|name| all.remove(name)).collect()
+        };
+        let recall = |row: Option<Vec<u8>>| {
+            let memo = row.and_then(|row| postcard::from_bytes::<Memo<T>>(&row).ok());
+            let Some(memo) = memo else { return Ok(None) };
+            if !memo.holds(tag, &self.disk, &|digest| self.blobs.path(digest))? {
+                return Ok(None);
+            }
+            self.counts.trusted.fetch_add(memo.files.len() + memo.blobs.len(), Ordering::Relaxed);
+            Ok(Some(memo.fact))
+        };
+        rows.into_par_iter().map(recall).collect()
+    }
+
+    /// Remembers a fact that was made from `files`, seen before they were read, and from `blobs`. Where one of them
+    /// is so young that it could still change unseen, nothing is remembered.
+    pub fn remember<T: Serialize>(
+        &self,
+        name: &str,
+        tag: Digest,
+        files: &[(PathBuf, Sighting)],
+        blobs: &[Digest],
+        fact: T,
+    ) {
+        let mut state = self.state();
+        let known = |digest: &Digest| {
+            let row = state.get(Table::Stat, self.blobs.path(digest).to_str()?)?;
+            let entry: Entry = postcard::from_bytes(&row).ok()?;
+            (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))
+        };
+        let blobs: Option<Vec<_>> = blobs.iter().map(known).collect();
+        let (Some(files), Some(blobs)) = (firm(files), blobs) else { return };
+        let memo = Memo { tag, files, blobs, fact };
+        let row = postcard::to_stdvec(&memo).expect("a memo is plain data");
+        state.put_new(Table::Memo, name, row);
+    }
+}
+
 /// Files as a memo keeps them; `None` where one of them may change without showing it, or has no name in UTF-8.
-pub(super) fn firm(files: &[(PathBuf, Sighting)]) -> Option<Vec<(String, Stat)>> {
+fn firm(files: &[(PathBuf, Sighting)]) -> Option<Vec<(String, Stat)>> {
     let firm = |(path, seen): &(PathBuf, Sighting)| {
         seen.is_firm().then_some(()).and_then(|()| Some((path.to_str()?.to_owned(), seen.stat)))
     };

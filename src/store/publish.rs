@@ -1,0 +1,92 @@
+//! From the files that a step wrote to blobs and a record.
+
+use super::record::{Output, Record};
+use super::state::Table;
+use super::{BlobState, Store, StoreError, Unlike, unlike};
+use std::path::{Path, PathBuf};
+
+impl Store {
+    /// An empty folder for a step to write its files in.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn workspace(&self) -> Result<Workspace<'_>, StoreError> {
+        let path = self.blobs.fresh("tmp");
+        self.disk.create_dir(&path)?;
+        Ok(Workspace { path, store: self })
+    }
+
+    /// Publishes the files of a workspace as what `record` made: blobs, then the record, then the index.
+    ///
+    /// # Errors
+    /// When a file cannot be read or written, or the key is on record with other bytes. Where those are still there
+    /// nothing is published; where they are lost the new ones take their place.
+    pub fn publish(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<Vec<Output>, StoreError> {
+        let files = self.blobs.finish(workspace.path())?;
+        record.outputs = files.iter().map(|file| file.output.clone()).collect();
+        let before = self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs);
+        if let Some(before) = &before
+            && before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)))
+        {
+            return Err(self.nondeterministic(workspace, before.clone(), record, false));
+        }
+        // While the files of both are where they were.
+        let unlike = before.map(|before| self.nondeterministic(workspace, before, record.clone(), true));
+        let ours = files.iter().map(|file| self.blobs.publish(file)).collect::<Result<Vec<bool>, _>>()?;
+        record.write(&self.root, &self.disk)?;
+        for (output, _) in record.outputs.iter().zip(ours).filter(|(_, is_ours)| *is_ours) {
+            // Nobody knew its name before. One that was there already is as settled as it was.
+            self.settle(&output.digest)?;
+        }
+        self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
+        unlike.map_or(Ok(record.outputs), Err)
+    }
+
+    /// Holds the files of a workspace against what is on record for a key, and publishes nothing.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or the bytes differ.
+    pub fn compare(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<(), StoreError> {
+        let files = self.blobs.finish(workspace.path())?;
+        record.outputs = files.iter().map(|file| file.output.clone()).collect();
+        match self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs) {
+            Some(before) => Err(self.nondeterministic(workspace, before, record, false)),
+            None => Ok(()),
+        }
+    }
+
+    fn nondeterministic(
+        &self,
+        workspace: &Workspace<'_>,
+        before: Record,
+        now: Record,
+        replaced: bool,
+    ) -> StoreError {
+        let first = unlike::first_difference(&before, &now, &|digest| self.path_of(digest), workspace.path());
+        StoreError::Nondeterministic(Box::new(Unlike { before, now, replaced, first }))
+    }
+}
+
+/// A folder under `tmp/` that is removed with its content when dropped.
+#[derive(Debug)]
+pub struct Workspace<'s> {
+    path: PathBuf,
+    store: &'s Store,
+}
+
+impl Workspace<'_> {
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Workspace<'_> {
+    fn drop(&mut self) {
+        // Whatever stays is removed when the store is next opened for writing; the failure is told at the next flush.
+        if let Err(error) = self.store.disk.remove(&self.path) {
+            self.store.failed.lock().expect("no holder panics").get_or_insert(error);
+        }
+    }
+}
