@@ -82,7 +82,14 @@ impl StoreError {
     /// Whether the file system of the store is full.
     #[must_use]
     pub fn is_full(&self) -> bool {
-        is_full(self)
+        is_full(self) || self.may_be_full()
+    }
+
+    /// SQLite has one word for all that goes wrong with the memory that its log shares: what is left must tell.
+    fn may_be_full(&self) -> bool {
+        let Self::State { path, source } = self else { return false };
+        let is_vague = source.sqlite_error_code() == Some(rusqlite::ErrorCode::SystemIoFailure);
+        is_vague && path.parent().and_then(|f| Space::around(f).ok()).is_some_and(|space| space.is_used_up())
     }
 }
 

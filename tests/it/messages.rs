@@ -1,6 +1,7 @@
 //! Every message of the engine, as the program says it: the exit code, the text for people, the objects for programs.
 
 use crate::support::given::sound;
+use crate::support::pipe::renew;
 use crate::support::steps::steps;
 use crate::support::workspace::{Ended, TINY, Workspace};
 use gs2e::store::record::{Provenance, Record};
@@ -102,8 +103,7 @@ fn input_moved() {
     let place = sound();
     let pipe = place.path("transforms.json");
     let sound = fs::read_to_string(&pipe).unwrap();
-    fs::remove_file(&pipe).unwrap();
-    rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+    renew(&pipe);
     let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -116,7 +116,9 @@ fn input_moved() {
                 if let Ok(open) = rustix::fs::open(&pipe, OFlags::WRONLY | OFlags::NONBLOCK, Mode::empty()) {
                     let text = format!("{sound}{}", " ".repeat(n % 1000));
                     // A reader that has gone has read enough.
-                    let _ = fs::File::from(open).write_all(text.as_bytes());
+                    let mut open = fs::File::from(open);
+                    let _ = open.write_all(text.as_bytes());
+                    renew(&pipe);
                 }
                 std::thread::sleep(Duration::from_millis(5));
             }

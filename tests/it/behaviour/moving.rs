@@ -3,7 +3,8 @@
 
 use super::{Workspace, made, recipe, stands_as_if_clean, steps};
 use crate::support::given::{ply, transforms};
-use rustix::fs::{CWD, FileType, Mode, OFlags, mknodat, open};
+use crate::support::pipe::renew;
+use rustix::fs::{Mode, OFlags, open};
 use serde_json::json;
 use std::fs::{self, File};
 use std::io::Write;
@@ -21,25 +22,24 @@ struct Served {
 
 impl Served {
     fn new(pipe: &Path, tmp: PathBuf, contents: [Vec<u8>; 2]) -> Self {
-        mknodat(CWD, pipe, FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap();
+        renew(pipe);
         let done = Arc::new(AtomicBool::new(false));
         let (path, stop) = (pipe.to_owned(), done.clone());
         let thread = std::thread::spawn(move || {
             let mut times = [0, 0];
-            loop {
+            while !stop.load(Ordering::SeqCst) {
                 // Waits for a reader.
                 let mut file = File::options().write(true).open(&path).unwrap();
                 if stop.load(Ordering::SeqCst) {
-                    return times;
+                    break;
                 }
                 let is_at_work = fs::read_dir(&tmp).is_ok_and(|mut entries| entries.next().is_some());
                 // A reader that closes early has read what it wanted.
                 let _ = file.write_all(&contents[usize::from(is_at_work)]);
                 times[usize::from(is_at_work)] += 1;
-                drop(file);
-                // Whoever still holds the pipe open must see its end before the next content begins.
-                std::thread::sleep(std::time::Duration::from_millis(20));
+                renew(&path);
             }
+            times
         });
         Self { pipe: pipe.to_owned(), done, thread: Some(thread) }
     }
