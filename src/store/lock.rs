@@ -78,13 +78,21 @@ fn write(file: &mut File, text: &str) -> std::io::Result<()> {
     file.set_len(text.len() as u64)
 }
 
-/// Who holds the lock, in words.
+/// Who holds the lock, in words. The first holder of a new store has the lock a moment before its name is written.
 fn holder(file: &mut File, claim: &Claim) -> String {
-    let mut text = String::new();
-    // Where it cannot be read the wait is as long.
-    let read = file.rewind().and_then(|()| file.read_to_string(&mut text));
-    let holder = read.ok().and_then(|_| Holder::parse(&text));
-    holder.map_or_else(|| "another process".to_owned(), |holder| holder.to_words(&claim.since))
+    const LOOKS: usize = 20;
+    for look in 0..LOOKS {
+        if look > 0 {
+            std::thread::sleep(TRY);
+        }
+        let mut text = String::new();
+        // Where it cannot be read the wait is as long.
+        let read = file.rewind().and_then(|()| file.read_to_string(&mut text));
+        if let Some(holder) = read.ok().and_then(|_| Holder::parse(&text)) {
+            return holder.to_words(&claim.since);
+        }
+    }
+    "another process".to_owned()
 }
 
 /// What the lock's file says.
