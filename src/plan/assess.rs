@@ -120,24 +120,23 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// The name of a file or folder that is not as it was `then`, if there is one. One that was written anew with equal
-    /// bytes counts: what a reader saw in between is not known.
+    /// The name of a file that is not as it was `then`, if there is one. One that was written anew with equal bytes
+    /// counts: what a reader saw in between is not known. A folder counts by the files that its listing leads to.
     #[must_use]
     pub fn moved_since(&self, then: &Self) -> Option<String> {
-        let is_in = |list: &Self, (path, seen): &(PathBuf, Sighting)| {
-            list.seen.iter().any(|(other, then)| other == path && then.stat == seen.stat)
+        let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &Sighting)| {
+            list.files().any(|(other, at, then)| other == *name && at == *path && then.stat == seen.stat)
         };
-        let moved = self.seen.iter().position(|now| !is_in(then, now)).map(|at| self.name(at));
-        moved.or_else(|| then.seen.iter().position(|before| !is_in(self, before)).map(|at| then.name(at)))
+        let moved =
+            self.files().find(|now| !is_in(then, now)).or_else(|| then.files().find(|f| !is_in(self, f)));
+        moved.map(|(name, ..)| name.to_owned())
     }
 
-    /// A file's name within its source, or a folder's path.
-    fn name(&self, at: usize) -> String {
+    /// Each file by its name within the source.
+    fn files(&self) -> impl Iterator<Item = (&str, &PathBuf, &Sighting)> {
         let folders = self.seen.len() - self.digests.len();
-        match at.checked_sub(folders) {
-            Some(file) => self.digests[file].0.trim_start_matches("file ").to_owned(),
-            None => self.seen[at].0.display().to_string(),
-        }
+        let names = self.digests.iter().map(|(role, _)| role.trim_start_matches("file "));
+        names.zip(&self.seen[folders..]).map(|(name, (path, seen))| (name, path, seen))
     }
 }
 
