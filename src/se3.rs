@@ -52,3 +52,27 @@ impl Se3 {
         self.rotation.is_finite() && self.translation.is_finite()
     }
 }
+
+/// How fast a pose `world_from_body` changes with a parameter; or how fast that changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Twist {
+    /// Derivative of the translation: world axes, units.
+    pub linear: DVec3,
+    /// Body rate, in the body's own axes, radians.
+    pub angular: DVec3,
+}
+
+/// The rotation, world from camera, of a camera that looks along `forward` with the top of its image towards `up`;
+/// `None` where they are parallel, zero or not finite.
+#[must_use]
+pub fn look_at(forward: DVec3, up: DVec3) -> Option<DQuat> {
+    /// Sine of the angle between the two below which the image has no top.
+    const LEAST: f64 = 1e-9;
+    let (forward, up) = (forward.try_normalize()?, up.try_normalize()?);
+    let right = forward.cross(up);
+    let sine = right.length();
+    (sine > LEAST).then(|| {
+        let right = right / sine;
+        DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward)).normalize()
+    })
+}

@@ -16,8 +16,12 @@ use crate::render::flow::Quantiles;
 use crate::se3::Se3;
 use crate::sensor::voltmeter::{Initial, Voltmeter};
 use crate::sensor::{Account, Sensor};
+use crate::speed::Meaning;
+use crate::trajectory::Kind;
 use crate::trajectory::Trajectory;
-use crate::trajectory::report::{Follow, Meaning, Report, Summation};
+use crate::trajectory::curve::Curve;
+use crate::trajectory::report::{Follow, Report};
+use crate::trajectory::sample::Summation;
 use crate::units::{Hertz, Timestamp};
 use glam::{DQuat, DVec3};
 use std::sync::OnceLock;
@@ -221,9 +225,14 @@ fn poses(frames: usize) -> Vec<Se3> {
 }
 
 fn report(frames: usize) -> Report {
-    let even = Some(Follow { min: 1.0, max: 1.0, rms: 0.0 });
+    let even = Some(Follow { min: 1.0, max: 1.0, rms: 0.0, p95: 0.0 });
     Report {
-        curve: crate::trajectory::refine::Curve::Cubic,
+        kind: Kind::Refine,
+        curve: Some(Curve::Cubic),
+        keyframes: Vec::new(),
+        knot_distance: None,
+        knot_jumps: None,
+        flow: None,
         degree_drawn: None,
         degree_used: None,
         law: Summation::Sum,

@@ -13,6 +13,8 @@ use crate::stage::events::Simulating;
 use crate::stage::reconstruct::Reconstructing;
 use crate::stage::sharp::Photographing;
 use crate::stage::trajectory::Moving;
+use crate::trajectory::path::Path;
+use crate::trajectory::sample::Summation;
 
 /// Adds the steps of one scene.
 pub(super) fn scene(recipe: &Recipe, wiring: &mut Wiring<'_>) {
@@ -43,9 +45,14 @@ fn trajectory(
     wiring: &mut Wiring<'_>,
 ) {
     let name = |step: &str| format!("{}/{step}", trajectory.name);
-    let moving =
-        Moving { refine: trajectory.refine.clone(), speed: trajectory.speed.clone(), rate: recipe.rate };
-    let motion = wiring.add(name("trajectory"), moving, capture);
+    let moving = Moving {
+        path: Path::Refine(trajectory.refine.clone()),
+        speed: trajectory.speed.clone(),
+        law: Summation::Sum,
+        rate: recipe.rate,
+        seeing: None,
+    };
+    let motion = wiring.add(name("trajectory"), moving, (Some(capture), None, None));
     let events = recipe.outputs.contains(&Output::Events).then(|| {
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
         let simulating =

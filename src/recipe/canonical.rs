@@ -7,7 +7,8 @@ use super::{Output, Reconstruct, Source, TrajectoryRecipe, schema};
 use crate::render::Antialiased;
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::{Preset, Voltmeter};
-use crate::trajectory::refine::{Count, Refine, Scale};
+use crate::trajectory::refine::{Refine, Scale};
+use crate::trajectory::travel::Count;
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
@@ -102,6 +103,7 @@ fn refine(refine: &Refine) -> Value {
         Count::Factor(factor) => ("factor", ratio(factor)),
         Count::Frames(frames) => ("frames", json!(frames)),
         Count::Duration(seconds) => ("duration", ratio(seconds)),
+        Count::Flow => unreachable!("no recipe asks for a flow"),
     };
     let scale = match refine.scale {
         Scale::Scene => json!("scene"),

@@ -5,9 +5,11 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
-use super::View;
+use super::{Channels, Rendered, Renderer, View};
 use crate::camera::Camera;
-use crate::image::Image;
+use crate::image::{Image, Size};
+use crate::se3::{Se3, Twist};
+use crate::trajectory::flow::FlowMeter;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -35,6 +37,71 @@ pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
         };
     });
     Image::from_vec(size, moved)
+}
+
+/// Measures the median flow of a moving camera on small pictures.
+pub struct Meter {
+    renderer: Box<dyn Renderer>,
+    small: Camera,
+    /// Pixels of the whole picture to one of the small one.
+    pixels: f64,
+    rendered: Rendered,
+}
+
+/// Width of the small pictures, px: the median over their pixels is all that is asked.
+const METER_WIDTH: u32 = 160;
+
+impl Meter {
+    /// Measures what `camera` sees, in its pixels.
+    #[must_use]
+    pub fn new(renderer: Box<dyn Renderer>, camera: Camera) -> Self {
+        let Size { width, height } = camera.size;
+        let columns = width.min(METER_WIDTH);
+        let rows = (u64::from(height) * u64::from(columns)).div_ceil(u64::from(width));
+        let small = camera.resized(Size { width: columns, height: u32::try_from(rows).unwrap_or(height) });
+        Self {
+            renderer,
+            small,
+            pixels: f64::from(width) / f64::from(small.size.width),
+            rendered: Rendered::default(),
+        }
+    }
+}
+
+impl std::fmt::Debug for Meter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let fingerprint = self.renderer.fingerprint();
+        f.debug_struct("Meter")
+            .field("renderer", &fingerprint)
+            .field("small", &self.small)
+            .finish_non_exhaustive()
+    }
+}
+
+impl FlowMeter for Meter {
+    fn median_px(&mut self, world_from_camera: &Se3, twist: &Twist) -> Result<Option<f64>, String> {
+        let view = View { camera: self.small, world_from_camera: *world_from_camera };
+        let want = Channels { depth: true, ..Channels::default() };
+        self.renderer.render(&view, want, &mut self.rendered).map_err(|e| e.to_string())?;
+        let depth = self.rendered.depth.as_ref().expect("depth was asked for");
+        let rates = rates(depth, &view, twist);
+        Ok(nearest_ranks(rates, [50]).map(|[median]| f64::from(median) * self.pixels))
+    }
+}
+
+/// How fast the world point of each pixel moves on the image while the camera moves by `twist`, px per unit of the
+/// parameter that the twist is by: `Xdot = -v - w x X` (`pipeline.md` 8). NaN where depth is NaN.
+fn rates(depth: &Image<f32>, view: &View, twist: &Twist) -> Vec<f32> {
+    let (camera, width) = (&view.camera, depth.size().width as usize);
+    let linear = view.world_from_camera.rotation.conjugate() * twist.linear;
+    let rate = |(i, z): (usize, &f32)| {
+        let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
+        let point = unproject(camera, pixel, f64::from(*z));
+        let moving = -linear - twist.angular.cross(point);
+        let on_image = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
+        (on_image * DVec2::new(camera.fx, camera.fy)).length() as f32
+    };
+    depth.pixels().iter().enumerate().map(rate).collect()
 }
 
 /// The point of a pixel at this depth, camera axes.

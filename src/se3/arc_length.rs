@@ -1,17 +1,20 @@
 //! The length of a piecewise curve as a function of its parameter, and the inverse.
 //!
-//! Lengths come from adaptive 5-point Gauss-Legendre quadrature. The panels on which it settled are kept as the
-//! table of the inverse: inside a panel the 5-point rule is accurate by construction, near cusps too, and a cubic
-//! Hermite guess with Newton steps inverts it.
+//! Lengths come from adaptive 5-point Gauss-Legendre quadrature. Only the length before each segment is kept; a
+//! [`Walk`] along the curve makes the panels of the segment it is in, so that a path of millions of segments costs
+//! memory for their lengths alone. On a half of a panel the speed is the polynomial through 7 of its values: those at
+//! the nodes of the rule and at both ends. The integral of this polynomial is inverted by Newton's method, which
+//! costs no further speed.
 
 use super::spline::Place;
 use super::sum::Sum;
 
 /// Panels that every segment starts with.
-const PANELS: u32 = 16;
-/// A panel settles when one rule over it and two over its halves agree to this share of its length: then the one
-/// rule, which the inverse uses, is good to 1e-12, and the two, 2^10 times more accurate on a smooth curve, are kept.
-const TOLERANCE: f64 = 1e-12;
+const PANELS: u32 = 4;
+/// A panel settles when one rule over it and two over its halves agree to this share of its length: the two, 2^10
+/// times more accurate on a smooth curve, are kept. For a speed whose nearest singularity is as many panel widths away
+/// as this allows (four), the polynomial of a half misses less than 1e-10 of its variation.
+const TOLERANCE: f64 = 1e-13;
 /// ... and when the polynomial through the rule's nodes meets the speed at both ends of the panel to this share of the
 /// mean speed. The outermost nodes are 5 % away from the ends: a cusp in between would pass unseen. One that is left
 /// unseen by this limit is within 5e-7 of the panel's width from its end, and 5e-13 of its length.
@@ -20,8 +23,8 @@ const SEEN: f64 = 1e-6;
 const FLOOR: f64 = 1e-14;
 /// Halvings of a first panel, at most.
 const DEPTH: u32 = 30;
-/// Residual of the inverse, in shares of the whole length.
-const INVERTED: f64 = 1e-15;
+/// A Newton step this short, in half panels, was the last: the next one would be as long as its square.
+const SHORT: f64 = 1e-8;
 /// Newton steps and bisections, at most: bisection alone exhausts a double.
 const ROUNDS: u32 = 60;
 
@@ -61,104 +64,100 @@ impl Span {
     }
 }
 
-/// Part of a segment on which the rule is accurate.
-#[derive(Debug, Clone, Copy)]
-struct Panel {
-    span: Span,
-    /// Length of the curve up to here.
-    before: f64,
-    length: f64,
-}
-
-/// The length of a curve, tabulated.
+/// The length of a curve.
 #[derive(Debug)]
 pub struct ArcLength<P> {
     pace: P,
     steps: Vec<f64>,
-    panels: Vec<Panel>,
-    total: f64,
+    /// Length before each segment, and of them all.
+    before: Vec<f64>,
 }
 
 impl<P: Pace> ArcLength<P> {
     /// Measures the curve whose segment i is `steps[i] > 0` long in the parameter.
     pub fn measure(steps: &[f64], pace: P) -> Self {
-        let mut measured = Self { pace, steps: steps.to_vec(), panels: Vec::new(), total: 0.0 };
-        let mut before = Sum::default();
+        let mut measured = Self { pace, steps: steps.to_vec(), before: Vec::with_capacity(steps.len() + 1) };
+        let (mut sum, mut halves) = (Sum::default(), Vec::new());
+        measured.before.push(0.0);
         for segment in 0..steps.len() {
-            for (span, length) in measured.settle_segment(segment) {
-                measured.panels.push(Panel { span, before: before.value(), length });
-                before.add(length);
-            }
+            measured.settle_segment(segment, &mut halves);
+            halves.iter().for_each(|half| sum.add(half.length()));
+            measured.before.push(sum.value());
         }
-        measured.total = before.value();
         measured
     }
 
     /// Length of the whole curve.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.total
+        self.before[self.steps.len()]
     }
 
-    /// The place up to which the curve is `length` long; lengths outside `0..=total` name the ends.
+    /// The curve's speed at a place.
+    #[must_use]
+    pub fn pace(&self, at: Place) -> f64 {
+        self.pace.pace(at)
+    }
+
+    /// The place up to which the curve is `length` long; lengths outside `0..=total` name the ends. Many lengths in
+    /// growing order are found faster by a [`Walk`].
     #[must_use]
     pub fn invert(&self, length: f64) -> Place {
-        let Some(last) = self.panels.last() else { return Place { segment: 0, x: 0.0 } };
-        if length >= self.total {
-            return Place { segment: last.span.segment, x: last.span.to };
-        }
-        let index = self.panels.partition_point(|p| p.before <= length).saturating_sub(1);
-        let panel = &self.panels[index];
-        let share = ((length - panel.before) / panel.length).clamp(0.0, 1.0);
-        // A panel of length 0 has no inverse; any of its places will do.
-        let share = if share.is_nan() { 0.0 } else { share };
-        Place { segment: panel.span.segment, x: self.invert_panel(&panel.span, share) }
+        self.walk().to(length)
     }
 
-    /// Length between two places, `a` before `b`, by a quadrature of its own that shares no panel with the table.
+    /// A walk along the curve, from its start.
+    #[must_use]
+    pub fn walk(&self) -> Walk<'_, P> {
+        Walk { arc: self, segment: None, halves: Vec::new(), before: Vec::new(), panel: None }
+    }
+
+    /// Length between two places, `a` before `b`, by a quadrature of its own that shares no panel with a walk.
     #[must_use]
     pub fn between(&self, a: Place, b: Place) -> f64 {
         if a.segment == b.segment {
-            return self.settle(a.segment, a.x, b.x);
+            return self.settle_part(a.segment, a.x, b.x);
         }
         let mut sum = Sum::default();
-        sum.add(self.settle(a.segment, a.x, self.steps[a.segment]));
+        sum.add(self.settle_part(a.segment, a.x, self.steps[a.segment]));
+        let mut halves = Vec::new();
         for segment in a.segment + 1..b.segment {
-            self.settle_segment(segment).into_iter().for_each(|(_, length)| sum.add(length));
+            self.settle_segment(segment, &mut halves);
+            halves.iter().for_each(|half| sum.add(half.length()));
         }
-        sum.add(self.settle(b.segment, 0.0, b.x));
+        sum.add(self.settle_part(b.segment, 0.0, b.x));
         sum.value()
     }
 
-    fn settle(&self, segment: usize, from: f64, to: f64) -> f64 {
-        let mut panels = Vec::new();
+    fn settle_part(&self, segment: usize, from: f64, to: f64) -> f64 {
+        let mut halves = Vec::new();
         let whole = self.span(segment, from, to);
-        self.subdivide(&mut panels, whole, whole.length() * FLOOR, DEPTH);
-        Sum::of(panels.into_iter().map(|(_, length)| length))
+        self.subdivide(&mut halves, whole, whole.length() * FLOOR, DEPTH);
+        Sum::of(halves.iter().map(Span::length))
     }
 
-    /// The panels of a segment and their lengths.
-    fn settle_segment(&self, segment: usize) -> Vec<(Span, f64)> {
+    /// The halves of a segment's panels, in order.
+    fn settle_segment(&self, segment: usize, halves: &mut Vec<Span>) {
         let bound = |k: u32| self.steps[segment] * (f64::from(k) / f64::from(PANELS));
-        let spans: Vec<Span> = (0..PANELS).map(|k| self.span(segment, bound(k), bound(k + 1))).collect();
+        let spans: [Span; PANELS as usize] =
+            std::array::from_fn(|k| self.span(segment, bound(k as u32), bound(k as u32 + 1)));
         let floor = spans.iter().map(Span::length).sum::<f64>() * FLOOR;
-        let mut panels = Vec::with_capacity(spans.len());
-        spans.into_iter().for_each(|span| self.subdivide(&mut panels, span, floor, DEPTH));
-        panels
+        halves.clear();
+        spans.into_iter().for_each(|span| self.subdivide(halves, span, floor, DEPTH));
     }
 
-    fn subdivide(&self, panels: &mut Vec<(Span, f64)>, whole: Span, floor: f64, depth: u32) {
+    fn subdivide(&self, halves: &mut Vec<Span>, whole: Span, floor: f64, depth: u32) {
         let middle = f64::midpoint(whole.from, whole.to);
         let left = self.span(whole.segment, whole.from, middle);
         let right = self.span(whole.segment, middle, whole.to);
         let sum = left.length() + right.length();
         let near = (whole.length() - sum).abs() <= (TOLERANCE * sum).max(floor);
         if depth == 0 || sum <= floor || (near && self.sees_ends(&whole)) {
-            panels.push((whole, sum));
+            halves.extend([left, right]);
             return;
         }
-        self.subdivide(panels, left, floor, depth - 1);
-        self.subdivide(panels, right, floor, depth - 1);
+        self.subdivide(halves, left, floor, depth - 1);
+        self.subdivide(halves, right, floor, depth - 1);
     }
 
     fn span(&self, segment: usize, from: f64, to: f64) -> Span {
@@ -177,36 +176,166 @@ impl<P: Pace> ArcLength<P> {
         let [first, last] = span.extrapolated();
         meets(span.from, first) && meets(span.to, last)
     }
+}
 
-    /// The `x` at which a panel's rule has reached `share` of its length. Both are measured with the same rule, so
-    /// that the inverse is continuous over panel borders.
-    fn invert_panel(&self, panel: &Span, share: f64) -> f64 {
-        let width = panel.to - panel.from;
-        let target = panel.length() * share;
-        let (mut low, mut high) = (0.0, 1.0);
-        let mut u = self.guess(panel, share);
+/// Half of a panel, ready to be inverted.
+#[derive(Debug, Clone, Copy)]
+struct Panel {
+    from: f64,
+    width: f64,
+    /// Length of the curve up to here.
+    before: f64,
+    length: f64,
+    /// The speed over its mean, a polynomial in w from -1 to 1.
+    speed: [f64; 7],
+    /// Its integral from -1 to 1.
+    whole: f64,
+}
+
+impl Panel {
+    /// The speed at both ends beside those at the nodes makes neighbours meet.
+    fn new<P: Pace>(span: &Span, pace: &P, before: f64) -> Self {
+        let length = span.length();
+        let at = |x: f64| pace.pace(Place { segment: span.segment, x });
+        let [a, b, c, d, e] = span.speeds;
+        let mean = length / (span.to - span.from);
+        let values = [at(span.from), a, b, c, d, e, at(span.to)].map(|speed| speed / mean - 1.0);
+        let mut speed = INTERPOLATION.map(|row| row.iter().zip(values).map(|(w, v)| w * v).sum());
+        speed[0] += 1.0;
+        let mut panel =
+            Self { from: span.from, width: span.to - span.from, before, length, speed, whole: 2.0 };
+        panel.whole = panel.integral(1.0);
+        panel
+    }
+
+    /// The speed at `w`.
+    fn value(&self, w: f64) -> f64 {
+        self.speed.iter().rev().fold(0.0, |sum, c| sum * w + c)
+    }
+
+    /// The integral of the speed from -1 to `w`.
+    fn integral(&self, w: f64) -> f64 {
+        let to = |w: f64| {
+            let terms = self.speed.iter().zip(RECIPROCALS).rev();
+            w * terms.fold(0.0, |sum, (c, r)| sum * w + c * r)
+        };
+        to(w) - to(-1.0)
+    }
+
+    /// Where in the segment the panel has reached `share` of its length. Both are measured with the polynomial, so that
+    /// the inverse is continuous over panel borders.
+    fn invert(&self, share: f64) -> f64 {
+        let target = self.whole * share;
+        let (mut low, mut high) = (-1.0, 1.0);
+        let mut w = self.guess(share);
         for _ in 0..ROUNDS {
-            let x = panel.from + width * u;
-            let residual = self.span(panel.segment, panel.from, x).length() - target;
-            if residual.abs() <= INVERTED * self.total {
+            let residual = self.integral(w) - target;
+            *(if residual > 0.0 { &mut high } else { &mut low }) = w;
+            let newton = w - residual / self.value(w);
+            if (newton - w).abs() < SHORT && newton >= low - SHORT && newton <= high + SHORT {
+                w = newton.clamp(-1.0, 1.0);
                 break;
             }
-            *(if residual > 0.0 { &mut high } else { &mut low }) = u;
-            let newton = u - residual / (self.pace.pace(Place { segment: panel.segment, x }) * width);
-            u = if newton > low && newton < high { newton } else { f64::midpoint(low, high) };
+            w = if newton > low && newton < high { newton } else { f64::midpoint(low, high) };
         }
-        panel.from + width * u
+        self.from + self.width * (0.5 + 0.5 * w)
     }
 
-    /// Where in a panel, 0 to 1, the length has reached `share`, by cubic Hermite interpolation of the inverse.
-    fn guess(&self, panel: &Span, share: f64) -> f64 {
-        let mean = panel.length() / (panel.to - panel.from);
-        let [first, last] = panel.extrapolated();
-        let (a, b) = (mean / first - 1.0, mean / last - 1.0);
+    /// Where the length has reached `share`, by cubic Hermite interpolation of the inverse.
+    fn guess(&self, share: f64) -> f64 {
+        let (a, b) = (1.0 / self.value(-1.0) - 1.0, 1.0 / self.value(1.0) - 1.0);
         let rest = 1.0 - share;
         let u = share + share * rest * (a * rest - b * share);
-        if u > 0.0 && u < 1.0 { u } else { share }
+        if u > 0.0 && u < 1.0 { 2.0 * u - 1.0 } else { 2.0 * share - 1.0 }
     }
+}
+
+/// A walk along a curve: places by growing lengths. Going back is possible, and slow.
+#[derive(Debug)]
+pub struct Walk<'a, P> {
+    arc: &'a ArcLength<P>,
+    /// The segment at hand.
+    segment: Option<usize>,
+    /// Its halves of panels.
+    halves: Vec<Span>,
+    /// Length of the curve before each of them.
+    before: Vec<f64>,
+    /// The one of the last place, with its number.
+    panel: Option<(usize, Panel)>,
+}
+
+impl<P: Pace> Walk<'_, P> {
+    /// The place up to which the curve is `length` long; lengths outside `0..=total` name the ends.
+    pub fn to(&mut self, length: f64) -> Place {
+        let segments = self.arc.steps.len();
+        if segments == 0 {
+            return Place { segment: 0, x: 0.0 };
+        }
+        if length >= self.arc.total() {
+            let last = segments - 1;
+            return Place { segment: last, x: self.arc.steps[last] };
+        }
+        let near = self.segment.unwrap_or(0);
+        let segment = index_of(&self.arc.before[..segments], near, length);
+        if self.segment != Some(segment) {
+            self.enter(segment);
+        }
+        let panel = self.panel(length);
+        let share = ((length - panel.before) / panel.length).clamp(0.0, 1.0);
+        // A panel of length 0 has no inverse; any of its places will do.
+        let x = if share.is_nan() { panel.from } else { panel.invert(share) };
+        Place { segment, x }
+    }
+
+    /// Length from `from` to `to`, which was the place before that. Inside one half of a panel the rule over that part
+    /// alone is accurate, since it is over the half; elsewhere it is [`ArcLength::between`].
+    pub fn since(&self, from: Place, to: Place) -> f64 {
+        let inside = |panel: &Panel| panel.from <= from.x && to.x <= panel.from + panel.width;
+        match &self.panel {
+            Some((_, panel)) if from.segment == to.segment && inside(panel) => {
+                self.arc.span(to.segment, from.x, to.x).length()
+            }
+            _ => self.arc.between(from, to),
+        }
+    }
+
+    fn enter(&mut self, segment: usize) {
+        self.arc.settle_segment(segment, &mut self.halves);
+        self.before.clear();
+        let mut sum = Sum::default();
+        for half in &self.halves {
+            self.before.push(self.arc.before[segment] + sum.value());
+            sum.add(half.length());
+        }
+        (self.segment, self.panel) = (Some(segment), None);
+    }
+
+    /// The half of a panel of the segment at hand that `length` falls into.
+    fn panel(&mut self, length: f64) -> Panel {
+        let near = self.panel.map_or(0, |(k, _)| k);
+        let k = index_of(&self.before, near, length);
+        match self.panel {
+            Some((at_hand, panel)) if at_hand == k => panel,
+            _ => {
+                let panel = Panel::new(&self.halves[k], &self.arc.pace, self.before[k]);
+                self.panel = Some((k, panel));
+                panel
+            }
+        }
+    }
+}
+
+/// The last of `starts`, which do not fall, that is at most `at`, or 0: most often `near`, or the next.
+fn index_of(starts: &[f64], near: usize, at: f64) -> usize {
+    let ends_after = |k: usize| starts.get(k + 1).is_none_or(|next| at < *next);
+    if starts[near] <= at {
+        if let Some(k) =
+            [near, near + 1].into_iter().take_while(|k| *k < starts.len()).find(|k| ends_after(*k))
+        {
+            return k;
+        }
+    }
+    starts.partition_point(|start| *start <= at).saturating_sub(1)
 }
 
 /// Nodes of the rule on [-1, 1]: the roots of the Legendre polynomial of degree 5.
@@ -230,6 +359,41 @@ const EXTRAPOLATION: [f64; 5] = {
     }
     weights
 };
+
+/// Where the polynomial of a half has its values: both ends, and the nodes.
+const PLACES: [f64; 7] = [-1.0, NODES[0], NODES[1], NODES[2], NODES[3], NODES[4], 1.0];
+/// `INTERPOLATION[k][i]`: the coefficient of `w^k` in the polynomial that is 1 at place i and 0 at the others (Lagrange).
+const INTERPOLATION: [[f64; 7]; 7] = {
+    let mut rows = [[0.0; 7]; 7];
+    let mut i = 0;
+    while i < 7 {
+        // The product of the factors (w - p_j) / (p_i - p_j), one at a time.
+        let mut product = [0.0; 7];
+        product[0] = 1.0;
+        let mut j = 0;
+        while j < 7 {
+            if i != j {
+                let scale = 1.0 / (PLACES[i] - PLACES[j]);
+                let mut k = 6;
+                while k > 0 {
+                    product[k] = (product[k - 1] - PLACES[j] * product[k]) * scale;
+                    k -= 1;
+                }
+                product[0] *= -PLACES[j] * scale;
+            }
+            j += 1;
+        }
+        let mut k = 0;
+        while k < 7 {
+            rows[k][i] = product[k];
+            k += 1;
+        }
+        i += 1;
+    }
+    rows
+};
+/// `1 / (k + 1)`
+const RECIPROCALS: [f64; 7] = [1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0, 1.0 / 5.0, 1.0 / 6.0, 1.0 / 7.0];
 
 #[cfg(test)]
 mod tests {

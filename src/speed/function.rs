@@ -15,6 +15,9 @@ mod parse;
 mod proof;
 
 use super::Law;
+use crate::se3::arc_length::ArcLength;
+use crate::se3::spline::Place;
+use crate::se3::sum::Sum;
 use serde::Serialize;
 
 /// An expression in `t`, kept as its syntax tree: spaces do not change a key, an order of operations does.
@@ -164,6 +167,17 @@ impl Expression {
 impl Law for Expression {
     fn speed(&self, t: f64) -> f64 {
         self.root.value(t)
+    }
+
+    fn distances(&self, steps: usize) -> Vec<f64> {
+        let arc = ArcLength::measure(&[1.0], |at: Place| self.root.value(at.x));
+        let place = |k: usize| Place { segment: 0, x: k as f64 / steps as f64 };
+        let mut sum = Sum::default();
+        let parts = (1..=steps).map(|k| {
+            sum.add(arc.between(place(k - 1), place(k)));
+            sum.value()
+        });
+        std::iter::once(0.0).chain(parts).collect()
     }
 
     fn roughness(&self) -> Option<String> {

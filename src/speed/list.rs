@@ -9,7 +9,7 @@
 //! Each window is `2 tau` wide and centred on its boundary; with `blend <= 1/2` no two overlap, so that `v` lies between
 //! neighbouring levels, and its integral over [0, 1] is the mean of the levels.
 
-use super::Law;
+use super::{Law, Meaning};
 use crate::se3::sum::Sum;
 use serde::Serialize;
 
@@ -18,6 +18,7 @@ use serde::Serialize;
 pub struct List {
     multipliers: Vec<f64>,
     blend: f64,
+    meaning: Meaning,
 }
 
 /// Why levels are no law.
@@ -47,7 +48,7 @@ impl List {
     ///
     /// # Errors
     /// Where there are no levels, one is not positive and finite, or `blend` is not in [0, 0.5].
-    pub fn new(multipliers: Vec<f64>, blend: f64) -> Result<Self, ListError> {
+    pub fn new(multipliers: Vec<f64>, blend: f64, meaning: Meaning) -> Result<Self, ListError> {
         if multipliers.is_empty() {
             return Err(ListError::Empty);
         }
@@ -59,7 +60,13 @@ impl List {
         if !(0.0..=0.5).contains(&blend) {
             return Err(ListError::Blend { value: blend });
         }
-        Ok(Self { multipliers, blend })
+        Ok(Self { multipliers, blend, meaning })
+    }
+
+    /// What large multipliers mean.
+    #[must_use]
+    pub fn meaning(&self) -> Meaning {
+        self.meaning
     }
 
     /// The integral of the speed over [0, t], in closed form; `t` outside [0, 1] is taken to its nearer end.
@@ -98,6 +105,10 @@ impl Law for List {
         let h = if tau > 0.0 { step(from_boundary / tau) } else { f64::from(from_boundary >= 0.0) };
         // A mean of two positive levels: positive however far apart they are.
         self.multipliers[k - 1] * (1.0 - h) + self.multipliers[k] * h
+    }
+
+    fn distances(&self, steps: usize) -> Vec<f64> {
+        (0..=steps).map(|k| self.distance(k as f64 / steps as f64)).collect()
     }
 
     fn roughness(&self) -> Option<String> {
@@ -140,7 +151,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn list(multipliers: &[f64], blend: f64) -> List {
-        List::new(multipliers.to_vec(), blend).unwrap()
+        List::new(multipliers.to_vec(), blend, Meaning::Speed).unwrap()
     }
 
     #[test]
@@ -188,12 +199,15 @@ mod tests {
 
     #[test]
     fn what_is_no_law_is_refused() {
-        assert_eq!(List::new(vec![], 0.1), Err(ListError::Empty));
+        assert_eq!(List::new(vec![], 0.1, Meaning::Speed), Err(ListError::Empty));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(matches!(List::new(vec![1.0, bad], 0.1), Err(ListError::Level { index: 1, .. })));
+            assert!(matches!(
+                List::new(vec![1.0, bad], 0.1, Meaning::Speed),
+                Err(ListError::Level { index: 1, .. })
+            ));
         }
         for bad in [-0.1, 0.500_001, f64::NAN] {
-            assert!(matches!(List::new(vec![1.0], bad), Err(ListError::Blend { .. })));
+            assert!(matches!(List::new(vec![1.0], bad, Meaning::Speed), Err(ListError::Blend { .. })));
         }
     }
 

@@ -1,42 +1,83 @@
-//! Stage `trajectory`: from captured views to a dense path at the prescribed speed.
+//! Stage `trajectory`: from captured views, or from less, to a dense path at the prescribed speed.
 
 use super::{Context, Stage, StageError, Target};
 use crate::artifact::{Motion, write_json};
+use crate::camera::CameraChoice;
+use crate::render::RenderChoice;
+use crate::render::cpu::{self, Cpu};
+use crate::render::flow::Meter;
+use crate::scene::Gaussians;
 use crate::source::Capture;
 use crate::speed::Speed;
-use crate::trajectory::refine::{Refine, refine};
-use crate::trajectory::{NamedPose, picture};
+use crate::trajectory::flow::FlowMeter;
+use crate::trajectory::novel::Base;
+use crate::trajectory::path::{Ground, Path};
+use crate::trajectory::sample::Summation;
+use crate::trajectory::{NamedPose, Timing, picture};
 use crate::units::Hertz;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::sync::Arc;
 
 /// Parameters: how the path is made, how fast it is followed, and how often it is sampled.
 #[derive(Debug, Serialize)]
 pub struct Moving {
     /// The path.
-    pub refine: Refine,
+    pub path: Path,
     /// The speed.
     pub speed: Speed,
+    /// How the speed law is summed.
+    pub law: Summation,
     /// Poses a second.
     pub rate: Hertz,
+    /// How the scene is seen, where the speed is how fast the picture moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seeing: Option<Seeing>,
+}
+
+/// A camera and how it renders.
+#[derive(Debug, Serialize)]
+pub struct Seeing {
+    /// The camera, where it differs from the source's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraChoice>,
+    /// The rendering.
+    pub render: RenderChoice,
 }
 
 impl Stage for Moving {
     const NAME: &'static str = "trajectory";
-    const REVISION: u32 = 1;
-    type Inputs = Target<Capture>;
+    const REVISION: u32 = 2;
+    /// The capture, the trajectory that key poses are drawn from, and the scene: each where the path or the speed
+    /// needs it.
+    type Inputs = (Option<Target<Capture>>, Option<Target<Motion>>, Option<Target<Gaussians>>);
     type Output = Motion;
 
-    fn run(&self, capture: Capture, cx: &mut Context<'_>) -> Result<(), StageError> {
-        let views: Vec<NamedPose<'_>> = capture
-            .views
+    fn class(&self) -> Option<String> {
+        self.seeing.as_ref().map(|_| cpu::FINGERPRINT.to_owned())
+    }
+
+    fn run(
+        &self,
+        (capture, base, gaussians): (Option<Capture>, Option<Motion>, Option<Gaussians>),
+        cx: &mut Context<'_>,
+    ) -> Result<(), StageError> {
+        let views = capture.as_ref().map_or(&[][..], |capture| &capture.views);
+        let views: Vec<NamedPose<'_>> = views
             .iter()
             .map(|v| NamedPose { name: &v.name, world_from_camera: v.world_from_camera })
             .collect();
-        let refined = refine(&views, &self.refine, &self.speed, self.rate)
-            .map_err(StageError::work("refine the trajectory"))?;
-        cx.warnings.extend(refined.report.warnings.iter().cloned());
+        let base = base.as_ref().map(|motion| Base {
+            poses: &motion.trajectory.world_from_camera,
+            scale: motion.report.scale_distance,
+        });
+        let mut meter = self.meter(capture.as_ref(), gaussians, cx)?;
+        let meter = meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
+        let timing = Timing { speed: &self.speed, rate: self.rate, law: self.law };
+        let made = self.path.make(Ground { views: &views, base }, timing, meter);
+        let made = made.map_err(StageError::work("make the trajectory"))?;
+        cx.warnings.extend(made.report.warnings.iter().cloned());
         let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
             let out = cx.out.join(name);
             let written = File::create(&out).map(BufWriter::new).and_then(|mut file| {
@@ -45,12 +86,30 @@ impl Stage for Moving {
             });
             written.map_err(StageError::io(&out))
         };
-        write("poses.txt", &|file| refined.trajectory.write_poses(file))?;
-        write("timestamps_us.txt", &|file| refined.trajectory.write_stamps(file))?;
+        write("poses.txt", &|file| made.trajectory.write_poses(file))?;
+        write("timestamps_us.txt", &|file| made.trajectory.write_stamps(file))?;
         write("trajectory.svg", &|file| {
-            file.write_all(picture::svg(&refined.trajectory, &refined.report).as_bytes())
+            file.write_all(picture::svg(&made.trajectory, &made.report).as_bytes())
         })?;
         let out = cx.out.join("speed.json");
-        write_json(&out, &refined.report).map_err(StageError::io(&out))
+        write_json(&out, &made.report).map_err(StageError::io(&out))
+    }
+}
+
+impl Moving {
+    /// What measures the optical flow, where the speed is one.
+    fn meter(
+        &self,
+        capture: Option<&Capture>,
+        gaussians: Option<Gaussians>,
+        cx: &mut Context<'_>,
+    ) -> Result<Option<Meter>, StageError> {
+        let (Some(seeing), Some(capture), Some(gaussians)) = (&self.seeing, capture, gaussians) else {
+            return Ok(None);
+        };
+        let camera = super::camera(seeing.camera, capture, cx);
+        let style = seeing.render.resolve(gaussians.antialiased);
+        let renderer = Cpu::new(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
+        Ok(Some(Meter::new(Box::new(renderer), camera)))
     }
 }

@@ -1,70 +1,89 @@
-//! The curve of poses through the knots.
+//! Curves of poses through (or near) the knots.
+//!
+//! One file a family. All but [`bezier`](mod@bezier) are piecewise; a place on them is a segment and the parameter
+//! from its start, so that a long path loses no digits. Translations are relative to the course's origin.
+
+mod bezier;
+mod circle;
+mod cubic;
+mod cumulative;
+mod slerp_lerp;
+
+pub use bezier::Bezier;
+pub use circle::Circle;
+pub use cubic::Cubic;
+pub use cumulative::Cumulative;
+pub use slerp_lerp::SlerpLerp;
 
 use super::metric::Metric;
-use crate::se3::Se3;
 use crate::se3::arc_length::Pace;
-use crate::se3::rotation::canonical;
-use crate::se3::rotation_spline::{RotationSpline, Unsettled};
-use crate::se3::spline::{CubicSpline, Place};
-use glam::{DQuat, DVec3};
+use crate::se3::rotation_spline::Unsettled;
+use crate::se3::spline::Place;
+use crate::se3::{Se3, Twist};
+use serde::{Deserialize, Serialize};
+use std::fmt;
 
-/// A fitted curve: `cubic` of the recipe, a C2 cubic spline on centres and a C2 rotation spline on one set of knots.
-///
-/// Its parameter is the paper's `s`, the mixed length of the chords between knots, divided by the mean chord, so that
-/// no capture's scale can overflow or underflow it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PoseCurve {
-    /// Length of each segment in the parameter.
-    steps: Vec<f64>,
-    /// The world coordinates that centres are relative to.
-    origin: DVec3,
-    centres: CubicSpline,
-    rotations: RotationSpline,
+/// A curve of poses over a parameter, smooth inside each segment.
+pub trait PoseCurve: fmt::Debug + Send + Sync {
+    /// Length of each segment in the parameter, positive; at least one.
+    fn steps(&self) -> &[f64];
+
+    /// The pose at a place, its quaternion of unit length and of either sign.
+    fn pose(&self, at: Place) -> Se3;
+
+    /// Derivative of the pose by the parameter.
+    fn twist(&self, at: Place) -> Twist;
+
+    /// Derivative of the twist by the parameter.
+    fn acceleration(&self, at: Place) -> Twist;
+
+    /// The place that belongs to a knot: the start of its segment, for the last one the end.
+    fn knot(&self, number: usize) -> Place {
+        let steps = self.steps();
+        match steps.get(number) {
+            Some(_) => Place { segment: number, x: 0.0 },
+            None => Place { segment: steps.len() - 1, x: steps[steps.len() - 1] },
+        }
+    }
+
+    /// The degree of a Bezier curve.
+    fn degree(&self) -> Option<u32> {
+        None
+    }
 }
 
-impl PoseCurve {
-    /// The curve through `knots`, whose centres are relative to `origin`, with `steps[i] > 0` in the parameter from
-    /// knot i to knot i+1.
+/// Which curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Curve {
+    /// C2 cubic spline on centres, C2 rotation spline; through every knot.
+    Cubic,
+    /// Uniform cumulative cubic B-spline on R^3 x SO(3), both end knots threefold; near the knots, C2.
+    Cumulative,
+    /// Straight lines and slerps; through every knot, where the rates jump.
+    SlerpLerp,
+    /// One Bezier curve of this degree, by least squares; through both ends.
+    Bezier {
+        /// Degree, from 1.
+        degree: u32,
+    },
+}
+
+impl Curve {
+    /// The curve through `knots`, with `steps[i] > 0` in the parameter from knot i to knot i+1.
     ///
     /// # Errors
     /// Where the rotation spline does not settle.
     ///
     /// # Panics
     /// Unless there are at least two knots and one step fewer than knots.
-    pub fn cubic(steps: Vec<f64>, knots: &[Se3], origin: DVec3) -> Result<Self, Unsettled> {
-        let centres: Vec<DVec3> = knots.iter().map(|k| k.translation).collect();
-        let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
-        Ok(Self {
-            centres: CubicSpline::not_a_knot(&steps, &centres),
-            rotations: RotationSpline::new(&steps, &rotations)?,
-            steps,
-            origin,
+    pub fn through(self, steps: Vec<f64>, knots: &[Se3]) -> Result<Box<dyn PoseCurve>, Unsettled> {
+        Ok(match self {
+            Self::Cubic => Box::new(Cubic::through(steps, knots)?),
+            Self::Cumulative => Box::new(Cumulative::near(knots)),
+            Self::SlerpLerp => Box::new(SlerpLerp::through(steps, knots)),
+            Self::Bezier { degree } => Box::new(Bezier::fit(degree, &steps, knots)?),
         })
-    }
-
-    /// Length of each segment in the parameter.
-    #[must_use]
-    pub fn steps(&self) -> &[f64] {
-        &self.steps
-    }
-
-    /// The pose at a place, camera to world, its quaternion with `w >= 0`.
-    #[must_use]
-    pub fn pose(&self, at: Place) -> Se3 {
-        let centre = self.centres.segment(at.segment).value(at.x);
-        Se3 { rotation: canonical(self.rotations.rotation(at)), translation: self.origin + centre }
-    }
-
-    /// Derivative of the centre by the parameter, world axes.
-    #[must_use]
-    pub fn velocity(&self, at: Place) -> DVec3 {
-        self.centres.segment(at.segment).slope(at.x)
-    }
-
-    /// Body rate by the parameter, camera axes, rad.
-    #[must_use]
-    pub fn body_rate(&self, at: Place) -> DVec3 {
-        self.rotations.rate(at)
     }
 }
 
@@ -72,13 +91,14 @@ impl PoseCurve {
 #[derive(Debug, Clone, Copy)]
 pub struct Measured<'a> {
     /// The curve.
-    pub curve: &'a PoseCurve,
+    pub curve: &'a dyn PoseCurve,
     /// The metric.
     pub metric: Metric,
 }
 
 impl Pace for Measured<'_> {
     fn pace(&self, at: Place) -> f64 {
-        self.metric.mix(self.curve.body_rate(at).length(), self.curve.velocity(at).length())
+        let Twist { linear, angular } = self.curve.twist(at);
+        self.metric.mix(angular.length(), linear.length())
     }
 }

@@ -51,6 +51,8 @@ pub(super) struct Knots<'a> {
     pub(super) steps: Vec<f64>,
     /// Where views were merged.
     pub(super) merged: Vec<Merged>,
+    /// How many views there were.
+    views: usize,
 }
 
 impl<'a> Knots<'a> {
@@ -62,7 +64,7 @@ impl<'a> Knots<'a> {
         let apart = distances(views, metric);
         let still = rounding(views, metric);
         let limit = still.max(COINCIDE * median(apart.iter().copied().filter(|d| *d > still).collect()));
-        let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new() };
+        let mut knots = Self { poses: Vec::new(), steps: Vec::new(), merged: Vec::new(), views: views.len() };
         let mut start = 0;
         for end in 1..=views.len() {
             if end == views.len() || apart[end - 1] > limit {
@@ -87,6 +89,11 @@ impl<'a> Knots<'a> {
         }
         self.poses.push(knot);
         Ok(())
+    }
+
+    /// How many views there were before any were merged.
+    pub(super) fn views(&self) -> usize {
+        self.views
     }
 
     /// Length of the path through the knots.

@@ -16,6 +16,10 @@ pub const BETA: f64 = 1.0;
 /// Optical axes whose spread, the smallest eigenvalue of `mean(I - d d^T)`, is below this meet nowhere.
 const LEAST_SPREAD: f64 = 1e-3;
 
+/// Centres among which the largest distance is looked for, at most: evenly spread ones of a longer capture, for which
+/// every pair would take hours.
+const MOST_COMPARED: usize = 4096;
+
 /// The mixed metric.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metric {
@@ -66,14 +70,20 @@ fn scene_distance(views: &[NamedPose<'_>]) -> f64 {
     let poses = views.iter().map(|v| v.world_from_camera);
     let rays: Vec<(DVec3, DVec3)> = poses.map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
     let focused = focus(&rays).map(|p| median(rays.iter().map(|(c, _)| (*c - p).length()).collect()));
-    let fallback =
-        || rays.iter().enumerate().flat_map(|(i, (a, _))| rays[..i].iter().map(|(b, _)| (*a - *b).length()));
-    focused.filter(|d| *d > 0.0).or_else(|| fallback().reduce(f64::max).filter(|d| *d > 0.0)).unwrap_or(1.0)
+    focused.filter(|d| *d > 0.0).or_else(|| largest_distance(&rays).filter(|d| *d > 0.0)).unwrap_or(1.0)
+}
+
+/// The largest distance between two centres.
+fn largest_distance(rays: &[(DVec3, DVec3)]) -> Option<f64> {
+    let spread = rays.len().div_ceil(MOST_COMPARED).max(1);
+    let some: Vec<DVec3> = rays.iter().step_by(spread).map(|(centre, _)| *centre).collect();
+    let pairs = some.iter().enumerate().flat_map(|(i, a)| some[..i].iter().map(|b| (*a - *b).length()));
+    pairs.reduce(f64::max)
 }
 
 /// The point with the least sum of squared distances to the rays' lines, unless the lines are nearly parallel or the
 /// point lies behind more than half of the cameras.
-fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
+pub(super) fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     let across = |d: DVec3| DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
     let n = rays.len() as f64;
     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);

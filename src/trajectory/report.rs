@@ -1,14 +1,17 @@
 //! What a trajectory was asked to do and what it does: `speed.json` of a release.
 
 use super::Warning;
-use super::knots::{Gap, Knots, Merged};
+use super::course::{Course, Kind};
+use super::curve::Curve;
+use super::knots::{Gap, Merged};
 use super::metric::{ALPHA, BETA, Metric};
-use super::refine::{Curve, Refine};
-use super::sample::Schedule;
-use crate::se3::Se3;
+use super::sample::{Schedule, Summation};
+use super::travel::{Timing, Travel};
 use crate::se3::rotation::angle;
+use crate::se3::spline::Place;
 use crate::se3::sum::Sum;
-use crate::units::Hertz;
+use crate::se3::{Se3, Twist};
+use crate::speed::Meaning;
 use serde::{Deserialize, Serialize};
 
 /// Steps asked to be shorter than this share of the path are left out of ratios: the positions of their ends, sums
@@ -27,34 +30,46 @@ pub struct Follow {
     pub max: f64,
     /// Root of the mean squared deviation of the ratios from 1.
     pub rms: f64,
+    /// 95 % of the ratios deviate from 1 by at most this.
+    pub p95: f64,
 }
 
-/// How the speed law was summed over a path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Summation {
-    /// The paper's left sum over the poses.
-    Sum,
+/// Jumps at the knots, where a curve's pieces meet: the largest of them all.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Jumps {
+    /// Of the pose, over the mean distance between knots.
+    pub c0: f64,
+    /// Of the rates, over the mean rate.
+    pub c1: f64,
+    /// Of the accelerations, over the mean rate per mean distance between knots.
+    pub c2: f64,
 }
 
-/// What large values of a speed law mean.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Meaning {
-    /// Large steps.
-    Speed,
+/// A speed that was asked for in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlowReport {
+    /// Median flow of a frame that was asked for, px/s, its mean over time.
+    pub px_s: f64,
+    /// Length of the path in median flow, px.
+    pub px: f64,
 }
 
 /// The content of `speed.json`, in the order of its keys. Every number is finite; what has no value is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// The curve through the knots.
-    pub curve: Curve,
+    /// How the path was made.
+    pub kind: Kind,
+    /// The curve through the knots; a circle has none.
+    pub curve: Option<Curve>,
     /// Degree that was drawn for a Bezier curve.
     pub degree_drawn: Option<u32>,
     /// Degree that was used for a Bezier curve.
     pub degree_used: Option<u32>,
+    /// Poses of the base trajectory that are the key poses of this one, by number from 0.
+    pub keyframes: Vec<usize>,
     /// How the speed law was summed.
     pub law: Summation,
     /// Whether the paper's chord lengths were taken as they are.
@@ -79,6 +94,12 @@ pub struct Report {
     pub length: f64,
     /// Length of the fitted curve over that of the chords.
     pub length_ratio: Option<f64>,
+    /// Largest distance of a knot from the curve's pose for it, over the mean distance between knots.
+    pub knot_distance: Option<f64>,
+    /// How smooth the curve is where its pieces meet; `None` where it has one piece.
+    pub knot_jumps: Option<Jumps>,
+    /// The speed in pixels, where one was asked for.
+    pub flow: Option<FlowReport>,
     /// Runs of views that coincide after smoothing.
     pub merged: Vec<Merged>,
     /// Gaps in the capture.
@@ -109,12 +130,11 @@ pub struct Report {
 
 /// What a report is made from, beside the poses.
 pub(super) struct Asked<'a> {
-    pub(super) params: &'a Refine,
-    pub(super) metric: Metric,
-    pub(super) rate: Hertz,
+    pub(super) course: &'a Course,
+    pub(super) travel: Travel,
+    pub(super) timing: Timing<'a>,
     pub(super) schedule: Schedule,
-    pub(super) knots: &'a Knots<'a>,
-    pub(super) gaps: &'a [Gap],
+    pub(super) flow: Option<FlowReport>,
     pub(super) warnings: &'a [Warning],
 }
 
@@ -122,32 +142,40 @@ impl Asked<'_> {
     /// The report over `poses`. `arcs` are the lengths of the steps along the fitted curve, none where the camera
     /// stands still.
     pub(super) fn report(self, poses: &[Se3], arcs: &[f64]) -> Report {
-        let length = self.knots.length();
-        let steps = Steps::of(poses, self.metric);
+        let Course { metric, length, .. } = *self.course;
+        let steps = Steps::of(poses, metric);
         let follow = |lengths: &[f64], weight: f64| self.follow(lengths, weight);
-        let per_second = |lengths: &[f64]| lengths.iter().map(|l| l * self.rate.to_f64()).collect();
+        let seconds = |j: usize| self.schedule.seconds(self.timing.rate, j);
+        let per_second =
+            |lengths: &[f64]| lengths.iter().enumerate().map(|(j, l)| l / seconds(j)).collect::<Vec<f64>>();
+        let fit = Fit::of(self.course);
         Report {
-            curve: self.params.curve,
-            degree_drawn: None,
-            degree_used: None,
-            law: Summation::Sum,
-            literal: self.params.literal,
-            meaning: Meaning::Speed,
+            kind: self.course.kind,
+            curve: self.course.curve,
+            degree_drawn: self.course.degree_drawn,
+            degree_used: self.course.degree_used(),
+            keyframes: self.course.keyframes.clone(),
+            law: self.schedule.law,
+            literal: self.travel.literal,
+            meaning: self.timing.speed.meaning(),
             alpha: ALPHA,
             beta: BETA,
-            scale_distance: self.metric.scale,
-            gamma: self.params.count.gamma().map(|g| g.to_string()),
-            rate: self.rate.0.to_string(),
+            scale_distance: metric.scale,
+            gamma: self.travel.count.gamma().map(|g| g.to_string()),
+            rate: self.timing.rate.0.to_string(),
             poses: poses.len(),
             length,
             length_ratio: (!arcs.is_empty()).then(|| Sum::of(arcs.iter().copied()) / length),
-            merged: self.knots.merged.clone(),
-            gaps: self.gaps.to_vec(),
+            knot_distance: fit.as_ref().map(|fit| fit.distance),
+            knot_jumps: fit.and_then(|fit| fit.jumps),
+            flow: self.flow,
+            merged: self.course.merged.clone(),
+            gaps: self.course.gaps.clone(),
             s: self.schedule.shares.iter().map(|share| share * length).collect(),
             mixed_ratio: follow(arcs, 1.0),
             mixed_chord_ratio: follow(&steps.mixed, 1.0),
-            linear_ratio: follow(&steps.linear, self.metric.mix(0.0, 1.0)),
-            angular_ratio: follow(&steps.angular, self.metric.mix(1.0, 0.0)),
+            linear_ratio: follow(&steps.linear, metric.mix(0.0, 1.0)),
+            angular_ratio: follow(&steps.angular, metric.mix(1.0, 0.0)),
             linear_unit_s: per_second(&steps.linear),
             angular_rad_s: per_second(&steps.angular),
             max_step_deg: steps.angular.iter().copied().fold(0.0, f64::max).to_degrees(),
@@ -160,15 +188,61 @@ impl Asked<'_> {
     /// How `lengths`, one a step, follow the asked shares; `weight` turns them into the metric.
     fn follow(&self, lengths: &[f64], weight: f64) -> Option<Follow> {
         let total = Sum::of(lengths.iter().copied());
-        let moves = total * weight > LEAST_PART * self.knots.length();
+        let moves = total * weight > LEAST_PART * self.course.length;
         let asked = self.schedule.shares.windows(2).map(|w| w[1] - w[0]);
         let ratios = lengths.iter().zip(asked).filter(|(_, asked)| *asked >= LEAST_SHARE);
         let ratios: Vec<f64> = ratios.map(|(length, asked)| length / total / asked).collect();
-        (moves && !ratios.is_empty()).then(|| Follow {
-            min: ratios.iter().copied().fold(f64::INFINITY, f64::min),
-            max: ratios.iter().copied().fold(0.0, f64::max),
-            rms: (Sum::of(ratios.iter().map(|r| (r - 1.0) * (r - 1.0))) / ratios.len() as f64).sqrt(),
-        })
+        (moves && !ratios.is_empty()).then(|| Follow::of(ratios))
+    }
+}
+
+impl Follow {
+    /// Of at least one ratio.
+    fn of(ratios: Vec<f64>) -> Self {
+        let count = ratios.len();
+        let (min, max) = (
+            ratios.iter().copied().fold(f64::INFINITY, f64::min),
+            ratios.iter().copied().fold(0.0, f64::max),
+        );
+        let mut away: Vec<f64> = ratios.into_iter().map(|r| (r - 1.0).abs()).collect();
+        let rms = (Sum::of(away.iter().map(|a| a * a)) / count as f64).sqrt();
+        let rank = (count * 95).div_ceil(100).max(1) - 1;
+        let p95 = *away.select_nth_unstable_by(rank, f64::total_cmp).1;
+        Self { min, max, rms, p95 }
+    }
+}
+
+/// How a curve fits its knots.
+struct Fit {
+    distance: f64,
+    jumps: Option<Jumps>,
+}
+
+impl Fit {
+    /// `None` where there is no curve through knots.
+    fn of(course: &Course) -> Option<Self> {
+        let curve = course.line.curve().filter(|_| !course.knots.is_empty())?;
+        let metric = course.metric;
+        let between = course.length / (course.knots.len() - 1) as f64;
+        let away = |(k, knot): (usize, &Se3)| metric.distance(&curve.pose(curve.knot(k)), knot);
+        let distance = course.knots.iter().enumerate().map(away).fold(0.0, f64::max) / between;
+        // In the curve's own parameter: the mean rate is the knots' distance over their distance in it.
+        let whole = Sum::of(curve.steps().iter().copied());
+        let rate = course.length / whole;
+        let apart =
+            |a: Twist, b: Twist| metric.mix((a.angular - b.angular).length(), (a.linear - b.linear).length());
+        let jump = |(k, step): (usize, &f64)| {
+            let (left, right) = (Place { segment: k, x: *step }, Place { segment: k + 1, x: 0.0 });
+            Jumps {
+                c0: metric.distance(&curve.pose(left), &curve.pose(right)) / between,
+                c1: apart(curve.twist(left), curve.twist(right)) / rate,
+                c2: apart(curve.acceleration(left), curve.acceleration(right)) / (rate * rate / between),
+            }
+        };
+        let inner = &curve.steps()[..curve.steps().len() - 1];
+        let largest =
+            |a: Jumps, b: Jumps| Jumps { c0: a.c0.max(b.c0), c1: a.c1.max(b.c1), c2: a.c2.max(b.c2) };
+        Some(Self { distance, jumps: inner.iter().enumerate().map(jump).reduce(largest) })
     }
 }
 

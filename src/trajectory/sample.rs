@@ -1,12 +1,22 @@
-//! Where on the curve each pose lies: the speed law's shares of the path, and the places that keep them.
+//! When and where each pose is: the speed law's shares of time and of the path.
 
 use super::TrajectoryError;
-use super::curve::{Measured, PoseCurve};
+use super::curve::PoseCurve;
 use super::metric::running_sums;
-use crate::se3::arc_length::ArcLength;
 use crate::se3::spline::Place;
-use crate::se3::sum::Sum;
-use crate::speed::Law;
+use crate::speed::{Law, Meaning, Speed};
+use crate::units::Hertz;
+use serde::{Deserialize, Serialize};
+
+/// How a speed law is summed over a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Summation {
+    /// The paper's left sum over the poses.
+    Sum,
+    /// The law's integral, which knows speeds between the poses too.
+    Integral,
+}
 
 /// A speed law sampled at the poses (the paper's equations 10 and 14 to 16).
 #[derive(Debug, Clone, PartialEq)]
@@ -15,37 +25,98 @@ pub struct Schedule {
     pub speeds: Vec<f64>,
     /// The share of the whole path that lies before each pose: M values, 0 first, never falling, exactly 1 last.
     pub shares: Vec<f64>,
+    /// How the law was summed.
+    pub law: Summation,
+    meaning: Meaning,
 }
 
 impl Schedule {
-    /// The left sum of `law` over `count >= 1` poses.
+    /// The schedule of `speed` over `count >= 1` poses. Under [`Meaning::FrameRate`] steps are the inverse of the law's
+    /// values, which has no integral here: the left sum is taken.
     ///
     /// # Errors
     /// Where the law is not positive and finite at a pose, which its proof excludes.
-    pub fn left_sum(law: &dyn Law, count: usize) -> Result<Self, TrajectoryError> {
-        let steps = count.saturating_sub(1);
-        let speeds: Vec<f64> = (0..steps).map(|j| law.speed(j as f64 / steps as f64)).collect();
-        if let Some((j, value)) =
-            speeds.iter().copied().enumerate().find(|(_, v)| !(*v > 0.0 && v.is_finite()))
-        {
-            return Err(TrajectoryError::Speed { t: j as f64 / steps as f64, value });
+    pub fn new(speed: &Speed, count: usize, summation: Summation) -> Result<Self, TrajectoryError> {
+        let (law, steps) = (speed.as_law(), count.saturating_sub(1));
+        let meaning = speed.meaning();
+        let speeds = speeds(law, steps)?;
+        let shares = match (meaning, summation) {
+            (Meaning::Speed, Summation::Sum) => left_sums(&speeds),
+            (Meaning::Speed, Summation::Integral) => {
+                ends_at_one(law.distances(steps.max(1))[..=steps].to_vec())
+            }
+            (Meaning::FrameRate, _) => left_sums(&speeds.iter().map(|v| 1.0 / v).collect::<Vec<_>>()),
+        };
+        let law = if meaning == Meaning::FrameRate { Summation::Sum } else { summation };
+        Ok(Self { speeds, shares, law, meaning })
+    }
+
+    /// Duration of a step, s.
+    pub(super) fn seconds(&self, rate: Hertz, step: usize) -> f64 {
+        match self.meaning {
+            Meaning::Speed => 1.0 / rate.to_f64(),
+            Meaning::FrameRate => 1.0 / (rate.to_f64() * self.speeds[step]),
         }
-        // Dividing by the largest first keeps the sum finite for every law.
-        let largest = speeds.iter().copied().fold(0.0, f64::max);
-        let relative: Vec<f64> = speeds.iter().map(|v| v / largest).collect();
-        let total = Sum::of(relative.iter().copied());
-        let mut shares = running_sums(&relative);
-        if steps > 0 {
-            shares.iter_mut().for_each(|s| *s = (*s / total).min(1.0));
-            shares[steps] = 1.0;
+    }
+
+    /// The stamp of every pose, microseconds: see [`stamps_us`].
+    pub(super) fn stamps_us(&self, rate: Hertz) -> Result<Vec<i64>, TrajectoryError> {
+        let stamps = stamps_us(rate, self.meaning, &self.speeds);
+        match stamps.array_windows().position(|[a, b]| a >= b) {
+            None => Ok(stamps),
+            Some(step) => Err(TrajectoryError::Stamps { step, value: self.speeds[step] }),
         }
-        Ok(Self { speeds, shares })
     }
 }
 
-/// Places at the given shares of the knots' chord length: the paper's literal reading, whose parameter is no length
-/// of the curve.
-pub(super) fn places_by_chord(curve: &PoseCurve, shares: &[f64]) -> Vec<Place> {
+/// The stamp of every pose for the speeds of all steps, microseconds: `round(j / rate)`, or for frame rates the rounded
+/// sums of `1 / (rate v_j)`.
+#[must_use]
+pub fn stamps_us(rate: Hertz, meaning: Meaning, speeds: &[f64]) -> Vec<i64> {
+    match meaning {
+        Meaning::Speed => (0..=speeds.len() as u64).map(|j| rate.stamp_us(j)).collect(),
+        Meaning::FrameRate => {
+            let steps: Vec<f64> = speeds.iter().map(|v| 1e6 / (rate.to_f64() * v)).collect();
+            running_sums(&steps).into_iter().map(whole_micros).collect()
+        }
+    }
+}
+
+/// Rounded half up, as stamps of a constant rate are.
+#[expect(clippy::cast_possible_truncation, reason = "casts saturate; equal stamps are refused")]
+fn whole_micros(us: f64) -> i64 {
+    (us + 0.5).floor() as i64
+}
+
+fn speeds(law: &dyn Law, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
+    let speeds: Vec<f64> = (0..steps).map(|j| law.speed(j as f64 / steps as f64)).collect();
+    match speeds.iter().position(|v| !(*v > 0.0 && v.is_finite())) {
+        None => Ok(speeds),
+        Some(j) => Err(TrajectoryError::Speed { t: j as f64 / steps as f64, value: speeds[j] }),
+    }
+}
+
+/// The share of all steps before each, and 1.
+fn left_sums(steps: &[f64]) -> Vec<f64> {
+    // Dividing by the largest first keeps the sum finite for every law.
+    let largest = steps.iter().copied().fold(0.0, f64::max);
+    ends_at_one(running_sums(&steps.iter().map(|v| v / largest).collect::<Vec<_>>()))
+}
+
+/// Growing lengths as shares of the last: exactly 1 there, and nowhere more.
+fn ends_at_one(mut lengths: Vec<f64>) -> Vec<f64> {
+    let last = lengths.len() - 1;
+    if last > 0 {
+        let total = lengths[last];
+        lengths.iter_mut().for_each(|s| *s = (*s / total).min(1.0));
+        lengths[last] = 1.0;
+    }
+    lengths
+}
+
+/// Places at the given shares of the curve's parameter: the paper's literal reading, whose parameter, the length of the
+/// chords between knots, is no length of the curve.
+pub(super) fn places_by_chord(curve: &dyn PoseCurve, shares: &[f64]) -> Vec<Place> {
     let steps = curve.steps();
     let before = running_sums(steps);
     let total = before[steps.len()];
@@ -55,9 +126,4 @@ pub(super) fn places_by_chord(curve: &PoseCurve, shares: &[f64]) -> Vec<Place> {
         Place { segment, x: (s - before[segment]).clamp(0.0, steps[segment]) }
     };
     shares.iter().map(place).collect()
-}
-
-/// Places at the given shares of the curve's own length.
-pub(super) fn places_by_length(arc: &ArcLength<Measured<'_>>, shares: &[f64]) -> Vec<Place> {
-    shares.iter().map(|share| arc.invert(share * arc.total())).collect()
 }

@@ -13,8 +13,9 @@ use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::speed::Speed;
 use gs2e::speed::function::Expression;
-use gs2e::trajectory::refine::{Refine, Refined, refine};
-use gs2e::trajectory::{NamedPose, TrajectoryError};
+use gs2e::trajectory::refine::{Refine, refine};
+use gs2e::trajectory::sample::Summation;
+use gs2e::trajectory::{Made, NamedPose, Timing, TrajectoryError};
 use gs2e::units::Hertz;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -33,13 +34,18 @@ fn hertz(text: &str) -> Hertz {
     Hertz(text.parse().unwrap())
 }
 
-fn try_refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Result<Refined, TrajectoryError> {
-    let named: Vec<NamedPose<'_>> =
-        views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
-    refine(&named, params, &law(law_text), hertz("2400"))
+/// The left sum of a law at 2400 Hz.
+fn timing(speed: &Speed) -> Timing<'_> {
+    Timing { speed, rate: hertz("2400"), law: Summation::Sum }
 }
 
-fn refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Refined {
+fn try_refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Result<Made, TrajectoryError> {
+    let named: Vec<NamedPose<'_>> =
+        views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
+    refine(&named, params, timing(&law(law_text)))
+}
+
+fn refined(views: &[(String, Se3)], params: &Refine, law_text: &str) -> Made {
     try_refined(views, params, law_text).unwrap()
 }
 

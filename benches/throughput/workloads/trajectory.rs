@@ -6,8 +6,10 @@ use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::speed::Speed;
 use gs2e::speed::function::Expression;
-use gs2e::trajectory::NamedPose;
-use gs2e::trajectory::refine::{Count, Refine, refine};
+use gs2e::trajectory::refine::{Refine, refine};
+use gs2e::trajectory::sample::Summation;
+use gs2e::trajectory::travel::Count;
+use gs2e::trajectory::{NamedPose, Timing};
 use gs2e::units::Hertz;
 
 const VIEWS: u32 = 30;
@@ -21,8 +23,9 @@ pub(super) fn workloads() -> Vec<Workload> {
     let run = move || {
         let named = views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose });
         let views: Vec<NamedPose<'_>> = named.collect();
+        let timing = Timing { speed: &speed, rate, law: Summation::Sum };
         timed(|| {
-            let refined = refine(&views, &params, &speed, rate).expect("an orbit can be followed");
+            let refined = refine(&views, &params, timing).expect("an orbit can be followed");
             vec![amount(refined.trajectory.world_from_camera.len(), "Mpose")]
         })
     };

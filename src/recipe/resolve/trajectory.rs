@@ -8,7 +8,9 @@ use crate::recipe::text::Place;
 use crate::recipe::{TrajectoryRecipe, names, schema};
 use crate::speed::Speed;
 use crate::speed::function::{Expression, ExpressionError};
-use crate::trajectory::refine::{Count, Curve, Ends, Gaps, Order, Refine, RotationMean, Scale};
+use crate::trajectory::curve::Curve;
+use crate::trajectory::refine::{Ends, Gaps, Order, Refine, RotationMean, Scale};
+use crate::trajectory::travel::Count;
 use crate::units::{Hertz, Ratio};
 
 /// The paper's speed law (appendix A.1).

@@ -4,7 +4,8 @@ use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{Output, Reconstruct, Source};
 use gs2e::sensor::Sensor;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
-use gs2e::trajectory::refine::{Count, Scale};
+use gs2e::trajectory::refine::Scale;
+use gs2e::trajectory::travel::Count;
 use gs2e::units::Ratio;
 use std::path::Path;
 

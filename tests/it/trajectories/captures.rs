@@ -4,7 +4,8 @@ use super::{LAW, Views, refined};
 use glam::{DMat3, DVec3};
 use gs2e::se3::{OPENCV_FROM_OPENGL, Se3, rotation_from_matrix};
 use gs2e::trajectory::knots::Gap;
-use gs2e::trajectory::refine::{Count, Refine};
+use gs2e::trajectory::refine::Refine;
+use gs2e::trajectory::travel::Count;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -1,11 +1,12 @@
 //! The edge cases of pipeline 2.10, each with its stated behaviour, and no NaN from any input.
 
-use super::{LAW, Views, hertz, law, named, orbit, refined, still, try_refined};
+use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing, try_refined};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::{angle, exp, slerp};
-use gs2e::trajectory::refine::{Count, Ends, Gaps, Order, Refine, RotationMean, Scale, refine};
-use gs2e::trajectory::{MOST_POSES, NamedPose, Trajectory, TrajectoryError, Warning};
+use gs2e::trajectory::refine::{Ends, Gaps, Order, Refine, RotationMean, Scale, refine};
+use gs2e::trajectory::travel::Count;
+use gs2e::trajectory::{MOST_POSES, NamedPose, Timing, Trajectory, TrajectoryError, Warning};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
@@ -126,7 +127,7 @@ fn counts_outside_their_range_are_refused() {
     for rate in ["1000001", "1/1001"] {
         let poses: Vec<NamedPose<'_>> =
             views.iter().map(|(name, p)| NamedPose { name, world_from_camera: *p }).collect();
-        let refused = refine(&poses, &Refine::default(), &law(LAW), hertz(rate));
+        let refused = refine(&poses, &Refine::default(), Timing { rate: hertz(rate), ..timing(&law(LAW)) });
         assert!(matches!(refused, Err(TrajectoryError::Parameter { field: "sampling.rate", .. })), "{rate}");
     }
     for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {

@@ -1,29 +1,30 @@
 //! How well the speed follows its profile, measured without the program's own quadrature.
 
-use super::{LAW, Views, hertz, law, named, orbit, refined, still};
+use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::{angle, exp};
 use gs2e::se3::spline::Place;
-use gs2e::trajectory::NamedPose;
-use gs2e::trajectory::curve::PoseCurve;
-use gs2e::trajectory::refine::{Count, Ends, Refine, RotationMean, refine};
+use gs2e::trajectory::curve::{Cubic, PoseCurve};
+use gs2e::trajectory::refine::{Ends, Refine, RotationMean, refine};
 use gs2e::trajectory::report::Follow;
+use gs2e::trajectory::travel::Count;
+use gs2e::trajectory::{NamedPose, Timing};
 
 fn mixed(a: &Se3, b: &Se3, scale: f64) -> f64 {
     angle(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale
 }
 
 /// The curve through poses as they are, with its parameter the mixed length of the chords.
-fn curve_through(views: &Views, scale: f64) -> PoseCurve {
+fn curve_through(views: &Views, scale: f64) -> Cubic {
     let knots: Vec<Se3> = views.iter().map(|(_, pose)| *pose).collect();
     let steps = knots.windows(2).map(|w| mixed(&w[0], &w[1], scale)).collect();
-    PoseCurve::cubic(steps, &knots, DVec3::ZERO).unwrap()
+    Cubic::through(steps, &knots).unwrap()
 }
 
 /// Fine chords along a curve, and the mixed length before each of their ends.
 struct Ruler {
-    curve: PoseCurve,
+    curve: Cubic,
     places: Vec<Place>,
     before: Vec<f64>,
     scale: f64,
@@ -33,7 +34,7 @@ impl Ruler {
     /// Chords so short that they miss 1e-9 of their arcs: a share (angle)^2/24 of it.
     const CHORDS: u32 = 2000;
 
-    fn new(curve: PoseCurve, scale: f64) -> Self {
+    fn new(curve: Cubic, scale: f64) -> Self {
         let mut places = vec![Place { segment: 0, x: 0.0 }];
         for (segment, step) in curve.steps().iter().enumerate() {
             places.extend((1..=Self::CHORDS).map(|k| {
@@ -56,7 +57,7 @@ impl Ruler {
         let coarse = (0..self.places.len()).step_by(50).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap();
         let (low, high) = (coarse.saturating_sub(50), (coarse + 50).min(self.places.len() - 1));
         let k = (low..=high).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap();
-        let forward = self.curve.velocity(self.places[k]);
+        let forward = self.curve.twist(self.places[k]).linear;
         let ahead = (pose.translation - self.curve.pose(self.places[k]).translation).dot(forward) >= 0.0;
         self.before[k] + if ahead { away(k) } else { -away(k) }
     }
@@ -188,7 +189,7 @@ fn stamps_follow_the_exact_rate() {
         views.iter().map(|(name, p)| NamedPose { name, world_from_camera: *p }).collect();
     let params = Refine { count: Count::Frames(5), ..Refine::default() };
     let t = |rate: &str, want: [i64; 5]| {
-        let got = refine(&named, &params, &law(LAW), hertz(rate)).unwrap();
+        let got = refine(&named, &params, Timing { rate: hertz(rate), ..timing(&law(LAW)) }).unwrap();
         assert_eq!(got.trajectory.stamps_us, want, "{rate}");
     };
     t("2400", [0, 417, 833, 1250, 1667]);

@@ -2,10 +2,12 @@
 
 use super::{LAW, named, orbit, refined, still};
 use glam::{DQuat, DVec3};
+use gs2e::trajectory::Made;
 use gs2e::trajectory::picture::svg;
-use gs2e::trajectory::refine::{Count, Refine, Refined};
+use gs2e::trajectory::refine::Refine;
+use gs2e::trajectory::travel::Count;
 
-fn picture(refined: &Refined) -> String {
+fn picture(refined: &Made) -> String {
     svg(&refined.trajectory, &refined.report)
 }
 

@@ -1,0 +1,146 @@
+//! A course: the path that poses are taken from, before anyone travels it.
+
+use super::curve::{Curve, Measured, PoseCurve};
+use super::knots::{Gap, Knots, Merged};
+use super::metric::Metric;
+use super::{TrajectoryError, Warning};
+use crate::se3::Se3;
+use crate::se3::arc_length::ArcLength;
+use crate::se3::rotation::canonical;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Shortest step between knots, in mean steps: its inverse square, which the splines hold, must stay finite.
+const LEAST_STEP: f64 = 1e-100;
+/// Longest mean step in the metric: what the curve makes of it between the knots must stay finite.
+const LONGEST: f64 = 1e150;
+
+/// How a path was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Along the captured poses.
+    Refine,
+    /// Between key poses drawn from another trajectory.
+    Novel,
+    /// A circle about a point.
+    Orbit,
+    /// Between poses given by hand.
+    Keyframes,
+}
+
+/// A path of poses and all that is known about it.
+#[derive(Debug)]
+pub(super) struct Course {
+    pub(super) kind: Kind,
+    /// World coordinates that the line's centres are relative to.
+    pub(super) origin: DVec3,
+    pub(super) line: Line,
+    pub(super) metric: Metric,
+    /// Length of the chords between the knots; of a path without knots, its own.
+    pub(super) length: f64,
+    /// How many views a factor multiplies.
+    pub(super) views: usize,
+    /// The knots, relative to the origin; a circle has none.
+    pub(super) knots: Vec<Se3>,
+    /// The curve's name, `None` for a circle.
+    pub(super) curve: Option<Curve>,
+    /// Degree that was drawn for a Bezier curve, before it was lowered to what the knots determine.
+    pub(super) degree_drawn: Option<u32>,
+    /// Poses of the other trajectory that are the key poses of this one.
+    pub(super) keyframes: Vec<usize>,
+    pub(super) merged: Vec<Merged>,
+    pub(super) gaps: Vec<Gap>,
+    pub(super) warnings: Vec<Warning>,
+}
+
+/// The geometry of a course.
+#[derive(Debug)]
+pub(super) enum Line {
+    /// One pose: a single view, or views that all coincide.
+    Still(Se3),
+    /// A curve.
+    Curve(Box<dyn PoseCurve>),
+}
+
+impl Course {
+    /// The course of `curve` through knots. What else is known of it is empty.
+    ///
+    /// # Errors
+    /// Where no curve holds the steps, or rotations turn too unevenly for it.
+    pub(super) fn through(
+        kind: Kind,
+        knots: Knots<'_>,
+        curve: Curve,
+        origin: DVec3,
+        metric: Metric,
+    ) -> Result<Self, TrajectoryError> {
+        let (line, length) = (Line::through(&knots, curve)?, knots.length());
+        let views = knots.views();
+        let mut warnings: Vec<Warning> = knots.half_turns().collect();
+        if let Line::Still(_) = line {
+            warnings.push(Warning::Still { views });
+        }
+        Ok(Self {
+            kind,
+            origin,
+            line,
+            metric,
+            length,
+            views,
+            knots: knots.poses.iter().map(|k| k.world_from_camera).collect(),
+            curve: Some(curve),
+            degree_drawn: None,
+            keyframes: Vec::new(),
+            merged: knots.merged,
+            gaps: Vec::new(),
+            warnings,
+        })
+    }
+
+    /// The degree of its Bezier curve.
+    pub(super) fn degree_used(&self) -> Option<u32> {
+        self.line.curve().and_then(PoseCurve::degree)
+    }
+
+    /// The pose that stands in files: in world coordinates, its quaternion with `w >= 0`.
+    pub(super) fn placed(&self, pose: Se3) -> Se3 {
+        Se3 { rotation: canonical(pose.rotation), translation: self.origin + pose.translation }
+    }
+}
+
+impl Line {
+    fn through(knots: &Knots<'_>, curve: Curve) -> Result<Self, TrajectoryError> {
+        let poses: Vec<Se3> = knots.poses.iter().map(|k| k.world_from_camera).collect();
+        if let [pose] = poses[..] {
+            return Ok(Self::Still(pose));
+        }
+        // The parameter counts mean chords, so that no capture's scale can overflow or underflow it.
+        let unit = knots.length() / knots.steps.len() as f64;
+        let smallest = knots.steps.iter().copied().fold(f64::INFINITY, f64::min);
+        if !(unit < LONGEST && smallest > unit * LEAST_STEP) {
+            return Err(TrajectoryError::Uneven { smallest, length: knots.length() });
+        }
+        let steps = knots.steps.iter().map(|step| step / unit).collect();
+        let curve = curve.through(steps, &poses).map_err(|source| TrajectoryError::Curve {
+            first: knots.poses[0].name.to_owned(),
+            last: knots.poses[poses.len() - 1].name.to_owned(),
+            source,
+        })?;
+        Ok(Self::Curve(curve))
+    }
+
+    /// The curve, `None` where nothing moves.
+    pub(super) fn curve(&self) -> Option<&dyn PoseCurve> {
+        match self {
+            Self::Still(_) => None,
+            Self::Curve(curve) => Some(curve.as_ref()),
+        }
+    }
+
+    /// The curve with its length in the metric, `None` where nothing moves.
+    pub(super) fn measured(&self, metric: Metric) -> Option<(&dyn PoseCurve, ArcLength<Measured<'_>>)> {
+        let curve = self.curve()?;
+        Some((curve, ArcLength::measure(curve.steps(), Measured { curve, metric })))
+    }
+}

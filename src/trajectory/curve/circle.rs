@@ -1,0 +1,52 @@
+//! The curve of an orbit: a circle about an axis, travelled with the camera turning along.
+//!
+//! In closed form: centre and rotation turn about the axis by one angle, so that both speeds are constant.
+
+use super::PoseCurve;
+use crate::se3::rotation::exp;
+use crate::se3::spline::Place;
+use crate::se3::{Se3, Twist};
+use glam::DVec3;
+
+/// A turn of a pose about an axis, one segment of length 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Circle {
+    /// A point of the axis.
+    centre: DVec3,
+    /// Along the axis, as long as the whole turn in radians.
+    turn: DVec3,
+    start: Se3,
+}
+
+impl Circle {
+    /// The turn of `start` about the axis through `centre` along `turn`, by `|turn|` radians.
+    #[must_use]
+    pub fn new(centre: DVec3, turn: DVec3, start: Se3) -> Self {
+        Self { centre, turn, start }
+    }
+
+    /// From the axis' point to the camera at a place.
+    fn arm(&self, at: Place) -> DVec3 {
+        exp(self.turn * at.x) * (self.start.translation - self.centre)
+    }
+}
+
+impl PoseCurve for Circle {
+    fn steps(&self) -> &[f64] {
+        &[1.0]
+    }
+
+    fn pose(&self, at: Place) -> Se3 {
+        let rotation = (exp(self.turn * at.x) * self.start.rotation).normalize();
+        Se3 { rotation, translation: self.centre + self.arm(at) }
+    }
+
+    fn twist(&self, at: Place) -> Twist {
+        let angular = self.start.rotation.conjugate() * self.turn;
+        Twist { linear: self.turn.cross(self.arm(at)), angular }
+    }
+
+    fn acceleration(&self, at: Place) -> Twist {
+        Twist { linear: self.turn.cross(self.turn.cross(self.arm(at))), angular: DVec3::ZERO }
+    }
+}

@@ -1,0 +1,58 @@
+//! The curve `cubic`: a C2 cubic spline on centres and a C2 rotation spline, on one set of knots.
+//!
+//! Its parameter is the paper's `s`, the mixed length of the chords between knots (divided by whatever its maker
+//! divides the steps by).
+
+use super::PoseCurve;
+use crate::se3::rotation_spline::{RotationSpline, Unsettled};
+use crate::se3::spline::{CubicSpline, Place};
+use crate::se3::{Se3, Twist};
+use glam::{DQuat, DVec3};
+
+/// A pair of C2 splines through every knot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cubic {
+    steps: Vec<f64>,
+    centres: CubicSpline,
+    rotations: RotationSpline,
+}
+
+impl Cubic {
+    /// The splines through `knots`, with `steps[i] > 0` in the parameter from knot i to knot i+1.
+    ///
+    /// # Errors
+    /// Where the rotation spline does not settle.
+    ///
+    /// # Panics
+    /// Unless there are at least two knots and one step fewer than knots.
+    pub fn through(steps: Vec<f64>, knots: &[Se3]) -> Result<Self, Unsettled> {
+        let centres: Vec<DVec3> = knots.iter().map(|k| k.translation).collect();
+        let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
+        Ok(Self {
+            centres: CubicSpline::not_a_knot(&steps, &centres),
+            rotations: RotationSpline::new(&steps, &rotations)?,
+            steps,
+        })
+    }
+}
+
+impl PoseCurve for Cubic {
+    fn steps(&self) -> &[f64] {
+        &self.steps
+    }
+
+    fn pose(&self, at: Place) -> Se3 {
+        let translation = self.centres.segment(at.segment).value(at.x);
+        Se3 { rotation: self.rotations.rotation(at), translation }
+    }
+
+    fn twist(&self, at: Place) -> Twist {
+        let linear = self.centres.segment(at.segment).slope(at.x);
+        Twist { linear, angular: self.rotations.rate(at) }
+    }
+
+    fn acceleration(&self, at: Place) -> Twist {
+        let linear = self.centres.segment(at.segment).bend(at.x);
+        Twist { linear, angular: self.rotations.acceleration(at) }
+    }
+}

@@ -1,0 +1,125 @@
+//! The curve `cumulative`: a uniform cumulative cubic B-spline on R^3 x SO(3).
+//!
+//! `R = R_k exp(b1 W1) exp(b2 W2) exp(b3 W3)` with the cumulative basis `b` and the turns `W` between neighbouring
+//! rotations (Kim, Kim and Shin 1995, "A general construction scheme for unit quaternion curves"); centres in the
+//! same form. It is C2 and passes near the knots, not through them. Both end knots count threefold, so that it starts
+//! and ends in them, at rest in its parameter, which is the number of the knot.
+
+use super::PoseCurve;
+use crate::se3::rotation::exp;
+use crate::se3::rotation_spline::turn;
+use crate::se3::spline::Place;
+use crate::se3::{Se3, Twist};
+use glam::{DQuat, DVec3};
+
+/// How often an end knot counts.
+const MULTIPLICITY: usize = 3;
+
+/// A cumulative B-spline near its knots.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cumulative {
+    steps: Vec<f64>,
+    /// The knots, those at the ends threefold.
+    control: Vec<Se3>,
+    /// From each to the next: way and turn.
+    moves: Vec<Twist>,
+}
+
+/// The three moves that make a segment, weighted with the basis.
+struct Weights([f64; 3]);
+
+impl Weights {
+    /// The cumulative basis at `u` in [0, 1].
+    fn value(u: f64) -> Self {
+        let (u2, u3) = (u * u, u * u * u);
+        Self([(5.0 + 3.0 * u - 3.0 * u2 + u3) / 6.0, (1.0 + 3.0 * u + 3.0 * u2 - 2.0 * u3) / 6.0, u3 / 6.0])
+    }
+
+    /// Its derivative.
+    fn slope(u: f64) -> Self {
+        let rest = 1.0 - u;
+        Self([rest * rest / 2.0, 0.5 + u - u * u, u * u / 2.0])
+    }
+
+    /// Its second derivative.
+    fn bend(u: f64) -> Self {
+        Self([u - 1.0, 1.0 - 2.0 * u, u])
+    }
+}
+
+impl Cumulative {
+    /// The curve near `knots`.
+    ///
+    /// # Panics
+    /// Unless there are at least two knots.
+    #[must_use]
+    pub fn near(knots: &[Se3]) -> Self {
+        let [first, .., last] = knots else { panic!("a curve needs two knots") };
+        let more = MULTIPLICITY - 1;
+        let mut control = vec![*first; more];
+        control.extend_from_slice(knots);
+        control.extend(std::iter::repeat_n(*last, more));
+        let step = |w: &[Se3]| Twist {
+            linear: w[1].translation - w[0].translation,
+            angular: turn(w[0].rotation, w[1].rotation).0,
+        };
+        let moves: Vec<Twist> = control.windows(2).map(step).collect();
+        Self { steps: vec![1.0; moves.len() - more], control, moves }
+    }
+
+    fn moves(&self, at: Place) -> &[Twist] {
+        &self.moves[at.segment..at.segment + 3]
+    }
+
+    fn linear(&self, at: Place, weights: &Weights) -> DVec3 {
+        self.moves(at).iter().zip(weights.0).map(|(step, weight)| step.linear * weight).sum()
+    }
+
+    /// Rotations of the three moves, and their weighted rates `b' W`.
+    fn turns(&self, at: Place) -> ([DQuat; 3], [DVec3; 3]) {
+        let (moves, value, slope) = (self.moves(at), Weights::value(at.x).0, Weights::slope(at.x).0);
+        let each = |k: usize| moves[k].angular;
+        ([0, 1, 2].map(|k| exp(each(k) * value[k])), [0, 1, 2].map(|k| each(k) * slope[k]))
+    }
+}
+
+impl PoseCurve for Cumulative {
+    fn steps(&self) -> &[f64] {
+        &self.steps
+    }
+
+    fn pose(&self, at: Place) -> Se3 {
+        let start = &self.control[at.segment];
+        let ([a, b, c], _) = self.turns(at);
+        let rotation = (start.rotation * a * b * c).normalize();
+        Se3 { rotation, translation: start.translation + self.linear(at, &Weights::value(at.x)) }
+    }
+
+    fn twist(&self, at: Place) -> Twist {
+        let ([_, b, c], [ra, rb, rc]) = self.turns(at);
+        let angular = c.conjugate() * (b.conjugate() * ra + rb) + rc;
+        Twist { linear: self.linear(at, &Weights::slope(at.x)), angular }
+    }
+
+    fn acceleration(&self, at: Place) -> Twist {
+        let ([_, b, c], [ra, rb, rc]) = self.turns(at);
+        let bends = Weights::bend(at.x);
+        let [ba, bb, bc] = [0, 1, 2].map(|k| self.moves(at)[k].angular * bends.0[k]);
+        // A vector seen from a body that turns at rate w: d/du (exp(-B) v) = exp(-B) v' + (exp(-B) v) x w.
+        let carried = b.conjugate() * ra;
+        let (inner, inner_slope) = (carried + rb, b.conjugate() * ba + carried.cross(rb) + bb);
+        let carried = c.conjugate() * inner;
+        let angular = c.conjugate() * inner_slope + carried.cross(rc) + bc;
+        Twist { linear: self.linear(at, &bends), angular }
+    }
+
+    fn knot(&self, number: usize) -> Place {
+        // A segment starts nearest to the second of its four control poses.
+        let segment = number + 1;
+        if segment < self.steps.len() {
+            Place { segment, x: 0.0 }
+        } else {
+            Place { segment: self.steps.len() - 1, x: 1.0 }
+        }
+    }
+}

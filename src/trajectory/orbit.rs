@@ -1,0 +1,108 @@
+//! Orbits: a camera on a circle about an axis, looking at a point on it.
+//!
+//! For scenes without a capture all of it is given. With a capture, what is not given is taken from it: the point
+//! nearest all optical axes, the mean of the cameras' own up directions, and the first view's place.
+
+use super::course::{Course, Kind, Line};
+use super::curve::Circle;
+use super::metric::{Metric, focus};
+use super::order::by_name;
+use super::refine::screen;
+use super::travel::{Count, Travel};
+use super::{NamedPose, TrajectoryError};
+use crate::se3::{Se3, look_at};
+use glam::DVec3;
+use serde::Serialize;
+
+/// Parameters of an orbit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Orbit {
+    /// The point looked at, on the axis; world, units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre: Option<DVec3>,
+    /// Where the camera starts; world, units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<DVec3>,
+    /// Along the axis, of any length: the image's top is towards it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up: Option<DVec3>,
+    /// How far it turns about the axis, degrees, right-handed.
+    pub arc: f64,
+    /// How many poses to make.
+    pub count: Count,
+}
+
+impl Orbit {
+    pub(super) fn travel(&self) -> Travel {
+        Travel { count: self.count, literal: false }
+    }
+
+    /// The course about a point, relative to it.
+    pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<Course, TrajectoryError> {
+        let missing = |what| move || TrajectoryError::Orbit { what, because: NO_CAPTURE };
+        let (seen, warnings) = Seen::of(views)?;
+        let from = self.from.or(seen.from).ok_or_else(missing("from"))?;
+        let up = self.up.or(seen.up).ok_or_else(missing("up"))?;
+        let centre = match (self.centre, seen.centre) {
+            (Some(centre), _) => centre,
+            (None, Some(centre)) => centre,
+            (None, None) if views.is_empty() => return Err(missing("centre")()),
+            (None, None) => return Err(TrajectoryError::Orbit { what: "centre", because: NO_FOCUS }),
+        };
+        let axis = up.try_normalize().ok_or(TrajectoryError::Orbit { what: "up", because: NO_DIRECTION })?;
+        let arm = from - centre;
+        let rotation =
+            look_at(-arm, up).ok_or(TrajectoryError::Orbit { what: "circle", because: ON_AXIS })?;
+        let start = Se3 { rotation, translation: arm };
+        let turn = axis * self.arc.to_radians();
+        // The metric of a look at one point: its distance is the one that counts.
+        let metric = Metric { scale: arm.length() };
+        let length = metric.mix(turn.length(), turn.cross(arm).length());
+        Ok(Course {
+            kind: Kind::Orbit,
+            origin: centre,
+            line: Line::Curve(Box::new(Circle::new(DVec3::ZERO, turn, start))),
+            metric,
+            length,
+            views: views.len(),
+            knots: Vec::new(),
+            curve: None,
+            degree_drawn: None,
+            keyframes: Vec::new(),
+            merged: Vec::new(),
+            gaps: Vec::new(),
+            warnings,
+        })
+    }
+}
+
+const NO_CAPTURE: &str = "it is not given, and there is no capture to take it from";
+const NO_FOCUS: &str = "it is not given, and the capture's optical axes meet nowhere in front of its cameras";
+const NO_DIRECTION: &str = "it is zero, or not finite";
+const ON_AXIS: &str = "the camera starts on the axis, or at its centre";
+
+/// What a capture says of an orbit through it.
+#[derive(Default)]
+struct Seen {
+    centre: Option<DVec3>,
+    from: Option<DVec3>,
+    up: Option<DVec3>,
+}
+
+impl Seen {
+    fn of(views: &[NamedPose<'_>]) -> Result<(Self, Vec<super::Warning>), TrajectoryError> {
+        if views.is_empty() {
+            return Ok((Self::default(), Vec::new()));
+        }
+        let (origin, views, warnings) = screen(by_name(views)?)?;
+        let poses = views.iter().map(|v| v.world_from_camera);
+        let rays: Vec<(DVec3, DVec3)> =
+            poses.clone().map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
+        let seen = Self {
+            centre: focus(&rays).map(|focus| origin + focus),
+            from: Some(origin + views[0].world_from_camera.translation),
+            up: poses.map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize(),
+        };
+        Ok((seen, warnings))
+    }
+}

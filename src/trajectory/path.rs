@@ -1,0 +1,70 @@
+//! How a path is made: the choice of a recipe.
+
+use super::course::Course;
+use super::flow::FlowMeter;
+use super::keyframes::Keyframes;
+use super::novel::{Base, Novel};
+use super::orbit::Orbit;
+use super::refine::Refine;
+use super::travel::Travel;
+use super::{Made, NamedPose, Timing, TrajectoryError};
+use serde::Serialize;
+
+/// A path, by how it is made.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Path {
+    /// Along the captured poses (the paper's 3.5.1).
+    Refine(Refine),
+    /// Between key poses drawn from another trajectory (3.5.2).
+    Novel(Novel),
+    /// A circle about a point.
+    Orbit(Orbit),
+    /// Between poses given by hand.
+    Keyframes(Keyframes),
+}
+
+/// What paths are made from; each takes what it needs.
+#[derive(Debug, Clone, Copy)]
+pub struct Ground<'a> {
+    /// The views of the capture, in any order; empty where there is none.
+    pub views: &'a [NamedPose<'a>],
+    /// The trajectory that [`Path::Novel`] draws from.
+    pub base: Option<Base<'a>>,
+}
+
+impl Path {
+    /// The trajectory along this path. `meter` is asked where the speed is a flow.
+    ///
+    /// # Errors
+    /// Where the path cannot be made from what is there, a parameter is out of range, or the flow cannot be measured.
+    ///
+    /// # Panics
+    /// If [`Path::Novel`] is given no base.
+    pub fn make(
+        &self,
+        ground: Ground<'_>,
+        timing: Timing<'_>,
+        meter: Option<&mut dyn FlowMeter>,
+    ) -> Result<Made, TrajectoryError> {
+        self.travel().along(self.course(ground)?, timing, meter)
+    }
+
+    fn course(&self, ground: Ground<'_>) -> Result<Course, TrajectoryError> {
+        match self {
+            Self::Refine(refine) => refine.course(ground.views),
+            Self::Novel(novel) => novel.course(ground.base.expect("a novel path is drawn from another")),
+            Self::Orbit(orbit) => orbit.course(ground.views),
+            Self::Keyframes(keyframes) => keyframes.course(),
+        }
+    }
+
+    fn travel(&self) -> Travel {
+        match self {
+            Self::Refine(refine) => refine.travel(),
+            Self::Novel(novel) => novel.travel(),
+            Self::Orbit(orbit) => orbit.travel(),
+            Self::Keyframes(keyframes) => keyframes.travel(),
+        }
+    }
+}

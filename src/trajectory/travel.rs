@@ -1,0 +1,235 @@
+//! Travelling a course: how many poses, when, and where, so that the speed is the one asked for.
+
+use super::course::{Course, Line};
+use super::flow::{FlowLength, FlowMeter};
+use super::report::{Asked, FlowReport, Report};
+use super::sample::{Schedule, Summation, places_by_chord};
+use super::{Trajectory, TrajectoryError, Warning};
+use crate::se3::Se3;
+use crate::se3::rotation::angle;
+use crate::speed::Speed;
+use crate::units::{Hertz, Ratio};
+use serde::Serialize;
+
+/// More poses than this are refused: 2.3 hours at 2400 Hz.
+pub const MOST_POSES: u64 = 20_000_000;
+/// Frame rates, Hz: stamps of a microsecond must differ, and those of the longest path fit 64 bits.
+const SLOWEST: f64 = 1e-3;
+const FASTEST: f64 = 1e6;
+/// Speeds that differ by more than this factor are worth a warning.
+const MILD_RANGE: f64 = 100.0;
+
+/// How many poses a trajectory has.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Count {
+    /// `ceil(factor * views)`.
+    Factor(Ratio),
+    /// So many.
+    Frames(u64),
+    /// `1 + ceil(seconds * rate)`.
+    Duration(Ratio),
+    /// As many as the flow that was asked for takes time: [`Speed::Flow`] has no other.
+    Flow,
+}
+
+/// How fast a course is travelled, and when poses are taken.
+#[derive(Debug, Clone, Copy)]
+pub struct Timing<'a> {
+    /// The law.
+    pub speed: &'a Speed,
+    /// Poses a second.
+    pub rate: Hertz,
+    /// How the law is summed.
+    pub law: Summation,
+}
+
+/// A trajectory, what it achieves, and what the user should know about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Made {
+    /// The poses and their stamps.
+    pub trajectory: Trajectory,
+    /// What was asked and what was achieved.
+    pub report: Report,
+    /// What deserves a look; the report repeats them as text.
+    pub warnings: Vec<Warning>,
+}
+
+/// How a course is travelled: `count` poses, by the paper's literal chords or by length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Travel {
+    pub(super) count: Count,
+    pub(super) literal: bool,
+}
+
+impl Travel {
+    /// The trajectory along a course. `meter` is asked for [`Speed::Flow`] only.
+    ///
+    /// # Errors
+    /// Where a number is out of range, the law fails, or the flow cannot be measured.
+    pub(super) fn along(
+        self,
+        mut course: Course,
+        timing: Timing<'_>,
+        meter: Option<&mut dyn FlowMeter>,
+    ) -> Result<Made, TrajectoryError> {
+        let mut warnings = std::mem::take(&mut course.warnings);
+        screen_rate(timing.rate)?;
+        let flow = match (timing.speed, self.count) {
+            (Speed::Flow(_), Count::Flow) if self.literal => return Err(no_chords()),
+            (Speed::Flow(asked), Count::Flow) => Some((asked.px_s, course.flow_length(meter)?)),
+            (Speed::Flow(_), _) | (_, Count::Flow) => return Err(no_count(timing.speed)),
+            _ => None,
+        };
+        let count = match &flow {
+            Some((px_s, length)) => {
+                frames_of(length.as_ref().map_or(0.0, FlowLength::total) / px_s, timing.rate)?
+            }
+            None => self.count.poses(course.views, timing.rate, &mut warnings)?,
+        };
+        let mut schedule = Schedule::new(timing.speed, count, timing.law)?;
+        let stamps_us = schedule.stamps_us(timing.rate)?;
+        let flow = flow.map(|(px_s, length)| FlowReport { px_s, px: apply(length, &mut schedule) });
+        let (poses, arcs) = course.follow(&schedule, self.literal);
+        warnings.extend(speed_warnings(timing.speed, &schedule, &poses));
+        let asked = Asked { course: &course, travel: self, timing, schedule, flow, warnings: &warnings };
+        let report = asked.report(&poses, &arcs);
+        Ok(Made { trajectory: Trajectory { world_from_camera: poses, stamps_us }, report, warnings })
+    }
+}
+
+/// Turns shares of a path in pixels into those of its mixed length; the whole path in pixels.
+fn apply(length: Option<FlowLength>, schedule: &mut Schedule) -> f64 {
+    let Some(length) = length else { return 0.0 };
+    let mixed = length.mixed_lengths(&schedule.shares);
+    let whole = mixed[mixed.len() - 1];
+    if mixed.len() > 1 {
+        schedule.shares = mixed.iter().map(|length| (length / whole).min(1.0)).collect();
+    }
+    length.total()
+}
+
+fn no_count(speed: &Speed) -> TrajectoryError {
+    let (found, wanted) = match speed {
+        Speed::Flow(_) => ("given beside a speed in px/s", "none of factor, frames and duration"),
+        _ => ("that of a flow", "a speed in px/s beside it"),
+    };
+    TrajectoryError::Parameter { field: "frames", found: found.to_owned(), wanted }
+}
+
+fn no_chords() -> TrajectoryError {
+    let wanted = "false beside a speed in px/s, which is no share of chords";
+    TrajectoryError::Parameter { field: "literal", found: "true".to_owned(), wanted }
+}
+
+fn screen_rate(rate: Hertz) -> Result<(), TrajectoryError> {
+    if (SLOWEST..=FASTEST).contains(&rate.to_f64()) {
+        return Ok(());
+    }
+    Err(TrajectoryError::Parameter {
+        field: "sampling.rate",
+        found: rate.0.to_string(),
+        wanted: "a rate from 1/1000 to 1000000",
+    })
+}
+
+/// `1 + ceil(seconds * rate)` poses.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "positive; casts saturate, and what is too many is refused"
+)]
+fn frames_of(seconds: f64, rate: Hertz) -> Result<usize, TrajectoryError> {
+    within(1 + ((seconds * rate.to_f64()).ceil() as u64).min(u64::MAX - 1))
+}
+
+fn within(count: u64) -> Result<usize, TrajectoryError> {
+    match usize::try_from(count) {
+        Ok(0) => Err(TrajectoryError::Parameter {
+            field: "frames",
+            found: "0".to_owned(),
+            wanted: "a whole number from 1",
+        }),
+        Ok(count) if count as u64 <= MOST_POSES => Ok(count),
+        _ => Err(TrajectoryError::TooMany { count }),
+    }
+}
+
+impl Count {
+    /// Number of poses for so many views.
+    fn poses(self, views: usize, rate: Hertz, warnings: &mut Vec<Warning>) -> Result<usize, TrajectoryError> {
+        within(match self {
+            Self::Factor(gamma) => {
+                let sparse = gamma.numerator() <= gamma.denominator();
+                warnings.extend(sparse.then(|| Warning::Sparse { factor: gamma.to_string() }));
+                gamma.ceil_times(views as u64).unwrap_or(u64::MAX)
+            }
+            Self::Frames(frames) => frames,
+            Self::Duration(seconds) => {
+                // Numerators and denominators are at most 1e18, so that neither product leaves 128 bits.
+                let frames = u128::from(seconds.numerator()) * u128::from(rate.0.numerator());
+                let each = u128::from(seconds.denominator()) * u128::from(rate.0.denominator());
+                u64::try_from(frames.div_ceil(each)).unwrap_or(u64::MAX).saturating_add(1)
+            }
+            Self::Flow => unreachable!("a flow says itself how many"),
+        })
+    }
+
+    /// Poses per view, where that sets their number.
+    pub(super) fn gamma(self) -> Option<Ratio> {
+        match self {
+            Self::Factor(gamma) => Some(gamma),
+            Self::Frames(_) | Self::Duration(_) | Self::Flow => None,
+        }
+    }
+}
+
+impl Course {
+    /// The poses of a schedule, and the length of the curve from each to the next (none on a still path).
+    fn follow(&self, schedule: &Schedule, literal: bool) -> (Vec<Se3>, Vec<f64>) {
+        let still = match &self.line {
+            Line::Still(pose) => self.placed(*pose),
+            Line::Curve(_) => Se3::IDENTITY,
+        };
+        let Some((curve, arc)) = self.line.measured(self.metric) else {
+            return (vec![still; schedule.shares.len()], Vec::new());
+        };
+        let mut poses = Vec::with_capacity(schedule.shares.len());
+        let mut arcs = Vec::with_capacity(schedule.speeds.len());
+        let mut before = None;
+        if literal {
+            for at in places_by_chord(curve, &schedule.shares) {
+                arcs.extend(before.map(|before| arc.between(before, at)));
+                poses.push(self.placed(curve.pose(at)));
+                before = Some(at);
+            }
+            return (poses, arcs);
+        }
+        let mut walk = arc.walk();
+        for share in &schedule.shares {
+            let at = walk.to(share * arc.total());
+            arcs.extend(before.map(|before| walk.since(before, at)));
+            poses.push(self.placed(curve.pose(at)));
+            before = Some(at);
+        }
+        (poses, arcs)
+    }
+
+    /// Its length in pixels, `None` where nothing moves.
+    fn flow_length(&self, meter: Option<&mut dyn FlowMeter>) -> Result<Option<FlowLength>, TrajectoryError> {
+        let no_scene = || TrajectoryError::Flow { share: 0.0, because: "there is no scene".to_owned() };
+        let Some((curve, arc)) = self.line.measured(self.metric) else { return Ok(None) };
+        let meter = meter.ok_or_else(no_scene)?;
+        FlowLength::measure(&arc, curve, |pose| self.placed(pose), meter).map(Some)
+    }
+}
+
+fn speed_warnings(speed: &Speed, schedule: &Schedule, poses: &[Se3]) -> Vec<Warning> {
+    let slowest = schedule.speeds.iter().copied().fold(f64::INFINITY, f64::min);
+    let ratio = schedule.speeds.iter().copied().fold(0.0, f64::max) / slowest;
+    let degrees =
+        || poses.windows(2).map(|w| angle(w[0].rotation, w[1].rotation)).fold(0.0, f64::max).to_degrees();
+    let rough = speed.as_law().roughness().map(|because| Warning::Rough { because });
+    let wide = (ratio > MILD_RANGE).then(|| Warning::SpeedRange { ratio, degrees: degrees() });
+    rough.into_iter().chain(wide).collect()
+}
