@@ -1,7 +1,7 @@
 //! Steps between poses: no jump among neighbours. Gate.
 //!
-//! A step is judged against the median of the three steps before and the three after it, all divided by the speeds
-//! that the law asks of them. A speed that changes for good, however abruptly, stays below 2 by this measure (half
+//! A step is judged against the median of the three steps before and the three after it, all divided by the shares
+//! of the path that the law asks of them. A speed that changes for good, however abruptly, stays below 2 by this measure (half
 //! of the neighbours are as fast, so the median is at least half of it), and a smooth path stays near 1; what is
 //! larger for one or two steps only is a jump. The default limit is 3. Translation and rotation are judged apart, each
 //! in the trajectory's mixed metric, and a step that is below a quarter of the median mixed step is no jump.
@@ -75,7 +75,8 @@ impl Steps {
     fn of(subject: &Subject<'_>) -> Self {
         let report = subject.speed;
         let (alpha, beta) = report.map_or((1.0, 1.0), |r| (r.alpha, r.beta / r.scale_distance));
-        let asked = |j: usize| report.and_then(|r| r.u.get(j).copied()).unwrap_or(1.0);
+        let shares: Vec<f64> = report.map_or_else(Vec::new, |r| r.asked_shares().collect());
+        let asked = |j: usize| shares.get(j).copied().filter(|share| *share > 0.0).unwrap_or(1.0);
         let pairs = || (0..).zip(subject.trajectory.world_from_camera.windows(2));
         let linear = |w: &[crate::se3::Se3]| beta * (w[1].translation - w[0].translation).length();
         let angular = |w: &[crate::se3::Se3]| alpha * angle(w[0].rotation, w[1].rotation);

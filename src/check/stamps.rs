@@ -3,6 +3,8 @@
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};
+use crate::speed::Meaning;
+use crate::trajectory::sample::stamps_us;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -30,14 +32,29 @@ impl Check for Stamps {
 fn poses(subject: &Subject<'_>) -> Finding {
     let stamps = &subject.trajectory.stamps_us;
     let poses = subject.trajectory.world_from_camera.len();
-    let off_rate = (0..).zip(stamps).filter(|(j, t)| subject.rate.stamp_us(*j) != **t).count();
+    let wanted = wanted(subject);
+    let off_rate = stamps.iter().enumerate().filter(|(j, t)| wanted.get(*j) != Some(t)).count();
     let unsorted = stamps.windows(2).filter(|w| w[1] <= w[0]).count();
     let unpaired = poses.abs_diff(stamps.len());
+    let law = match subject.speed.map(|report| report.meaning) {
+        Some(Meaning::FrameRate) => "those of the frame rates asked for",
+        _ => "round(j / rate)",
+    };
     let because = format!(
-        "of {} stamps for {poses} poses, {off_rate} are not round(j / rate) and {unsorted} do not grow",
+        "of {} stamps for {poses} poses, {off_rate} are not {law} and {unsorted} do not grow",
         stamps.len()
     );
     wrong(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)
+}
+
+/// The stamps that poses must have: those of the rate, or of the frame rates that the speed law asks for.
+fn wanted(subject: &Subject<'_>) -> Vec<i64> {
+    match subject.speed {
+        Some(report) if report.meaning == Meaning::FrameRate => {
+            stamps_us(subject.rate, report.meaning, &report.u)
+        }
+        _ => (0..subject.trajectory.stamps_us.len() as u64).map(|j| subject.rate.stamp_us(j)).collect(),
+    }
 }
 
 fn wrong(subject: &Subject<'_>, part: &str, count: u64, because: String) -> Finding {

@@ -186,10 +186,14 @@ struct Panel {
     /// Length of the curve up to here.
     before: f64,
     length: f64,
-    /// The speed over its mean, a polynomial in w from -1 to 1.
+    /// The speed over its mean: coefficients of a polynomial in w from -1 to 1.
     speed: [f64; 7],
-    /// Its integral from -1 to 1.
+    /// Its integral from -1.
+    integral: [f64; 8],
+    /// That integral up to 1.
     whole: f64,
+    /// The inverse speed at both ends, less 1.
+    bends: [f64; 2],
 }
 
 impl Panel {
@@ -200,26 +204,16 @@ impl Panel {
         let [a, b, c, d, e] = span.speeds;
         let mean = length / (span.to - span.from);
         let values = [at(span.from), a, b, c, d, e, at(span.to)].map(|speed| speed / mean - 1.0);
-        let mut speed = INTERPOLATION.map(|row| row.iter().zip(values).map(|(w, v)| w * v).sum());
+        let mut speed = INTERPOLATION.map(|row| row.iter().zip(values).map(|(w, v)| w * v).sum::<f64>());
         speed[0] += 1.0;
-        let mut panel =
-            Self { from: span.from, width: span.to - span.from, before, length, speed, whole: 2.0 };
-        panel.whole = panel.integral(1.0);
-        panel
-    }
-
-    /// The speed at `w`.
-    fn value(&self, w: f64) -> f64 {
-        self.speed.iter().rev().fold(0.0, |sum, c| sum * w + c)
-    }
-
-    /// The integral of the speed from -1 to `w`.
-    fn integral(&self, w: f64) -> f64 {
-        let to = |w: f64| {
-            let terms = self.speed.iter().zip(RECIPROCALS).rev();
-            w * terms.fold(0.0, |sum, (c, r)| sum * w + c * r)
-        };
-        to(w) - to(-1.0)
+        let mut integral = [0.0; 8];
+        for (k, c) in speed.iter().enumerate() {
+            integral[k + 1] = c / (k + 1) as f64;
+        }
+        integral[0] = -polynomial(&integral, -1.0);
+        let whole = polynomial(&integral, 1.0);
+        let bends = [values[0], values[6]].map(|v| 1.0 / (1.0 + v) - 1.0);
+        Self { from: span.from, width: span.to - span.from, before, length, speed, integral, whole, bends }
     }
 
     /// Where in the segment the panel has reached `share` of its length. Both are measured with the polynomial, so that
@@ -229,9 +223,9 @@ impl Panel {
         let (mut low, mut high) = (-1.0, 1.0);
         let mut w = self.guess(share);
         for _ in 0..ROUNDS {
-            let residual = self.integral(w) - target;
+            let residual = polynomial(&self.integral, w) - target;
             *(if residual > 0.0 { &mut high } else { &mut low }) = w;
-            let newton = w - residual / self.value(w);
+            let newton = w - residual / polynomial(&self.speed, w);
             if (newton - w).abs() < SHORT && newton >= low - SHORT && newton <= high + SHORT {
                 w = newton.clamp(-1.0, 1.0);
                 break;
@@ -243,11 +237,15 @@ impl Panel {
 
     /// Where the length has reached `share`, by cubic Hermite interpolation of the inverse.
     fn guess(&self, share: f64) -> f64 {
-        let (a, b) = (1.0 / self.value(-1.0) - 1.0, 1.0 / self.value(1.0) - 1.0);
-        let rest = 1.0 - share;
+        let ([a, b], rest) = (self.bends, 1.0 - share);
         let u = share + share * rest * (a * rest - b * share);
         if u > 0.0 && u < 1.0 { 2.0 * u - 1.0 } else { 2.0 * share - 1.0 }
     }
+}
+
+/// `sum c[k] w^k`
+fn polynomial(coefficients: &[f64], w: f64) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, c| sum * w + c)
 }
 
 /// A walk along a curve: places by growing lengths. Going back is possible, and slow.
@@ -280,7 +278,8 @@ impl<P: Pace> Walk<'_, P> {
         if self.segment != Some(segment) {
             self.enter(segment);
         }
-        let panel = self.panel(length);
+        self.find_panel(length);
+        let Some((_, panel)) = &self.panel else { return Place { segment, x: 0.0 } };
         let share = ((length - panel.before) / panel.length).clamp(0.0, 1.0);
         // A panel of length 0 has no inverse; any of its places will do.
         let x = if share.is_nan() { panel.from } else { panel.invert(share) };
@@ -310,17 +309,12 @@ impl<P: Pace> Walk<'_, P> {
         (self.segment, self.panel) = (Some(segment), None);
     }
 
-    /// The half of a panel of the segment at hand that `length` falls into.
-    fn panel(&mut self, length: f64) -> Panel {
-        let near = self.panel.map_or(0, |(k, _)| k);
-        let k = index_of(&self.before, near, length);
-        match self.panel {
-            Some((at_hand, panel)) if at_hand == k => panel,
-            _ => {
-                let panel = Panel::new(&self.halves[k], &self.arc.pace, self.before[k]);
-                self.panel = Some((k, panel));
-                panel
-            }
+    /// Takes the half of a panel of the segment at hand that `length` falls into.
+    fn find_panel(&mut self, length: f64) {
+        let at_hand = self.panel.as_ref().map(|(k, _)| *k);
+        let k = index_of(&self.before, at_hand.unwrap_or(0), length);
+        if at_hand != Some(k) {
+            self.panel = Some((k, Panel::new(&self.halves[k], &self.arc.pace, self.before[k])));
         }
     }
 }
@@ -392,8 +386,6 @@ const INTERPOLATION: [[f64; 7]; 7] = {
     }
     rows
 };
-/// `1 / (k + 1)`
-const RECIPROCALS: [f64; 7] = [1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0, 1.0 / 5.0, 1.0 / 6.0, 1.0 / 7.0];
 
 #[cfg(test)]
 mod tests {

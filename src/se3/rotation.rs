@@ -8,13 +8,16 @@ use libm::{atan2, cos, sin};
 
 /// The rotation by the rotation vector `r`.
 ///
-/// Below `|r| = 0.01` the series in `|r|^2`, whose first omitted term is under 2e-18; above, half-angle sine and
-/// cosine. Valid for every finite `r`.
+/// Below `|r| = 1` the power series of half-angle cosine and sine in `|r|^2 / 4`, whose first omitted terms are under
+/// 1e-18; above, `libm`'s. Valid for every finite `r`.
 #[must_use]
+#[inline]
 pub fn exp(r: DVec3) -> DQuat {
     let t2 = r.length_squared();
-    let (w, k) = if t2 < 1e-4 {
-        (1.0 - t2 / 8.0 + t2 * t2 / 384.0 - t2 * t2 * t2 / 46080.0, 0.5 - t2 / 48.0 + t2 * t2 / 3840.0)
+    let (w, k) = if t2 < 1.0 {
+        let y = t2 / 4.0;
+        let series = |terms: &[f64]| terms.iter().rev().fold(0.0, |sum, c| sum * y + c);
+        (series(&COSINE), series(&HALF_SINE))
     } else {
         let t = t2.sqrt();
         (cos(t / 2.0), sin(t / 2.0) / t)
@@ -22,6 +25,37 @@ pub fn exp(r: DVec3) -> DQuat {
     let v = r * k;
     DQuat::from_xyzw(v.x, v.y, v.z, w)
 }
+
+/// The unit quaternion along `q`, whose length is 1 but for roundings: by one Newton step on the inverse root, which
+/// leaves the square of the deviation.
+#[must_use]
+#[inline]
+pub fn unit(q: DQuat) -> DQuat {
+    q * (1.5 - 0.5 * q.length_squared())
+}
+
+/// `(-1)^k / (2k)!`
+const COSINE: [f64; 8] = [
+    1.0,
+    -1.0 / 2.0,
+    1.0 / 24.0,
+    -1.0 / 720.0,
+    1.0 / 40_320.0,
+    -1.0 / 3_628_800.0,
+    1.0 / 479_001_600.0,
+    -1.0 / 87_178_291_200.0,
+];
+/// `(-1)^k / (2 (2k+1)!)`
+const HALF_SINE: [f64; 8] = [
+    1.0 / 2.0,
+    -1.0 / 12.0,
+    1.0 / 240.0,
+    -1.0 / 10_080.0,
+    1.0 / 725_760.0,
+    -1.0 / 79_833_600.0,
+    1.0 / 12_454_041_600.0,
+    -1.0 / 2_615_348_736_000.0,
+];
 
 /// The rotation vector of the unit quaternion `q`, of length at most pi.
 ///
@@ -45,15 +79,16 @@ pub fn angle(a: DQuat, b: DQuat) -> f64 {
 /// The rotation a share `t` of the way along the shorter arc from `a` to `b`.
 #[must_use]
 pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
-    (a * exp(log(a.conjugate() * b) * t)).normalize()
+    unit(a * exp(log(a.conjugate() * b) * t))
 }
 
 /// The sign of `q` that files hold: `w >= 0`, and where `w = 0` the first non-zero of x, y, z positive. Negative
 /// zeros become zeros.
 #[must_use]
+#[inline]
 pub fn canonical(q: DQuat) -> DQuat {
-    let leading = [q.w, q.x, q.y, q.z].into_iter().find(|c| *c != 0.0).unwrap_or(0.0);
-    let q = if leading < 0.0 { -q } else { q };
+    let leading = || [q.w, q.x, q.y, q.z].into_iter().find(|c| *c != 0.0).unwrap_or(0.0);
+    let q = if q.w <= 0.0 && leading() < 0.0 { -q } else { q };
     DQuat::from_xyzw(q.x + 0.0, q.y + 0.0, q.z + 0.0, q.w + 0.0)
 }
 

@@ -10,7 +10,7 @@
 //! most 10 rounds of a fixed point, which settles for no capture with a turn of 90 degrees and back: the only
 //! nonlinear term is a quadratic form, whose derivative is exact and lies on the diagonal of the system.
 
-use super::rotation::{exp, log};
+use super::rotation::{exp, log, unit};
 use super::spline::{Cubic, Place};
 use glam::{DMat3, DQuat, DVec3};
 use libm::{cos, sin};
@@ -80,8 +80,9 @@ impl RotationSpline {
 
     /// The rotation at a place, a unit quaternion.
     #[must_use]
+    #[inline]
     pub fn rotation(&self, at: Place) -> DQuat {
-        (self.starts[at.segment] * exp(self.turns[at.segment].value(at.x))).normalize()
+        unit(self.starts[at.segment] * exp(self.turns[at.segment].value(at.x)))
     }
 
     /// The body rate at a place, rad per parameter, in the axes of the rotation there.

@@ -34,12 +34,14 @@ impl Cubic {
 
     /// The value at `x`.
     #[must_use]
+    #[inline]
     pub fn value(&self, x: f64) -> DVec3 {
         self.c[0] + (self.c[1] + (self.c[2] + self.c[3] * x) * x) * x
     }
 
     /// The first derivative at `x`.
     #[must_use]
+    #[inline]
     pub fn slope(&self, x: f64) -> DVec3 {
         self.c[1] + (self.c[2] * 2.0 + self.c[3] * (3.0 * x)) * x
     }
@@ -86,6 +88,7 @@ impl CubicSpline {
 
     /// The cubic of a segment.
     #[must_use]
+    #[inline]
     pub fn segment(&self, segment: usize) -> &Cubic {
         &self.segments[segment]
     }

@@ -119,12 +119,12 @@ pub(super) fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// Compensated running sums: `0, a, a+b, ...`, one more than there are terms.
-pub(super) fn running_sums(terms: &[f64]) -> Vec<f64> {
+pub(super) fn running_sums(terms: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut sum = Sum::default();
-    let mut sums = Vec::with_capacity(terms.len() + 1);
+    let mut sums = Vec::with_capacity(terms.size_hint().0 + 1);
     sums.push(0.0);
     for term in terms {
-        sum.add(*term);
+        sum.add(term);
         sums.push(sum.value());
     }
     sums

@@ -12,6 +12,7 @@ use crate::se3::spline::Place;
 use crate::se3::sum::Sum;
 use crate::se3::{Se3, Twist};
 use crate::speed::Meaning;
+use crate::units::Ratio;
 use serde::{Deserialize, Serialize};
 
 /// Steps asked to be shorter than this share of the path are left out of ratios: the positions of their ends, sums
@@ -126,6 +127,23 @@ pub struct Report {
     pub max_step_change: f64,
     /// What the user should know, one sentence each.
     pub warnings: Vec<String>,
+}
+
+impl Report {
+    /// Duration of a step, s, but for the rounding of stamps. `None` where the rate is no rate.
+    #[must_use]
+    pub fn seconds(&self, step: usize) -> Option<f64> {
+        let even = 1.0 / self.rate.parse::<Ratio>().ok()?.to_f64();
+        match self.meaning {
+            Meaning::Speed => Some(even),
+            Meaning::FrameRate => Some(even / self.u.get(step)?),
+        }
+    }
+
+    /// Share of the path, in the metric, that was asked of each step.
+    pub fn asked_shares(&self) -> impl Iterator<Item = f64> {
+        self.s.windows(2).map(|w| (w[1] - w[0]) / self.length)
+    }
 }
 
 /// What a report is made from, beside the poses.

@@ -41,11 +41,11 @@ impl Schedule {
         let meaning = speed.meaning();
         let speeds = speeds(law, steps)?;
         let shares = match (meaning, summation) {
-            (Meaning::Speed, Summation::Sum) => left_sums(&speeds),
+            (Meaning::Speed, Summation::Sum) => left_sums(speeds.iter().copied()),
             (Meaning::Speed, Summation::Integral) => {
                 ends_at_one(law.distances(steps.max(1))[..=steps].to_vec())
             }
-            (Meaning::FrameRate, _) => left_sums(&speeds.iter().map(|v| 1.0 / v).collect::<Vec<_>>()),
+            (Meaning::FrameRate, _) => left_sums(speeds.iter().map(|v| 1.0 / v)),
         };
         let law = if meaning == Meaning::FrameRate { Summation::Sum } else { summation };
         Ok(Self { speeds, shares, law, meaning })
@@ -76,8 +76,8 @@ pub fn stamps_us(rate: Hertz, meaning: Meaning, speeds: &[f64]) -> Vec<i64> {
     match meaning {
         Meaning::Speed => (0..=speeds.len() as u64).map(|j| rate.stamp_us(j)).collect(),
         Meaning::FrameRate => {
-            let steps: Vec<f64> = speeds.iter().map(|v| 1e6 / (rate.to_f64() * v)).collect();
-            running_sums(&steps).into_iter().map(whole_micros).collect()
+            let steps = speeds.iter().map(|v| 1e6 / (rate.to_f64() * v));
+            running_sums(steps).into_iter().map(whole_micros).collect()
         }
     }
 }
@@ -97,10 +97,10 @@ fn speeds(law: &dyn Law, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
 }
 
 /// The share of all steps before each, and 1.
-fn left_sums(steps: &[f64]) -> Vec<f64> {
+fn left_sums(steps: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     // Dividing by the largest first keeps the sum finite for every law.
-    let largest = steps.iter().copied().fold(0.0, f64::max);
-    ends_at_one(running_sums(&steps.iter().map(|v| v / largest).collect::<Vec<_>>()))
+    let largest = steps.clone().fold(0.0, f64::max);
+    ends_at_one(running_sums(steps.map(|v| v / largest)))
 }
 
 /// Growing lengths as shares of the last: exactly 1 there, and nowhere more.
@@ -118,7 +118,7 @@ fn ends_at_one(mut lengths: Vec<f64>) -> Vec<f64> {
 /// chords between knots, is no length of the curve.
 pub(super) fn places_by_chord(curve: &dyn PoseCurve, shares: &[f64]) -> Vec<Place> {
     let steps = curve.steps();
-    let before = running_sums(steps);
+    let before = running_sums(steps.iter().copied());
     let total = before[steps.len()];
     let place = |share: &f64| {
         let s = share * total;

@@ -7,6 +7,8 @@ mod edges;
 mod following;
 mod goldens;
 mod invariance;
+mod laws;
+mod orbits;
 mod pictures;
 
 use glam::{DMat3, DQuat, DVec3};

@@ -4,39 +4,86 @@ use super::amount;
 use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::se3::Se3;
+use gs2e::se3::arc_length::ArcLength;
+use gs2e::se3::rotation::canonical;
 use gs2e::speed::Speed;
 use gs2e::speed::function::Expression;
+use gs2e::trajectory::curve::{Cubic, Measured, PoseCurve};
+use gs2e::trajectory::metric::Metric;
 use gs2e::trajectory::refine::{Refine, refine};
-use gs2e::trajectory::sample::Summation;
+use gs2e::trajectory::sample::{Schedule, Summation};
 use gs2e::trajectory::travel::Count;
 use gs2e::trajectory::{NamedPose, Timing};
 use gs2e::units::Hertz;
+use std::f64::consts::PI;
 
+/// Views of the short capture, as MVImgNet has them.
 const VIEWS: u32 = 30;
-const POSES: u32 = 100_000;
+/// Poses of the one long path.
+const POSES: u32 = 1_000_000;
+/// Views and poses together of paths of growing length, of which a sixth are views: the paper's factor is 5.
+const SIZES: [u32; 3] = [100_000, 1_000_000, 10_000_000];
 
 pub(super) fn workloads() -> Vec<Workload> {
-    let views: Vec<(String, Se3)> = (0..VIEWS).map(|i| (format!("{i:03}.jpg"), orbit(i))).collect();
-    let params = Refine { count: Count::Frames(u64::from(POSES)), ..Refine::default() };
-    let speed = Speed::Function(Expression::parse("0.25*sin(t) + 1.1").expect("it is the paper's"));
-    let rate = Hertz("2400".parse().expect("it is a ratio"));
+    let mut all = vec![sampling(), refining(VIEWS, POSES)];
+    all.extend(SIZES.map(|size| refining(size / 6, size - size / 6)));
+    all
+}
+
+fn paper() -> Speed {
+    Speed::Function(Expression::parse("0.25*sin(t) + 1.1").expect("it is the paper's"))
+}
+
+/// Law, inversion and pose, as a trajectory is made once its curve is fitted and measured; on one core.
+fn sampling() -> Workload {
+    let knots: Vec<Se3> = (0..VIEWS).map(|i| orbit(i, VIEWS)).collect();
+    let metric = Metric { scale: 2.0 };
+    let steps: Vec<f64> = knots.windows(2).map(|w| metric.distance(&w[0], &w[1])).collect();
+    let speed = paper();
     let run = move || {
-        let named = views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose });
-        let views: Vec<NamedPose<'_>> = named.collect();
-        let timing = Timing { speed: &speed, rate, law: Summation::Sum };
+        let curve = Cubic::through(steps.clone(), &knots).expect("an orbit turns evenly");
+        let arc = ArcLength::measure(curve.steps(), Measured { curve: &curve, metric });
         timed(|| {
-            let refined = refine(&views, &params, timing).expect("an orbit can be followed");
-            vec![amount(refined.trajectory.world_from_camera.len(), "Mpose")]
+            let schedule =
+                Schedule::new(&speed, POSES as usize, Summation::Sum).expect("the law is positive");
+            let mut walk = arc.walk();
+            let pose = |share: &f64| {
+                let pose = curve.pose(walk.to(share * arc.total()));
+                Se3 { rotation: canonical(pose.rotation), ..pose }
+            };
+            let poses: Vec<Se3> = schedule.shares.iter().map(pose).collect();
+            vec![amount(std::hint::black_box(poses).len(), "Mpose")]
         })
     };
-    let what = format!("refine {VIEWS} views on a half circle into {POSES} poses, reports included");
-    vec![Workload { part: "trajectory", what, rival: false, run: Box::new(run) }]
+    let what =
+        format!("law, inversion and pose for {POSES} poses on the curve through {VIEWS} views, one core");
+    Workload { part: "trajectory", what, rival: false, run: Box::new(run) }
+}
+
+/// A whole trajectory, from views to its report.
+fn refining(views: u32, poses: u32) -> Workload {
+    let captured: Vec<(String, Se3)> = (0..views).map(|i| (format!("{i:08}.jpg"), orbit(i, views))).collect();
+    let params = Refine { count: Count::Frames(u64::from(poses)), ..Refine::default() };
+    let speed = paper();
+    let rate = Hertz("2400".parse().expect("it is a ratio"));
+    let run = move || {
+        let named = captured.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose });
+        let named: Vec<NamedPose<'_>> = named.collect();
+        let timing = Timing { speed: &speed, rate, law: Summation::Sum };
+        timed(|| {
+            let made = refine(&named, &params, timing).expect("an orbit can be followed");
+            let done = made.trajectory.world_from_camera.len();
+            vec![amount(done, "Mpose"), amount(done + named.len(), "Mview+pose")]
+        })
+    };
+    let what = format!("refine {views} views on a half circle into {poses} poses, report included");
+    Workload { part: "trajectory", what, rival: false, run: Box::new(run) }
 }
 
 /// View `i` of a half circle of radius 2, looking at its centre, unevenly spaced.
-fn orbit(i: u32) -> Se3 {
+fn orbit(i: u32, views: u32) -> Se3 {
     let uneven = f64::from(i) + 0.3 * f64::from(i % 3);
-    let phi = std::f64::consts::PI * uneven / f64::from(VIEWS);
+    let phi = PI * uneven / f64::from(views);
     let centre = DVec3::new(2.0 * libm::cos(phi), 2.0 * libm::sin(phi), 0.4);
     let forward = -centre.normalize();
     let right = forward.cross(DVec3::Z).normalize();

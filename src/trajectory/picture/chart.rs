@@ -35,11 +35,10 @@ pub(super) fn draw(out: &mut Svg, panel: Panel, seconds: f64, report: &Report) {
     let point =
         |share: f64, value: f64| [inner.left + inner.width * share, top - inner.height * value / highest];
     grid(out, inner, highest, seconds);
+    let middles = middles(report);
     for curve in &curves {
-        let steps = curve.values.len();
-        let middle = |j: usize| (j as f64 + 0.5) / steps as f64;
         out.polyline(
-            spread(steps, STEPS).map(|j| point(middle(j), curve.values[j])),
+            spread(curve.values.len(), STEPS).map(|j| point(middles[j], curve.values[j])),
             curve.colour,
             curve.width,
         );
@@ -54,7 +53,8 @@ fn curves(report: &Report) -> Vec<Curve> {
         .zip(&report.linear_unit_s)
         .map(|(a, l)| report.alpha * a + report.beta * l / report.scale_distance)
         .collect();
-    let asked = Curve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative(&report.u) };
+    let asked: Vec<f64> = report.asked_shares().zip(durations(report)).map(|(share, s)| share / s).collect();
+    let asked = Curve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative(&asked) };
     let achieved = [
         ("linear", "#2a7fb8", 1.2, &report.linear_unit_s, report.linear_ratio.is_some()),
         ("angular", "#d1495b", 1.2, &report.angular_rad_s, report.angular_ratio.is_some()),
@@ -69,6 +69,23 @@ fn curves(report: &Report) -> Vec<Curve> {
             values: relative(values),
         }))
         .collect()
+}
+
+/// Duration of every step, s; of equal ones any other unit would do.
+fn durations(report: &Report) -> impl Iterator<Item = f64> {
+    (0..report.u.len()).map(|j| report.seconds(j).unwrap_or(1.0))
+}
+
+/// The middle of every step, as a share of the whole time.
+fn middles(report: &Report) -> Vec<f64> {
+    let mut end = 0.0;
+    let middle = |seconds: f64| {
+        end += seconds;
+        end - seconds / 2.0
+    };
+    let mut middles: Vec<f64> = durations(report).map(middle).collect();
+    middles.iter_mut().for_each(|t| *t /= end);
+    middles
 }
 
 fn relative(values: &[f64]) -> Vec<f64> {

@@ -3,8 +3,10 @@
 use super::{Code, Fault, Folder};
 use crate::release::audit::claims;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
+use crate::speed::Meaning;
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
+use crate::trajectory::sample::stamps_us;
 use crate::trajectory::text::{TextError, read_stamps};
 use crate::units::Hertz;
 use glam::DVec3;
@@ -12,13 +14,17 @@ use serde_json::Value;
 use std::fs::File;
 use std::io::BufReader;
 
+const SPEED: &str = "speed.json";
+
 pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     let stamps = read(folder, "timestamps_us.txt", read_stamps, &mut faults);
     if let Some(trajectory) = read(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
+        let report: Option<Report> = claims::parse(folder.tree, &folder.path_of(SPEED), &mut faults);
         faults.extend(agree(folder, &trajectory, stamps.as_deref()));
+        faults.extend(paced(folder, &trajectory, report.as_ref()));
         faults.extend(transforms_agree(folder, &trajectory));
-        faults.extend(speeds_agree(folder, &trajectory));
+        faults.extend(report.and_then(|report| speeds_agree(folder, &trajectory, &report)));
     }
     faults
 }
@@ -61,15 +67,23 @@ fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -
         );
         disagree("poses.txt", message);
     }
-    match part.rate.parse().map(Hertz) {
-        Ok(rate) => {
-            if let Some((j, t)) = (0..).zip(found).find(|(j, t)| rate.stamp_us(*j) != **t) {
-                disagree("poses.txt", format!("pose {j} is at {t} us, not at {j} / ({}) s", part.rate));
-            }
-        }
-        Err(_) => disagree("poses.txt", format!("scene.json gives the rate as `{}`", part.rate)),
-    }
     faults
+}
+
+/// Stamps against the stated rate, or against the frame rates of a law that asks for those.
+fn paced(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) -> Option<Fault> {
+    let (rate, found) = (&folder.part.rate, &trajectory.stamps_us);
+    let disagree = |message: String| Some(folder.fault(Code::ClaimsDisagree, "poses.txt", message));
+    let Ok(hertz) = rate.parse().map(Hertz) else {
+        return disagree(format!("scene.json gives the rate as `{rate}`"));
+    };
+    if let Some(report) = report.filter(|report| report.meaning == Meaning::FrameRate) {
+        let same = stamps_us(hertz, report.meaning, &report.u) == *found;
+        let message = || format!("its stamps are not those of the frame rates that {SPEED} asks for");
+        return if same { None } else { disagree(message()) };
+    }
+    let (j, t) = (0..).zip(found).find(|(j, t)| hertz.stamp_us(*j) != **t)?;
+    disagree(format!("pose {j} is at {t} us, not at {j} / ({rate}) s"))
 }
 
 /// `transforms.json` is what the poses and the camera give.
@@ -123,13 +137,8 @@ fn opengl(world_from_camera: &Se3) -> [[f64; 4]; 3] {
     [0, 1, 2].map(|row| [axes[0][row], axes[1][row], axes[2][row], centre[row]])
 }
 
-fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
-    const NAME: &str = "speed.json";
-    let mut faults = Vec::new();
-    let report: Option<Report> = claims::parse(folder.tree, &folder.path_of(NAME), &mut faults);
-    if let Some(report) = report.filter(|report| report.poses != trajectory.stamps_us.len()) {
-        let message = format!("it is about {} poses, there are {}", report.poses, trajectory.stamps_us.len());
-        faults.push(folder.fault(Code::ClaimsDisagree, NAME, message));
-    }
-    faults
+fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory, report: &Report) -> Option<Fault> {
+    let (told, found) = (report.poses, trajectory.stamps_us.len());
+    let message = || format!("it is about {told} poses, there are {found}");
+    (told != found).then(|| folder.fault(Code::ClaimsDisagree, SPEED, message()))
 }
