@@ -7,6 +7,7 @@ mod edges;
 mod following;
 mod goldens;
 mod invariance;
+mod novel;
 mod pictures;
 
 use glam::{DMat3, DQuat, DVec3};
