@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "test code outside of test functions")]
 
 mod captures;
+mod curves;
 mod edges;
 mod following;
 mod goldens;
