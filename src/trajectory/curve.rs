@@ -1,6 +1,6 @@
 //! Curves of poses through (or near) the knots.
 //!
-//! One file a family. All but [`bezier`](mod@bezier) are piecewise; a place on them is a segment and the parameter
+//! One file a family. All but [`Bezier`] are piecewise; a place on them is a segment and the parameter
 //! from its start, so that a long path loses no digits. Translations are relative to the course's origin.
 
 mod bezier;
