@@ -126,6 +126,15 @@ const SETTLED: f64 = 1e-12;
 /// # Errors
 /// Where an element lies more than pi/2 from the mean, or 50 rounds do not bring the step below 1e-12 rad.
 pub fn karcher_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
+    within_quarter_turn(rotations, settled_mean(rotations, start)?)
+}
+
+/// The mean near `start`, however far the rotations spread around it. Over more than a quarter turn it need not be the
+/// only one.
+///
+/// # Errors
+/// Where 50 rounds do not bring the step below 1e-12 rad.
+pub(crate) fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
     let mut mean = start;
     let mut step = 0.0;
     for _ in 0..ROUNDS {
@@ -134,7 +143,7 @@ pub fn karcher_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanErro
         mean = (mean * exp(mean_log)).normalize();
         step = mean_log.length();
         if step < SETTLED {
-            return within_quarter_turn(rotations, mean);
+            return Ok(mean);
         }
     }
     Err(MeanError::Unsettled { step })

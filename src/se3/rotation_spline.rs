@@ -215,7 +215,8 @@ fn rate_from_slope(r: DVec3) -> DMat3 {
     DMat3::IDENTITY - skew * c.versine + skew * skew * c.sine
 }
 
-fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
+/// [`rate_from_slope`] times a slope, for every finite `r`.
+pub(crate) fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
     let c = Coefficients::of(r.length_squared());
     let once = r.cross(slope);
     slope - once * c.versine + r.cross(once) * c.sine
@@ -229,7 +230,7 @@ fn slope_from_rate(r: DVec3) -> DMat3 {
 }
 
 /// The part of the angular acceleration that is quadratic in the slope of the rotation vector.
-fn quadratic(r: DVec3, slope: DVec3) -> DVec3 {
+pub(crate) fn quadratic(r: DVec3, slope: DVec3) -> DVec3 {
     let c = Quadratic::of(r.length_squared());
     let once = r.cross(slope);
     (once * c.k1 + r.cross(once) * c.k2) * r.dot(slope) + slope.cross(once) * c.k3
