@@ -8,6 +8,7 @@ pub mod colmap;
 pub mod lens;
 pub mod natural;
 pub mod nerfstudio;
+mod node;
 mod photo;
 
 use crate::camera::Camera;

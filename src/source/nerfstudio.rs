@@ -4,15 +4,13 @@
 //! form has `camera_angle_x` alone. Pixel centres lie at half-integers as here, unless the file has `pixel_center: 0`.
 //! `applied_transform` is part of the poses already; the world is the file's.
 
-mod node;
-
+use super::node::Node;
 use super::photo::{self, Photo};
 use super::{Capture, Found, Lens, Place, SourceError, View, Warning, collect, screen_camera};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
-use node::Node;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

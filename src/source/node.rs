@@ -1,6 +1,6 @@
 //! Values of a JSON document that know their place in it.
 
-use crate::source::{Place, SourceError};
+use super::{Place, SourceError};
 use serde_json::Value;
 use std::path::Path;
 
