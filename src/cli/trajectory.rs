@@ -17,7 +17,6 @@ use crate::speed::Speed;
 use crate::trajectory::flow::FlowMeter;
 use crate::trajectory::novel::Base;
 use crate::trajectory::path;
-use crate::trajectory::sample::Summation;
 use crate::trajectory::{Made, NamedPose, Timing, picture};
 use account::Account;
 use std::io;
@@ -276,7 +275,8 @@ impl Maker<'_> {
             poses: &made.trajectory.world_from_camera,
             scale: made.report.scale_distance,
         });
-        let timing = Timing { speed: &recipe.speed, rate: self.fragment.rate, law: Summation::Sum };
+        let Fragment { rate, law, .. } = *self.fragment;
+        let timing = Timing { speed: &recipe.speed, rate, law };
         let meter = self.meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
         let made = path_of(recipe).0.make(path::Ground { views: &views, base }, timing, meter);
         made.map_err(|error| {

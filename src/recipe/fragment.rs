@@ -6,6 +6,7 @@ use super::load::Library;
 use super::{RecipeFile, TrajectoryRecipe};
 use crate::camera::CameraChoice;
 use crate::render::RenderChoice;
+use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,8 @@ pub struct Fragment {
     pub trajectories: Vec<TrajectoryRecipe>,
     /// Frame rate.
     pub rate: Hertz,
+    /// How speed laws are summed.
+    pub law: Summation,
     /// Rendering.
     pub render: RenderChoice,
 }
@@ -62,6 +65,7 @@ fn read(file: &RecipeFile) -> Result<Fragment, Vec<Fault>> {
         camera: resolved.camera,
         trajectories: resolved.trajectories,
         rate: resolved.rate,
+        law: Summation::Sum,
         render: resolved.render,
     })
 }

@@ -44,6 +44,7 @@ impl<'a> Account<'a> {
     /// Tells people.
     pub(super) fn tell(&self, console: &Console) {
         let Report { poses, rate, .. } = self.report;
+        let rate = rate.strip_suffix("/1").unwrap_or(rate);
         let duration = match self.seconds {
             short if short < 1.0 => format!("{:.1} ms", short * 1e3),
             long => format!("{long:.3} s"),
