@@ -112,7 +112,7 @@ mod tests {
             assert!(told.contains(wanted), "{told}");
         };
         t("", "a.yaml: the file is empty");
-        t(&TRAJECTORIES.replace("window", "windw"), "a.yaml:3:27: unknown field \"windw\"");
+        t(&TRAJECTORIES.replace("window", "windw"), "a.yaml:3:29: unknown field \"windw\"");
         t(&format!("{TRAJECTORIES}colour: red\n"), "a.yaml:4:1: unknown field \"colour\"");
         t(&TRAJECTORIES.replace("version: 1", "version: 2"), "a.yaml:1:10: \"version\" is 2");
         t("version: 1\n", "missing field \"trajectories\"");
