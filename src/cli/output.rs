@@ -1,6 +1,6 @@
 //! What a single step writes where the user says: every file whole, or none of them and everything as it was.
 
-use super::problem::{FULL, Problem};
+use super::problem::Problem;
 use crate::store::space::is_full;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -17,13 +17,19 @@ pub(super) struct Output<'a> {
 }
 
 /// Whether a path stands for stdout.
-pub(super) fn is_stdout(path: &Path) -> bool {
+fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == STDOUT
 }
 
-/// Refuses, before anything is worked out, what cannot be written to. `json`: stdout has its result already.
-pub(super) fn screen<'a>(paths: impl IntoIterator<Item = &'a Path>, json: bool) -> Result<(), Problem> {
+/// Refuses, before anything is worked out, what cannot be written to. `inputs` are read; `json`: stdout has its result
+/// already.
+pub(super) fn screen<'a>(
+    paths: impl IntoIterator<Item = &'a Path>,
+    inputs: impl IntoIterator<Item = &'a Path>,
+    json: bool,
+) -> Result<(), Problem> {
     let refuse = |what: String| Err(Problem::usage("output-unwritable", what));
+    let inputs: BTreeSet<PathBuf> = inputs.into_iter().map(target).collect();
     let mut seen = BTreeSet::new();
     for path in paths {
         let shown = path.display();
@@ -35,6 +41,9 @@ pub(super) fn screen<'a>(paths: impl IntoIterator<Item = &'a Path>, json: bool) 
         }
         if is_stdout(path) {
             continue;
+        }
+        if inputs.contains(&target(path)) {
+            return refuse(format!("{shown} is read, and would be written over"));
         }
         if path.is_dir() || path.file_name().is_none() {
             return refuse(format!("{shown} is a folder, wanted a file"));
@@ -67,12 +76,8 @@ pub(super) fn write(outputs: &[Output<'_>]) -> Result<(), Problem> {
 
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
 fn unwritable(path: &Path, error: io::Error) -> Problem {
-    let (what, full) = (format!("failed to write {}: {error}", path.display()), is_full(&error));
-    if full {
-        Problem::failed("disk-full", what).help(FULL)
-    } else {
-        Problem::failed("output-unwritable", what)
-    }
+    let code = if is_full(&error) { "disk-full" } else { "output-unwritable" };
+    Problem::failed(code, format!("failed to write {}: {error}", path.display()))
 }
 
 fn print(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {

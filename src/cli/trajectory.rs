@@ -54,7 +54,9 @@ pub(super) struct Trajectory {
 
 impl Trajectory {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        output::screen(self.files().map(|(_, path)| path), console.json)?;
+        let inputs = [Some(&self.recipe), self.capture.as_ref(), self.scene.as_ref()];
+        let inputs = inputs.into_iter().flatten().map(PathBuf::as_path);
+        output::screen(self.files().map(|(_, path)| path), inputs, console.json)?;
         if let Some(jobs) = common.jobs {
             // It fails where threads are at work already, and none are.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();

@@ -295,6 +295,7 @@ fn mistakes_are_told_and_leave_nothing() {
     t(["--out new.txt", "--out empty"], 2, &["empty is a folder, wanted a file"]);
     t(["--out new.txt", "--out no/new.txt"], 2, &["no/new.txt lies in a folder that is not there"]);
     t(["--out new.txt", "--out new.txt --svg ./new.txt"], 2, &["two outputs are written to ./new.txt"]);
+    t(["--out new.txt", "--out ./mine.yaml"], 2, &["./mine.yaml is read, and would be written over"]);
     t(["--out new.txt", "--out - --stamps -"], 2, &["two outputs are written to -"]);
     // One of two files cannot be written: the other is not there either.
     if cfg!(target_os = "linux") {
