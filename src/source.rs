@@ -5,9 +5,12 @@
 //! read but not vouch for becomes a [`Warning`].
 
 pub mod colmap;
+pub mod kind;
 pub mod lens;
+pub mod model;
 pub mod natural;
 pub mod nerfstudio;
+mod node;
 mod photo;
 
 use crate::camera::Camera;
@@ -154,6 +157,12 @@ pub enum Warning {
         text: PathBuf,
         /// Its records.
         other: u64,
+    },
+    /// Colour transforms were trained beside a model.
+    #[error("the exposure of {count} images was trained; it is not applied")]
+    Exposure {
+        /// Images whose transform changes colours.
+        count: usize,
     },
     /// A pose was no rotation to more than 1e-6.
     #[error("the rotation of `{image}` is off by {deviation:.1e}; the nearest rotation is taken")]

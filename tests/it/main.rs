@@ -34,5 +34,6 @@ mod store;
 mod support;
 mod tidy;
 mod trajectories;
+mod trajectory_verb;
 mod tree;
 mod why;
