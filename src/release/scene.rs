@@ -4,10 +4,12 @@
 use super::built::{BuiltScene, BuiltTrajectory};
 use crate::artifact::Simulation;
 use crate::camera::Camera;
-use crate::recipe::{Recipe, Source};
+use crate::recipe::{Recipe, Source, TrajectoryRecipe};
 use crate::render::RenderChoice;
 use crate::render::flow::Quantiles;
+use crate::seed::{Purpose, Seed};
 use crate::sensor::Sensor;
+use crate::trajectory::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -52,7 +54,7 @@ pub struct SceneFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcePart {
-    /// `procedural`, `colmap` or `nerfstudio`.
+    /// `procedural`, `colmap`, `nerfstudio` or `none`.
     pub kind: String,
     /// The upstream dataset's own id.
     pub upstream_id: Option<String>,
@@ -203,11 +205,11 @@ pub struct LicensedTool {
 pub struct TrajectoryPart {
     /// Its name.
     pub name: String,
-    /// `refine`.
+    /// `refine`, `novel`, `orbit` or `keyframes`.
     pub kind: String,
-    /// Path and speed as the recipe has them.
+    /// Path, by its kind, and speed as the recipe has them.
     pub parameters: Value,
-    /// Key frames that were drawn.
+    /// Poses of another trajectory that were drawn as its key poses, by number from 0.
     pub keyframes: Vec<u64>,
     /// Number of poses.
     pub poses: usize,
@@ -324,7 +326,7 @@ pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
         reconstruction: reconstruction(scene)?,
         licence: licence(scene),
         seed: recipe.seed,
-        seeds: scene.trajectories.iter().filter_map(seed).collect(),
+        seeds: seeds(scene),
         recipe: recipe.merged.clone(),
         recipe_sha256: super::checksum::sha256(&compact),
         trajectories: scene.trajectories.iter().map(|t| trajectory(recipe, t)).collect(),
@@ -397,20 +399,46 @@ fn licence(scene: &BuiltScene<'_>) -> LicencePart {
     }
 }
 
-fn seed(trajectory: &BuiltTrajectory) -> Option<(String, String)> {
-    let seed = trajectory.simulation()?.seed;
-    Some((format!("{}/sensor", trajectory.name), seed.0.to_string()))
+/// The groups of a novel trajectory share the seeds of its draws, which derive from its name as the recipe has it.
+fn seeds(scene: &BuiltScene<'_>) -> BTreeMap<String, String> {
+    let mut seeds = BTreeMap::new();
+    let mut add = |name: &str, purpose: Purpose, seed: Seed| {
+        seeds.insert(format!("{name}/{}", purpose.name()), seed.0.to_string());
+    };
+    for asked in &scene.recipe.trajectories {
+        if let Path::Novel(novel) = &asked.path {
+            add(&asked.written, Purpose::Keyframes, novel.keyframes_seed);
+            add(&asked.written, Purpose::Curve, novel.curve_seed);
+        }
+    }
+    for built in &scene.trajectories {
+        if let Some(simulation) = built.simulation() {
+            add(&built.name, Purpose::Sensor, simulation.seed);
+        }
+    }
+    seeds
+}
+
+/// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would
+/// round such numbers.
+fn parameters(asked: &TrajectoryRecipe) -> Value {
+    let mut parameters = json!(asked.path);
+    if let Some(novel) = parameters.get_mut("novel").and_then(Value::as_object_mut) {
+        novel.retain(|key, _| !key.ends_with("_seed"));
+        novel.insert("base".into(), json!(asked.base));
+    }
+    parameters["speed"] = json!(asked.speed);
+    parameters
 }
 
 fn trajectory(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
     let asked = recipe.trajectories.iter().find(|t| t.name == built.name);
-    let parameters = asked.map(|t| json!({ "refine": t.refine, "speed": t.speed }));
     let stamps = &built.motion.trajectory.stamps_us;
     TrajectoryPart {
         name: built.name.clone(),
-        kind: "refine".into(),
-        parameters: parameters.unwrap_or_default(),
-        keyframes: Vec::new(),
+        kind: built.kind().into(),
+        parameters: asked.map(parameters).unwrap_or_default(),
+        keyframes: built.motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
         duration_us: stamps.last().copied().unwrap_or(0),
         rate: recipe.rate.0.to_string(),

@@ -1,7 +1,7 @@
 //! Stage `trajectory`: from captured views, or from less, to a dense path at the prescribed speed.
 
-use super::{Context, Stage, StageError, Target};
-use crate::artifact::{Motion, write_json};
+use super::{Context, Need, Stage, StageError, Target};
+use crate::artifact::{Files, Motion, write_json};
 use crate::camera::CameraChoice;
 use crate::render::RenderChoice;
 use crate::render::cpu::{self, Cpu};
@@ -46,6 +46,9 @@ pub struct Seeing {
     pub render: RenderChoice,
 }
 
+/// Depth and flow of a frame, and the flow once more to be ordered.
+const BYTES_A_PIXEL: u64 = 12;
+
 impl Stage for Moving {
     const NAME: &'static str = "trajectory";
     const REVISION: u32 = 2;
@@ -56,6 +59,16 @@ impl Stage for Moving {
 
     fn class(&self) -> Option<String> {
         self.seeing.as_ref().map(|_| cpu::FINGERPRINT.to_owned())
+    }
+
+    fn need(&self, files: &[Files]) -> Need {
+        match (&self.seeing, files) {
+            (Some(seeing), [capture, .., scene]) => {
+                let seen = [capture.clone(), scene.clone()];
+                super::rendering_need(seeing.camera, &seen, BYTES_A_PIXEL)
+            }
+            _ => Need::holding(files),
+        }
     }
 
     fn run(
