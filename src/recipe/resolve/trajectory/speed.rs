@@ -73,7 +73,11 @@ impl Resolver<'_> {
             return Some(*value);
         }
         let problem = Problem::of_field(format!("is {value}, wanted {range}"));
-        self.refuse(problem.help("wider windows would overlap").at(place))
+        self.refuse(
+            problem
+                .help("0 leaves steps; beyond 0.5 the windows of neighbouring levels would overlap")
+                .at(place),
+        )
     }
 
     fn meaning(&self, field: &Field<schema::Meaning>, law: Option<Summation>) -> Option<Meaning> {

@@ -3,8 +3,10 @@
 use super::{Code, Fault, Folder};
 use crate::release::audit::claims;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
+use crate::speed::Meaning;
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
+use crate::trajectory::sample::stamps_us;
 use crate::trajectory::text::{TextError, read_stamps};
 use crate::units::Hertz;
 use glam::DVec3;
@@ -12,13 +14,17 @@ use serde_json::Value;
 use std::fs::File;
 use std::io::BufReader;
 
+const SPEED: &str = "speed.json";
+
 pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     let stamps = read(folder, "timestamps_us.txt", read_stamps, &mut faults);
     if let Some(trajectory) = read(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
+        let report = claims::parse(folder.tree, &folder.path_of(SPEED), &mut faults);
         faults.extend(agree(folder, &trajectory, stamps.as_deref()));
+        faults.extend(follows_rate(folder, &trajectory, report.as_ref()));
         faults.extend(transforms_agree(folder, &trajectory));
-        faults.extend(speeds_agree(folder, &trajectory));
+        faults.extend(report.and_then(|report| speeds_agree(folder, &trajectory, &report)));
     }
     faults
 }
@@ -40,7 +46,7 @@ fn read<T>(
     parsed.map_err(|message| faults.push(folder.fault(Code::Unreadable, name, message))).ok()
 }
 
-/// Poses against stamps, the stated rate, and the stated counts.
+/// Poses against stamps and the stated counts.
 fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -> Vec<Fault> {
     let mut faults = Vec::new();
     let mut disagree =
@@ -61,15 +67,28 @@ fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -
         );
         disagree("poses.txt", message);
     }
-    match part.rate.parse().map(Hertz) {
-        Ok(rate) => {
-            if let Some((j, t)) = (0..).zip(found).find(|(j, t)| rate.stamp_us(*j) != **t) {
-                disagree("poses.txt", format!("pose {j} is at {t} us, not at {j} / ({}) s", part.rate));
-            }
-        }
-        Err(_) => disagree("poses.txt", format!("scene.json gives the rate as `{}`", part.rate)),
-    }
     faults
+}
+
+/// Stamps against the stated rate, or against the law that varies it.
+fn follows_rate(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) -> Option<Fault> {
+    let stated = &folder.part.rate;
+    let disagree = |message: String| folder.fault(Code::ClaimsDisagree, "poses.txt", message);
+    let Ok(rate) = stated.parse().map(Hertz) else {
+        return Some(disagree(format!("scene.json gives the rate as `{stated}`")));
+    };
+    let found = &trajectory.stamps_us;
+    let varied = report.filter(|report| report.meaning == Meaning::FrameRate);
+    let wanted = match varied {
+        Some(report) => stamps_us(rate, report.meaning, &report.u),
+        None => (0..found.len() as u64).map(|j| rate.stamp_us(j)).collect(),
+    };
+    let (j, t) = found.iter().enumerate().find(|(j, t)| wanted.get(*j) != Some(*t))?;
+    let place = match varied {
+        Some(_) => format!("where the law of {SPEED} puts it at ({stated}) / s"),
+        None => format!("at {j} / ({stated}) s"),
+    };
+    Some(disagree(format!("pose {j} is at {t} us, not {place}")))
 }
 
 /// `transforms.json` is what the poses and the camera give.
@@ -123,13 +142,8 @@ fn opengl(world_from_camera: &Se3) -> [[f64; 4]; 3] {
     [0, 1, 2].map(|row| [axes[0][row], axes[1][row], axes[2][row], centre[row]])
 }
 
-fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> {
-    const NAME: &str = "speed.json";
-    let mut faults = Vec::new();
-    let report: Option<Report> = claims::parse(folder.tree, &folder.path_of(NAME), &mut faults);
-    if let Some(report) = report.filter(|report| report.poses != trajectory.stamps_us.len()) {
-        let message = format!("it is about {} poses, there are {}", report.poses, trajectory.stamps_us.len());
-        faults.push(folder.fault(Code::ClaimsDisagree, NAME, message));
-    }
-    faults
+fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory, report: &Report) -> Option<Fault> {
+    let poses = trajectory.stamps_us.len();
+    let message = format!("it is about {} poses, there are {poses}", report.poses);
+    (report.poses != poses).then(|| folder.fault(Code::ClaimsDisagree, SPEED, message))
 }
