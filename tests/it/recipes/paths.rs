@@ -205,7 +205,7 @@ fn the_law_is_summed_or_integrated() {
 fn a_scene_without_a_capture_writes_its_camera() {
     let t = |camera: &str, intrinsics: [f64; 4]| {
         let yaml = format!(
-            "version: 1\nscene: a\nsource: none\nreconstruct: {{ given: {{ path: a.ply }} }}\ncamera: {{ {camera} }}\n\
+            "version: 1\nscene: a\nsource: none\nreconstruct: {{ given: {{ path: /a.ply }} }}\ncamera: {{ {camera} }}\n\
              trajectories: [{{ name: b, orbit: {{ centre: [0, 0, 0], from: [0, 0, 4], up: [0, 1, 0] }} }}]\n"
         );
         let recipe = again(&yaml);
