@@ -13,6 +13,8 @@ use crate::recipe::field::Field;
 use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::text::Place;
 use crate::recipe::{Source, TrajectoryRecipe, names, schema};
+use crate::speed::Speed;
+use crate::trajectory::novel::Novel;
 use crate::trajectory::path::Path;
 use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
@@ -108,7 +110,7 @@ impl Resolver<'_> {
         }
         if let Field::Given(novel, at) = &raw.novel {
             let groups = self.novel(novel, *at, list, around);
-            return self.groups(groups?, name?, speed?, raw, setting);
+            return self.groups(&groups?, &name?, &speed?, raw, setting);
         }
         let path = self.path_of(raw, place, around);
         let (name, path, speed) = (name?, path?, speed?);
@@ -142,20 +144,20 @@ impl Resolver<'_> {
     /// The trajectories of a novel one's groups.
     fn groups(
         &self,
-        groups: Groups,
-        written: String,
-        speed: crate::speed::Speed,
+        groups: &Groups,
+        written: &str,
+        speed: &Speed,
         raw: &schema::Trajectory,
         setting: Setting<'_>,
     ) -> Option<Vec<TrajectoryRecipe>> {
         let place = raw.name.place()?;
-        let group = |path: crate::trajectory::novel::Novel| {
-            let name = novel::folder(&written, path.group);
+        let group = |path: Novel| {
+            let name = novel::folder(written, path.group);
             let name = self.named(&name, place, names::trajectory(&name), names::TRAJECTORY_HELP)?;
-            let (written, base) = (written.clone(), Some(groups.base.clone()));
+            let (written, base) = (written.to_owned(), Some(groups.base.clone()));
             Some(TrajectoryRecipe { name, written, path: Path::Novel(path), base, speed: speed.clone() })
         };
-        groups.drawn(setting.seed?, setting.scene?, &written).map(group).collect()
+        groups.drawn(setting.seed?, setting.scene?, written).map(group).collect()
     }
 }
 

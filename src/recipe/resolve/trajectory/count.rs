@@ -29,9 +29,10 @@ impl Resolver<'_> {
         place: Place,
         around: Around<'_>,
     ) -> Option<(Count, bool)> {
-        let count = match around.flows {
-            true => self.flow_count(raw),
-            false => self.count(raw, usual, place, around.setting.rate),
+        let count = if around.flows {
+            self.flow_count(raw)
+        } else {
+            self.count(raw, usual, place, around.setting.rate)
         };
         let literal = self.literal(raw, around);
         Some((count?, literal?))
@@ -39,11 +40,8 @@ impl Resolver<'_> {
 
     /// A flow leaves no number of poses to be chosen.
     fn flow_count(&self, raw: Spread<'_>) -> Option<Count> {
-        let given = [
-            raw.factor.is_some_and(|field| !field.is_absent()).then(|| raw.factor.and_then(Field::place)),
-            (!raw.frames.is_absent()).then(|| raw.frames.place()),
-            (!raw.duration.is_absent()).then(|| raw.duration.place()),
-        ];
+        let factor = raw.factor.and_then(given);
+        let given = [factor, given(raw.frames), given(raw.duration)];
         for place in given.iter().flatten().flatten() {
             let problem = Problem::of_key("does not go with a speed in px/s");
             self.report(
@@ -95,4 +93,9 @@ impl Resolver<'_> {
         }
         Some(literal)
     }
+}
+
+/// Where a field stands, if it is there; nowhere where it is faulty.
+fn given<T>(field: &Field<T>) -> Option<Option<Place>> {
+    (!field.is_absent()).then(|| field.place())
 }

@@ -66,7 +66,8 @@ pub(super) fn folder(written: &str, group: u32) -> String {
 pub(super) fn folders(name: &str, raw: &schema::Trajectory) -> Vec<String> {
     let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
     let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
-    (0..groups.min(MOST_GROUPS)).map(|group| format!("{name}-{group}")).collect()
+    let groups = usize::try_from(groups.min(MOST_GROUPS)).expect("groups are few");
+    (0..).take(groups).map(|group| folder(name, group)).collect()
 }
 
 impl Resolver<'_> {

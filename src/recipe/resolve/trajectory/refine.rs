@@ -96,9 +96,8 @@ impl Resolver<'_> {
 
     pub(super) fn curve(&self, field: &Field<schema::Curve>) -> Option<Curve> {
         match field {
-            Field::Absent => Some(Curve::Cubic),
+            Field::Absent | Field::Given(schema::Curve::Cubic, _) => Some(Curve::Cubic),
             Field::Bad => None,
-            Field::Given(schema::Curve::Cubic, _) => Some(Curve::Cubic),
             Field::Given(schema::Curve::Cumulative, _) => Some(Curve::Cumulative),
             Field::Given(schema::Curve::SlerpLerp, _) => Some(Curve::SlerpLerp),
             Field::Given(schema::Curve::Bezier(raw), _) => self.bezier(raw),
