@@ -166,7 +166,7 @@ pub trait Stage: serde::Serialize {
 
     /// What it will need, by the sizes of its inputs; `files` are those of its inputs that are there, in order.
     fn need(&self, files: &[Files]) -> Need {
-        Need::holding(files)
+        Need::memory([copies(files)])
     }
 
     /// Writes the product's files into `cx.out`.
@@ -193,13 +193,12 @@ impl Need {
         const BASE: u64 = 12 << 20;
         Self { memory: parts.into_iter().fold(BASE, u64::saturating_add), gpu: false }
     }
+}
 
-    /// What a small stage needs, which holds its inputs a few times over.
-    #[must_use]
-    pub fn holding(files: &[Files]) -> Self {
-        const COPIES: u64 = 4;
-        Self::memory([COPIES * files.iter().map(Files::bytes).sum::<u64>()])
-    }
+/// Bytes that a small stage holds of its inputs: each a few times over.
+fn copies(files: &[Files]) -> u64 {
+    const COPIES: u64 = 4;
+    COPIES * files.iter().map(Files::bytes).sum::<u64>()
 }
 
 /// What a stage needs that renders: the renderer, and `others` bytes a pixel of its own. Its first input is the capture;

@@ -3,6 +3,7 @@
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{Files, Motion, write_json};
 use crate::camera::CameraChoice;
+use crate::image::Size;
 use crate::render::RenderChoice;
 use crate::render::cpu::{self, Cpu};
 use crate::render::flow::Meter;
@@ -46,9 +47,6 @@ pub struct Seeing {
     pub render: RenderChoice,
 }
 
-/// Depth and flow of a frame, and the flow once more to be ordered.
-const BYTES_A_PIXEL: u64 = 12;
-
 impl Stage for Moving {
     const NAME: &'static str = "trajectory";
     const REVISION: u32 = 2;
@@ -62,12 +60,13 @@ impl Stage for Moving {
     }
 
     fn need(&self, files: &[Files]) -> Need {
+        /// The pictures that the flow is measured on are small, whatever the camera.
+        const SMALL: Size = Size { width: 160, height: 90 };
         match (&self.seeing, files) {
-            (Some(seeing), [capture, .., scene]) => {
-                let seen = [capture.clone(), scene.clone()];
-                super::rendering_need(seeing.camera, &seen, BYTES_A_PIXEL)
+            (Some(_), [others @ .., scene]) => {
+                Need::memory([super::copies(others), cpu::memory(scene.bytes(), SMALL)])
             }
-            _ => Need::holding(files),
+            _ => Need::memory([super::copies(files)]),
         }
     }
 
