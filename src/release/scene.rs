@@ -7,7 +7,9 @@ use super::built::BuiltScene;
 use crate::camera::Camera;
 use crate::recipe::{Recipe, Source};
 use crate::seed::{Purpose, Seed};
+use crate::speed::Meaning;
 use crate::trajectory::path::Path;
+use crate::trajectory::report::Report;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -419,10 +421,12 @@ fn seeds(scene: &BuiltScene<'_>) -> BTreeMap<String, String> {
 
 fn attributes(scene: &BuiltScene<'_>) -> Attributes {
     let sharp = scene.trajectories.iter().any(|t| t.sharp.is_some());
-    let uniform = scene
-        .trajectories
-        .iter()
-        .all(|t| Range::of(&t.motion.report.u).is_none_or(|range| range.max <= UNIFORM * range.min));
+    // Where the frame rate varies in the speed's place, steps are as short as they are quick.
+    let is_uniform = |report: &Report| {
+        report.meaning == Meaning::FrameRate
+            || Range::of(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
+    };
+    let uniform = scene.trajectories.iter().all(|t| is_uniform(&t.motion.report));
     Attributes {
         data_type: if sharp { vec!["sharp".into()] } else { Vec::new() },
         scene_scale: "unknown".into(),

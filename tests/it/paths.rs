@@ -244,6 +244,7 @@ fn a_varied_frame_rate_is_released() {
     // Four steps of 1/2400 s, then four of half of it: a step belongs to the level at its start.
     let wanted = [0, 417, 833, 1250, 1667, 1875, 2083, 2292, 2500];
     assert_eq!(poses(&place, "bare/round").stamps_us, wanted);
+    assert_eq!(read(&place, "out/bare/scene.json")["attributes"]["speed_profile"], "uniform");
 }
 
 /// A base of 30 poses and two groups of three key poses, drawn from it.
