@@ -1,10 +1,9 @@
-//! Stamps of poses are those of the frame rate, or of the law that varies it, and events lie between the first and the last (numerics.md section 9,
+//! Stamps of poses are those of the frame rate, and events lie between the first and the last (numerics.md section 9,
 //! pass 2, and section 4). Gate, exact.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};
 use crate::speed::Meaning;
-use crate::trajectory::report::Report;
 use crate::trajectory::sample::stamps_us;
 
 /// The pass.
@@ -33,27 +32,28 @@ impl Check for Stamps {
 fn poses(subject: &Subject<'_>) -> Finding {
     let stamps = &subject.trajectory.stamps_us;
     let poses = subject.trajectory.world_from_camera.len();
-    let (wanted, formula) = asked(subject);
-    let off_rate = wanted.iter().zip(stamps).filter(|(wanted, t)| wanted != t).count();
+    let wanted = wanted(subject);
+    let off_rate = stamps.iter().enumerate().filter(|(j, t)| wanted.get(*j) != Some(t)).count();
     let unsorted = stamps.windows(2).filter(|w| w[1] <= w[0]).count();
     let unpaired = poses.abs_diff(stamps.len());
+    let law = match subject.speed.map(|report| report.meaning) {
+        Some(Meaning::FrameRate) => "those of the frame rates asked for",
+        _ => "round(j / rate)",
+    };
     let because = format!(
-        "of {} stamps for {poses} poses, {off_rate} are not {formula} and {unsorted} do not grow",
+        "of {} stamps for {poses} poses, {off_rate} are not {law} and {unsorted} do not grow",
         stamps.len()
     );
     wrong(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)
 }
 
-/// The stamps that were asked for, and in words.
-fn asked(subject: &Subject<'_>) -> (Vec<i64>, &'static str) {
+/// The stamps that poses must have: those of the rate, or of the frame rates that the speed law asks for.
+fn wanted(subject: &Subject<'_>) -> Vec<i64> {
     match subject.speed {
-        Some(Report { meaning: Meaning::FrameRate, u, .. }) => {
-            (stamps_us(subject.rate, Meaning::FrameRate, u), "the rounded sums of 1 / (rate u)")
+        Some(report) if report.meaning == Meaning::FrameRate => {
+            stamps_us(subject.rate, report.meaning, &report.u)
         }
-        _ => {
-            let count = subject.trajectory.stamps_us.len() as u64;
-            ((0..count).map(|j| subject.rate.stamp_us(j)).collect(), "round(j / rate)")
-        }
+        _ => (0..subject.trajectory.stamps_us.len() as u64).map(|j| subject.rate.stamp_us(j)).collect(),
     }
 }
 

@@ -20,9 +20,9 @@ pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     let stamps = read(folder, "timestamps_us.txt", read_stamps, &mut faults);
     if let Some(trajectory) = read(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
-        let report = claims::parse(folder.tree, &folder.path_of(SPEED), &mut faults);
+        let report: Option<Report> = claims::parse(folder.tree, &folder.path_of(SPEED), &mut faults);
         faults.extend(agree(folder, &trajectory, stamps.as_deref()));
-        faults.extend(follows_rate(folder, &trajectory, report.as_ref()));
+        faults.extend(paced(folder, &trajectory, report.as_ref()));
         faults.extend(transforms_agree(folder, &trajectory));
         faults.extend(report.and_then(|report| speeds_agree(folder, &trajectory, &report)));
     }
@@ -46,7 +46,7 @@ fn read<T>(
     parsed.map_err(|message| faults.push(folder.fault(Code::Unreadable, name, message))).ok()
 }
 
-/// Poses against stamps and the stated counts.
+/// Poses against stamps, the stated rate, and the stated counts.
 fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -> Vec<Fault> {
     let mut faults = Vec::new();
     let mut disagree =
@@ -70,25 +70,20 @@ fn agree(folder: &Folder<'_>, trajectory: &Trajectory, stamps: Option<&[i64]>) -
     faults
 }
 
-/// Stamps against the stated rate, or against the law that varies it.
-fn follows_rate(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) -> Option<Fault> {
-    let stated = &folder.part.rate;
-    let disagree = |message: String| folder.fault(Code::ClaimsDisagree, "poses.txt", message);
-    let Ok(rate) = stated.parse().map(Hertz) else {
-        return Some(disagree(format!("scene.json gives the rate as `{stated}`")));
+/// Stamps against the stated rate, or against the frame rates of a law that asks for those.
+fn paced(folder: &Folder<'_>, trajectory: &Trajectory, report: Option<&Report>) -> Option<Fault> {
+    let (rate, found) = (&folder.part.rate, &trajectory.stamps_us);
+    let disagree = |message: String| Some(folder.fault(Code::ClaimsDisagree, "poses.txt", message));
+    let Ok(hertz) = rate.parse().map(Hertz) else {
+        return disagree(format!("scene.json gives the rate as `{rate}`"));
     };
-    let found = &trajectory.stamps_us;
-    let varied = report.filter(|report| report.meaning == Meaning::FrameRate);
-    let wanted = match varied {
-        Some(report) => stamps_us(rate, report.meaning, &report.u),
-        None => (0..found.len() as u64).map(|j| rate.stamp_us(j)).collect(),
-    };
-    let (j, t) = found.iter().enumerate().find(|(j, t)| wanted.get(*j) != Some(*t))?;
-    let place = match varied {
-        Some(_) => format!("where the law of {SPEED} puts it at ({stated}) / s"),
-        None => format!("at {j} / ({stated}) s"),
-    };
-    Some(disagree(format!("pose {j} is at {t} us, not {place}")))
+    if let Some(report) = report.filter(|report| report.meaning == Meaning::FrameRate) {
+        let same = stamps_us(hertz, report.meaning, &report.u) == *found;
+        let message = || format!("its stamps are not those of the frame rates that {SPEED} asks for");
+        return if same { None } else { disagree(message()) };
+    }
+    let (j, t) = (0..).zip(found).find(|(j, t)| hertz.stamp_us(*j) != **t)?;
+    disagree(format!("pose {j} is at {t} us, not at {j} / ({rate}) s"))
 }
 
 /// `transforms.json` is what the poses and the camera give.
@@ -143,7 +138,7 @@ fn opengl(world_from_camera: &Se3) -> [[f64; 4]; 3] {
 }
 
 fn speeds_agree(folder: &Folder<'_>, trajectory: &Trajectory, report: &Report) -> Option<Fault> {
-    let poses = trajectory.stamps_us.len();
-    let message = format!("it is about {} poses, there are {poses}", report.poses);
-    (report.poses != poses).then(|| folder.fault(Code::ClaimsDisagree, SPEED, message))
+    let (told, found) = (report.poses, trajectory.stamps_us.len());
+    let message = || format!("it is about {told} poses, there are {found}");
+    (told != found).then(|| folder.fault(Code::ClaimsDisagree, SPEED, message()))
 }
