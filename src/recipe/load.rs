@@ -200,6 +200,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
         camera: resolved.camera,
         trajectories: resolved.trajectories,
         rate: resolved.rate,
+        law: resolved.law,
         render: resolved.render,
         sensor: resolved.sensor,
         outputs: resolved.outputs,

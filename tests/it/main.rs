@@ -20,6 +20,7 @@ mod locks;
 mod manifest;
 mod memory;
 mod messages;
+mod paths;
 mod progress;
 mod real;
 mod recipes;
