@@ -7,7 +7,7 @@ use super::console::Console;
 use super::message::{Level, Message};
 use super::output::{self, Output};
 use super::problem::{Exit, Problem};
-use crate::camera::Camera;
+use crate::camera::{self, Camera};
 use crate::recipe::{self, Fragment, TrajectoryRecipe};
 use crate::render::cpu::Cpu;
 use crate::render::flow::Meter;
@@ -189,7 +189,7 @@ fn unreadable(what: &str, error: &dyn std::error::Error) -> Problem {
 
 /// The path of a trajectory, and the name of the one that it is drawn from.
 fn path_of(recipe: &TrajectoryRecipe) -> (path::Path, Option<&str>) {
-    (path::Path::Refine(recipe.refine.clone()), None)
+    (recipe.path.clone(), recipe.base.as_deref())
 }
 
 /// Whether a path cannot be made without a capture.
@@ -230,15 +230,9 @@ fn chain<'a>(
 
 /// The camera that sees the trajectory; without a capture the recipe's, where that says all of it.
 fn camera(fragment: &Fragment, capture: Option<&Capture>, warnings: &mut Vec<String>) -> Option<Camera> {
-    let Some(capture) = capture else {
-        let choice = fragment.camera.filter(|choice| choice.intrinsics.is_some())?;
-        let size = crate::image::Size { width: choice.width, height: choice.height };
-        let [fx, fy, cx, cy] = choice.intrinsics?;
-        return Some(Camera { size, fx, fy, cx, cy });
-    };
-    let (own, told) = capture.camera();
-    warnings.extend(told.map(|warning| warning.to_string()));
-    Some(fragment.camera.map_or(own, |choice| choice.resolve(&own)))
+    let (own, told) = capture.and_then(Capture::camera).unzip();
+    warnings.extend(told.flatten().map(|warning| warning.to_string()));
+    camera::choose(fragment.camera, own.as_ref())
 }
 
 /// What trajectories are made from.

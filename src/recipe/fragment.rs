@@ -65,7 +65,7 @@ fn read(file: &RecipeFile) -> Result<Fragment, Vec<Fault>> {
         camera: resolved.camera,
         trajectories: resolved.trajectories,
         rate: resolved.rate,
-        law: Summation::Sum,
+        law: resolved.law,
         render: resolved.render,
     })
 }

@@ -1,5 +1,7 @@
 //! `gs2e trajectory`: one trajectory on the user's own capture, through the binary.
 
+mod paths;
+
 use crate::support::given::{GIVEN, sound};
 use crate::support::shared;
 use crate::support::steps::steps;
