@@ -111,7 +111,7 @@ impl Trajectory {
         warnings: &mut Vec<String>,
     ) -> Result<Option<Captured>, Problem> {
         let Some(place) = &self.capture else {
-            return match chain.iter().find(|recipe| needs_capture(&path_of(recipe).0)) {
+            return match chain.iter().find(|recipe| path_of(recipe).0.needs_views()) {
                 None => Ok(None),
                 Some(recipe) => {
                     let what =
@@ -190,16 +190,6 @@ fn unreadable(what: &str, error: &dyn std::error::Error) -> Problem {
 /// The path of a trajectory, and the name of the one that it is drawn from.
 fn path_of(recipe: &TrajectoryRecipe) -> (path::Path, Option<&str>) {
     (recipe.path.clone(), recipe.base.as_deref())
-}
-
-/// Whether a path cannot be made without a capture.
-fn needs_capture(path: &path::Path) -> bool {
-    match path {
-        path::Path::Refine(_) => true,
-        path::Path::Orbit(orbit) => orbit.centre.is_none() || orbit.from.is_none() || orbit.up.is_none(),
-        // What a novel path is drawn from may need one.
-        path::Path::Novel(_) | path::Path::Keyframes(_) => false,
-    }
 }
 
 fn find<'a>(fragment: &'a Fragment, name: &str) -> Result<&'a TrajectoryRecipe, Problem> {

@@ -15,7 +15,6 @@ use crate::stage::events::Simulating;
 use crate::stage::reconstruct::Reconstructing;
 use crate::stage::sharp::Photographing;
 use crate::stage::trajectory::{Moving, Seeing};
-use crate::trajectory::path::Path;
 use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
@@ -73,7 +72,7 @@ fn trajectory(
         rate: recipe.rate,
         seeing,
     };
-    let captured = (sees || needs_views(&trajectory.path)).then_some(capture);
+    let captured = (sees || trajectory.path.needs_views()).then_some(capture);
     let motion = wiring.add(name("trajectory"), moving, (captured, base, sees.then_some(gaussians)));
     let events = recipe.outputs.contains(&Output::Events).then(|| {
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
@@ -88,13 +87,4 @@ fn trajectory(
     let checking = Checking { limits: recipe.checks.clone() };
     wiring.add(name("checks"), checking, (motion, events));
     motion
-}
-
-/// Whether a path is made from the views of the capture.
-fn needs_views(path: &Path) -> bool {
-    match path {
-        Path::Refine(_) => true,
-        Path::Orbit(orbit) => orbit.centre.is_none() || orbit.from.is_none() || orbit.up.is_none(),
-        Path::Novel(_) | Path::Keyframes(_) => false,
-    }
 }

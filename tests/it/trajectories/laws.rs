@@ -88,7 +88,7 @@ fn frame_rates_keep_the_speed_and_change_the_stamps() {
     assert!((416..=417).contains(&step(10)) && (104..=105).contains(&step(90)), "{stamps:?}");
     let exact: f64 = made.report.u.iter().map(|v| 1e6 / (2400.0 * v)).sum();
     let last = *stamps.last().unwrap();
-    assert_eq!(last, i64::try_from((exact + 0.5).floor() as i128).unwrap());
+    assert!((last as f64 - exact).abs() <= 0.5, "{last} {exact}");
     // The path is covered in proportion to time: by a distance of 4 units.
     let [first, .., end] = &made.trajectory.world_from_camera[..] else { panic!("there are 101 poses") };
     assert!(((end.translation - first.translation).length() - 4.0).abs() < 1e-12);
