@@ -115,10 +115,11 @@ fn range(speeds: &[f64]) -> [f64; 2] {
     [speeds.iter().copied().fold(f64::INFINITY, f64::min), speeds.iter().copied().fold(0.0, f64::max)]
 }
 
-/// Where a speed lies in its range, 0 to 1; 0 in an empty range.
+/// Where a speed lies in its range, 0 to 1; 0 in a range that is empty but for rounding.
 fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
+    const ROUNDING: f64 = 1e-6;
     let share = (speed - low) / (high - low);
-    if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
+    if share.is_finite() && high - low > ROUNDING * high { share.clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// Colours of the scale from slow to fast: viridis at five places, its last one darkened for white paper.
