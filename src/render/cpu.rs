@@ -15,8 +15,7 @@ mod resolve;
 mod sort;
 mod splat;
 
-use super::shared::MAX_EDGE;
-use super::{Channels, RenderError, Rendered, Renderer, Style, View, Work};
+use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Size;
 use crate::scene::Gaussians;
 use activate::Activated;
@@ -62,9 +61,7 @@ impl Cpu {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
         }
-        if !style.background.iter().all(|v| v.is_finite()) {
-            return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
-        }
+        super::check_style(&style)?;
         let activated = activate::activate(&scene);
         Ok(Self {
             scene,
@@ -85,10 +82,16 @@ impl Renderer for Cpu {
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-        check(view)?;
-        let eye = Eye::new(view, self.scene.origin);
-        let projection =
-            Projection { scene: &self.scene, activated: &self.activated, style: self.style, eye, want };
+        super::check_view(view)?;
+        let asked = Channels { depth: want.depth || want.flow, ..want };
+        let eye = Eye::new(view, self.scene.origin, self.style.rules);
+        let projection = Projection {
+            scene: &self.scene,
+            activated: &self.activated,
+            style: self.style,
+            eye,
+            want: asked,
+        };
         projection.run(&mut self.splats, &mut self.chunks);
         let mut work = Work::default();
         self.chunks.iter().for_each(|chunk| work += chunk.work);
@@ -96,9 +99,11 @@ impl Renderer for Cpu {
         let order = self.sorter.run(&self.splats, &self.chunks);
         let grid = Grid::new(view.camera.size);
         work.tile_pairs = self.lists.run(order, &self.splats, grid);
-        let features = feature_count(want);
-        work += raster(features, &self.splats, &self.lists, grid, &mut self.tiles);
-        resolve::run(Blended { tiles: &self.tiles, features, grid }, want, self.style.background, out);
+        let features = feature_count(asked);
+        work += raster(features, self.style.rules, (&self.splats, &self.lists, grid), &mut self.tiles);
+        resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);
+        out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, view)) } else { None };
+        out.depth = out.depth.take().filter(|_| want.depth);
         Ok(work)
     }
 }
@@ -109,36 +114,16 @@ fn feature_count(want: Channels) -> usize {
 }
 
 /// The raster pass for this number of features.
-fn raster(features: usize, splats: &[Splat], lists: &Lists, grid: Grid, out: &mut Vec<f32>) -> Work {
-    match features {
-        0 => raster::run::<0>(splats, lists, grid, out),
-        1 => raster::run::<1>(splats, lists, grid, out),
-        2 => raster::run::<2>(splats, lists, grid, out),
-        3 => raster::run::<3>(splats, lists, grid, out),
-        4 => raster::run::<4>(splats, lists, grid, out),
-        5 => raster::run::<5>(splats, lists, grid, out),
-        n => unreachable!("colour, luminance and depth make five features, not {n}"),
+fn raster(features: usize, rules: Rules, of: (&[Splat], &Lists, Grid), out: &mut Vec<f32>) -> Work {
+    let (splats, lists, grid) = of;
+    macro_rules! with {
+        ($($n:literal)+) => {
+            match (features, rules == Rules::Soft) {
+                $(($n, false) => raster::run::<$n, false>(splats, lists, grid, rules, out),
+                ($n, true) => raster::run::<$n, true>(splats, lists, grid, rules, out),)+
+                (n, _) => unreachable!("colour, luminance and depth make five features, not {n}"),
+            }
+        };
     }
-}
-
-/// Whether an image can be made of the view.
-fn check(view: &View) -> Result<(), RenderError> {
-    let camera = view.camera;
-    let fail = |because: String| Err(RenderError::View(because));
-    let [w, h] = [camera.size.width, camera.size.height];
-    if w == 0 || h == 0 || w > MAX_EDGE || h > MAX_EDGE {
-        return fail(format!("image size {}, wanted 1 to {MAX_EDGE} px along each edge", camera.size));
-    }
-    let focal_is_good = |f: f64| f.is_finite() && f > 0.0;
-    if !(focal_is_good(camera.fx) && focal_is_good(camera.fy)) {
-        return fail(format!("focal lengths {}, {} px, wanted finite positive ones", camera.fx, camera.fy));
-    }
-    if !(camera.cx.is_finite() && camera.cy.is_finite()) {
-        return fail(format!("principal point ({}, {}) is not finite", camera.cx, camera.cy));
-    }
-    let pose = view.world_from_camera;
-    if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
-        return fail(format!("pose {pose:?} is not finite"));
-    }
-    Ok(())
+    with!(0 1 2 3 4 5)
 }

@@ -29,7 +29,7 @@ pub(super) fn workloads() -> Vec<Workload> {
 fn still_life() -> (&'static str, Arc<Gaussians>, View) {
     let life = StillLife::default();
     let photo = &procedural::capture(&life).views[life.views as usize / 2];
-    let view = View { camera: photo.camera, world_from_camera: photo.world_from_camera };
+    let view = View::still(photo.camera, photo.world_from_camera);
     ("still-life", Arc::new(procedural::gaussians(&life)), view)
 }
 
@@ -65,5 +65,5 @@ fn look_at(centre: DVec3, target: DVec3, size: Size) -> View {
     let (width, height) = (f64::from(size.width), f64::from(size.height));
     let focal = width / (2.0 * libm::tan(30f64.to_radians()));
     let camera = Camera { size, fx: focal, fy: focal, cx: width / 2.0, cy: height / 2.0 };
-    View { camera, world_from_camera: Se3 { rotation, translation: centre } }
+    View::still(camera, Se3 { rotation, translation: centre })
 }

@@ -11,9 +11,10 @@ use super::extent;
 use super::splat::{MAX_FEATURES, Splat};
 use crate::image::luminance;
 use crate::render::shared::{
-    AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, FRUSTUM_SLACK, MIN_ALPHA, NEAR,
+    AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR,
+    GSPLAT_SLACK, NEAR, least_alpha,
 };
-use crate::render::{Channels, Style, View, Work};
+use crate::render::{Channels, Rules, Style, View, Work};
 use crate::scene::{Gaussians, sh};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -34,25 +35,35 @@ pub(super) struct Eye {
     origin: DVec3,
     focal: [f64; 2],
     centre: [f64; 2],
-    /// Largest `|x / z|`, `|y / z|` at which the projection's derivative is taken.
-    slack: [f64; 2],
+    /// Least and largest `x / z`, `y / z` at which the projection's derivative is taken.
+    slack: [[f64; 2]; 2],
     size: [f32; 2],
 }
 
 impl Eye {
     /// The view of a scene whose positions are relative to `origin`.
-    pub(super) fn new(view: &View, origin: DVec3) -> Self {
+    pub(super) fn new(view: &View, origin: DVec3, rules: Rules) -> Self {
         let camera = view.camera;
         let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
         let size = [camera.size.width, camera.size.height].map(f64::from);
-        let focal = [camera.fx, camera.fy];
+        let (focal, centre) = ([camera.fx, camera.fy], [camera.cx, camera.cy]);
+        let slack = |k: usize| match rules {
+            Rules::Official | Rules::Exact | Rules::Soft => {
+                let most = FRUSTUM_SLACK * size[k] / (2.0 * focal[k]);
+                [-most, most]
+            }
+            Rules::Gsplat => {
+                let more = GSPLAT_SLACK * size[k] / focal[k];
+                [-(centre[k] / focal[k] + more), (size[k] - centre[k]) / focal[k] + more]
+            }
+        };
         Self {
             camera_from_world,
             rows: [0, 1, 2].map(|k| camera_from_world.row(k).as_vec3().to_array()),
             origin: origin - view.world_from_camera.translation,
             focal,
-            centre: [camera.cx, camera.cy],
-            slack: [0, 1].map(|k| FRUSTUM_SLACK * size[k] / (2.0 * focal[k])),
+            centre,
+            slack: [0, 1].map(slack),
             size: size.map(|v| v as f32),
         }
     }
@@ -123,7 +134,11 @@ impl Projection<'_> {
         let from_camera = self.eye.origin + DVec3::from_array(seen);
         let point = self.eye.camera_from_world * from_camera;
         let z = point.z as f32;
-        let in_front = z > NEAR;
+        let rules = self.style.rules;
+        let in_front = match rules {
+            Rules::Official | Rules::Exact | Rules::Soft => z > NEAR,
+            Rules::Gsplat => (GSPLAT_NEAR..=GSPLAT_FAR).contains(&z),
+        };
         if !in_front {
             return Err(Culled::Behind);
         }
@@ -137,7 +152,7 @@ impl Projection<'_> {
         if self.style.antialiased {
             opacity *= (shape.det0 / shape.det).max(COMPENSATION_FLOOR).sqrt();
         }
-        if opacity < MIN_ALPHA {
+        if opacity < least_alpha(rules) {
             return Err(Culled::Outside);
         }
         let splat = self.place(mean, &shape, opacity).ok_or(Culled::Outside)?;
@@ -148,7 +163,7 @@ impl Projection<'_> {
 
     /// The splat's geometry, or `None` where it touches no pixel.
     fn place(&self, mean: [f32; 2], shape: &Footprint, opacity: f32) -> Option<Splat> {
-        let reach = extent::reach(opacity);
+        let reach = extent::reach(self.style.rules, opacity);
         let [columns, rows] = extent::pixels(self.style.rules, mean, shape, reach, self.eye.size)?;
         Some(Splat { mean, w: shape.weights(), opacity, reach, columns, rows, ..Splat::default() })
     }
@@ -213,7 +228,7 @@ impl Eye {
     /// The footprint of a Gaussian with these scaled world axes, seen in `direction = (x / z, y / z)`.
     fn footprint(&self, direction: [f64; 2], z: f32, axes: &[[f32; 3]; 3]) -> Footprint {
         let focal = self.focal.map(|v| v as f32);
-        let clamped = [0, 1].map(|k| direction[k].clamp(-self.slack[k], self.slack[k]) as f32);
+        let clamped = [0, 1].map(|k| direction[k].clamp(self.slack[k][0], self.slack[k][1]) as f32);
         let scale = [focal[0] / z, focal[1] / z];
         let [right, down, forward] = self.rows;
         let along = axes.map(|axis| dot(forward, axis));

@@ -5,8 +5,8 @@
 use super::bin::{Grid, Lists};
 use super::exp2::exp2_neg;
 use super::splat::Splat;
-use crate::render::Work;
-use crate::render::shared::{MAX_ALPHA, MIN_ALPHA, STOP, TILE};
+use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
+use crate::render::{Rules, Work};
 use rayon::prelude::*;
 
 /// Pixels of a tile.
@@ -21,16 +21,22 @@ const OUTSIDE: f32 = 3.0;
 /// One value for each pixel of a tile's row.
 type Lane = [f32; TILE];
 
-/// Blends every tile with `N` features a splat. A tile's part of `out` is `N + 1` planes of [`PIXELS`] values: the
+/// Blends every tile with `N` features a splat; `SOFT` where layers fade in. A tile's part of `out` is `N + 1` planes of [`PIXELS`] values: the
 /// sums of weight times feature, then what is left of the light behind.
-pub(super) fn run<const N: usize>(splats: &[Splat], lists: &Lists, grid: Grid, out: &mut Vec<f32>) -> Work {
+pub(super) fn run<const N: usize, const SOFT: bool>(
+    splats: &[Splat],
+    lists: &Lists,
+    grid: Grid,
+    rules: Rules,
+    out: &mut Vec<f32>,
+) -> Work {
     let stride = (N + 1) * PIXELS;
     out.resize(grid.len() * stride, 0.0);
     out.par_chunks_mut(stride)
         .enumerate()
         .map(|(index, out)| {
-            let mut tile = Tile::<N>::new(grid, index);
-            tile.blend_all(splats, lists.of(index));
+            let mut tile = Tile::<N>::new(grid, index, rules);
+            tile.blend_all::<SOFT>(splats, lists.of(index));
             tile.store(out)
         })
         .reduce(Work::default, |mut a, b| {
@@ -42,6 +48,8 @@ pub(super) fn run<const N: usize>(splats: &[Splat], lists: &Lists, grid: Grid, o
 /// The pixels of one tile while they are blended.
 struct Tile<const N: usize> {
     first_row: usize,
+    /// Least rest of light that a pixel goes on with.
+    stop: f32,
     /// Centres of the columns, px.
     centres: Lane,
     rows: [Row<N>; TILE],
@@ -68,22 +76,26 @@ struct Line<const N: usize> {
     /// `(w3 dy)^2`.
     q2: f32,
     opacity: f32,
+    /// See [`Tile`].
+    stop: f32,
     features: [f32; N],
 }
 
 impl<const N: usize> Tile<N> {
-    fn new(grid: Grid, index: usize) -> Self {
+    fn new(grid: Grid, index: usize, rules: Rules) -> Self {
+        let stop = if rules == Rules::Gsplat { STOP.next_up() } else { STOP };
         let first_row = index / grid.columns * TILE;
         let first_column = index % grid.columns * TILE;
         let row = |y: usize| {
             let inside = |x: usize| {
                 first_row + y < grid.size.height as usize && first_column + x < grid.size.width as usize
             };
-            let least = std::array::from_fn(|x| if inside(x) { MIN_ALPHA } else { OUTSIDE });
+            let least = std::array::from_fn(|x| if inside(x) { least_alpha(rules) } else { OUTSIDE });
             Row { rest: [1.0; TILE], least, sums: [[0.0; TILE]; N] }
         };
         Self {
             first_row,
+            stop,
             centres: std::array::from_fn(|x| (first_column + x) as f32 + 0.5),
             rows: std::array::from_fn(row),
             open: [true; TILE],
@@ -91,7 +103,7 @@ impl<const N: usize> Tile<N> {
         }
     }
 
-    fn blend_all<'a>(&mut self, splats: &[Splat], runs: impl Iterator<Item = &'a [u32]>) {
+    fn blend_all<'a, const SOFT: bool>(&mut self, splats: &[Splat], runs: impl Iterator<Item = &'a [u32]>) {
         let mut batch = [Splat::default(); PATIENCE];
         for run in runs {
             for places in run.chunks(PATIENCE) {
@@ -99,7 +111,7 @@ impl<const N: usize> Tile<N> {
                 for (near, &place) in batch.iter_mut().zip(places) {
                     *near = splats[place as usize];
                 }
-                batch[..places.len()].iter().for_each(|splat| self.blend(splat));
+                batch[..places.len()].iter().for_each(|splat| self.blend::<SOFT>(splat));
                 if !self.look() {
                     return;
                 }
@@ -115,16 +127,16 @@ impl<const N: usize> Tile<N> {
         self.open.contains(&true)
     }
 
-    fn blend(&mut self, splat: &Splat) {
+    fn blend<const SOFT: bool>(&mut self, splat: &Splat) {
         let [first, end] = splat.rows.map(|y| usize::from(y).saturating_sub(self.first_row).min(TILE));
         for y in first..end {
             if self.open[y] {
-                self.blend_row(splat, y);
+                self.blend_row::<SOFT>(splat, y);
             }
         }
     }
 
-    fn blend_row(&mut self, splat: &Splat, y: usize) {
+    fn blend_row<const SOFT: bool>(&mut self, splat: &Splat, y: usize) {
         let dy = (self.first_row + y) as f32 + 0.5 - splat.mean[1];
         let Some([low, high]) = splat.chord(dy) else { return };
         if high < self.centres[0] || low > self.centres[TILE - 1] {
@@ -135,8 +147,8 @@ impl<const N: usize> Tile<N> {
         let mut features = [0.0; N];
         features.copy_from_slice(&splat.features[..N]);
         let (mean_x, opacity) = (splat.mean[0], splat.opacity);
-        let line = Line { mean_x, w1, e1: w2 * dy, q2: e2 * e2, opacity, features };
-        self.rows[y].blend(&line, &self.centres, &mut self.blended);
+        let line = Line { mean_x, w1, e1: w2 * dy, q2: e2 * e2, opacity, stop: self.stop, features };
+        self.rows[y].blend::<SOFT>(&line, &self.centres, &mut self.blended);
     }
 
     /// Writes the planes and counts.
@@ -157,7 +169,7 @@ impl<const N: usize> Row<N> {
     /// One layer over the row. Written on copies and without a branch, so that the compiler does several pixels at
     /// once.
     #[inline]
-    fn blend(&mut self, line: &Line<N>, centres: &Lane, blended: &mut [u32; TILE]) {
+    fn blend<const SOFT: bool>(&mut self, line: &Line<N>, centres: &Lane, blended: &mut [u32; TILE]) {
         let (rest, least) = (self.rest, self.least);
         let mut weights = [0.0; TILE];
         let mut hits = [0; TILE];
@@ -166,9 +178,10 @@ impl<const N: usize> Row<N> {
             let alpha = line.opacity * exp2_neg(e1 * e1 + line.q2);
             let alpha = if alpha < MAX_ALPHA { alpha } else { MAX_ALPHA };
             let alpha = if alpha >= least[i] { alpha } else { 0.0 };
+            let alpha = if SOFT { alpha * ramp(alpha) } else { alpha };
             let after = rest[i] * (1.0 - alpha);
-            // always where alpha is 0: what is left of a pixel that went on is at least STOP
-            let goes_on = after >= STOP;
+            // always where alpha is 0: what is left of a pixel that went on is at least the stop
+            let goes_on = after >= line.stop;
             let alpha = if goes_on { alpha } else { 0.0 };
             weights[i] = alpha * rest[i];
             hits[i] = u32::from(alpha > 0.0);
@@ -184,4 +197,11 @@ impl<const N: usize> Row<N> {
             }
         }
     }
+}
+
+/// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half (`numerics.md` 3.3).
+#[inline]
+fn ramp(alpha: f32) -> f32 {
+    let u = (255.0 * alpha - 0.5).clamp(0.0, 1.0);
+    u * u * (3.0 - 2.0 * u)
 }

@@ -113,7 +113,7 @@ mod tests {
             det0,
             depth_deviation: 0.0,
         };
-        let reach = extent::reach(opacity);
+        let reach = extent::reach(Rules::Exact, opacity);
         let size = [f32::from(EDGE); 2];
         let [columns, rows] = extent::pixels(Rules::Exact, mean, &shape, reach, size)?;
         let w = shape.weights();
