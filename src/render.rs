@@ -1,6 +1,7 @@
 //! Rendering Gaussians: the trait that back ends implement, the rules they share, what they count.
 
 pub mod cpu;
+mod dual;
 pub mod flow;
 pub mod reference;
 pub mod shared;

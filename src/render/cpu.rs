@@ -21,9 +21,10 @@ use crate::scene::Gaussians;
 use activate::Activated;
 use bin::{Grid, Lists};
 use project::{Eye, Projected, Projection};
+use raster::Frame;
 use resolve::Blended;
 use sort::Sorter;
-use splat::Splat;
+use splat::{Rates, Splat};
 use std::sync::Arc;
 
 /// A scene ready to be rendered, and the buffers of its last frame.
@@ -33,6 +34,7 @@ pub struct Cpu {
     activated: Vec<Activated>,
     style: Style,
     splats: Vec<Splat>,
+    rates: Vec<Rates>,
     chunks: Vec<Projected>,
     sorter: Sorter,
     lists: Lists,
@@ -68,6 +70,7 @@ impl Cpu {
             activated,
             style,
             splats: Vec::new(),
+            rates: Vec::new(),
             chunks: Vec::new(),
             sorter: Sorter::default(),
             lists: Lists::default(),
@@ -92,7 +95,7 @@ impl Renderer for Cpu {
             eye,
             want: asked,
         };
-        projection.run(&mut self.splats, &mut self.chunks);
+        projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
         let mut work = Work::default();
         self.chunks.iter().for_each(|chunk| work += chunk.work);
 
@@ -100,7 +103,9 @@ impl Renderer for Cpu {
         let grid = Grid::new(view.camera.size);
         work.tile_pairs = self.lists.run(order, &self.splats, grid);
         let features = feature_count(asked);
-        work += raster(features, self.style.rules, (&self.splats, &self.lists, grid), &mut self.tiles);
+        let rules = self.style.rules;
+        let frame = Frame { splats: &self.splats, rates: &self.rates, lists: &self.lists, grid, rules };
+        work += raster(features, asked.luminance_rate, frame, &mut self.tiles);
         resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);
         out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
@@ -113,15 +118,16 @@ fn feature_count(want: Channels) -> usize {
     3 * usize::from(want.rgb) + usize::from(want.luminance) + usize::from(want.depth)
 }
 
-/// The raster pass for this number of features.
-fn raster(features: usize, rules: Rules, of: (&[Splat], &Lists, Grid), out: &mut Vec<f32>) -> Work {
-    let (splats, lists, grid) = of;
+/// The raster pass for this number of features, with or without rates.
+fn raster(features: usize, rate: bool, frame: Frame<'_>, out: &mut Vec<f32>) -> Work {
     macro_rules! with {
         ($($n:literal)+) => {
-            match (features, rules == Rules::Soft) {
-                $(($n, false) => raster::run::<$n, false>(splats, lists, grid, rules, out),
-                ($n, true) => raster::run::<$n, true>(splats, lists, grid, rules, out),)+
-                (n, _) => unreachable!("colour, luminance and depth make five features, not {n}"),
+            match (features, frame.rules == Rules::Soft, rate) {
+                $(($n, false, false) => raster::run::<$n, false, false>(frame, out),
+                ($n, true, false) => raster::run::<$n, true, false>(frame, out),
+                ($n, false, true) => raster::run::<$n, false, true>(frame, out),
+                ($n, true, true) => raster::run::<$n, true, true>(frame, out),)+
+                (n, ..) => unreachable!("colour, luminance and depth make five features, not {n}"),
             }
         };
     }

@@ -1,18 +1,16 @@
 //! The reference back end: f64, every pixel by itself, no lists, no shortcuts. Slow; what the others are judged by.
 //!
-//! The luminance's rate comes from dual numbers ([`dual`]): the very operations that make the picture, differentiated
-//! by machine. The other back ends have the chain of `numerics.md` 7.5 written down.
+//! The luminance's rate comes from dual numbers: the very operations that make the picture, differentiated by machine.
 
 #![expect(clippy::cast_possible_truncation, reason = "images hold 32 bits")]
 
-mod dual;
 mod project;
 
+use super::dual::{Dual, Real};
 use super::shared::{DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
 use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Image;
 use crate::scene::Gaussians;
-use dual::Dual;
 use project::{Eye, Layer, least_alpha};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -22,6 +20,9 @@ pub const FINGERPRINT: &str = "reference/1";
 
 /// In f32 `1 - 0.99` squared is below the stop, in f64 it is not: this much more, so that both stop alike.
 const STOP_SLACK: f64 = 1.000_001;
+
+/// A value with its rate.
+type D = Dual<f64>;
 
 /// A scene to be rendered.
 #[derive(Debug)]
@@ -39,6 +40,28 @@ impl Reference {
         super::check_style(&style)?;
         Ok(Self { scene, style })
     }
+
+    /// The luminance of every pixel and its rate, row by row, in 64 bits.
+    ///
+    /// # Errors
+    /// When no image can be made of the view.
+    pub fn luminance(&self, view: &View) -> Result<Vec<[f64; 2]>, RenderError> {
+        let (pixels, _) = self.pixels(view)?;
+        Ok(pixels.iter().map(Pixel::luminance).map(|grey| [grey.value, grey.rate]).collect())
+    }
+
+    /// What is seen at every pixel, row by row, and how many layers there are.
+    fn pixels(&self, view: &View) -> Result<(Vec<Pixel>, u64), RenderError> {
+        super::check_view(view)?;
+        let eye = Eye::new(view, self.style, self.scene.origin);
+        let mut layers: Vec<Layer> =
+            (0..self.scene.len()).into_par_iter().filter_map(|i| eye.layer(&self.scene, i)).collect();
+        layers.sort_by_key(|layer| layer.order);
+        let [width, height] = [view.camera.size.width, view.camera.size.height].map(|edge| edge as usize);
+        let rows: Vec<Vec<Pixel>> =
+            (0..height).into_par_iter().map(|y| self.row(&layers, y, width)).collect();
+        Ok((rows.into_iter().flatten().collect(), layers.len() as u64))
+    }
 }
 
 impl Renderer for Reference {
@@ -47,17 +70,8 @@ impl Renderer for Reference {
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-        super::check_view(view)?;
-        let eye = Eye::new(view, self.style, self.scene.origin);
-        let mut layers: Vec<Layer> =
-            (0..self.scene.len()).into_par_iter().filter_map(|i| eye.layer(&self.scene, i)).collect();
-        layers.sort_by_key(|layer| layer.order);
+        let (pixels, drawn) = self.pixels(view)?;
         let size = view.camera.size;
-        let rows: Vec<Vec<Pixel>> = (0..size.height as usize)
-            .into_par_iter()
-            .map(|y| self.row(&layers, y, size.width as usize))
-            .collect();
-        let pixels: Vec<Pixel> = rows.into_iter().flatten().collect();
         let image = |value: &dyn Fn(&Pixel) -> f64| {
             Image::from_vec(size, pixels.iter().map(|pixel| value(pixel) as f32).collect())
         };
@@ -72,24 +86,24 @@ impl Renderer for Reference {
         out.depth = depth.filter(|_| want.depth);
         let blended = pixels.iter().map(|p| p.blended).sum();
         let stopped = pixels.iter().filter(|p| p.stopped).count() as u64;
-        let (gaussians, drawn) = (self.scene.len() as u64, layers.len() as u64);
+        let gaussians = self.scene.len() as u64;
         Ok(Work { gaussians, outside: gaussians - drawn, blended, stopped, ..Work::default() })
     }
 }
 
 /// What has been blended at a pixel.
 struct Pixel {
-    colour: [Dual; 3],
-    rest: Dual,
+    colour: [D; 3],
+    rest: D,
     depth: f64,
     blended: u64,
     stopped: bool,
 }
 
 impl Pixel {
-    fn luminance(&self) -> Dual {
+    fn luminance(&self) -> D {
         let [r, g, b] = self.colour;
-        let weighted = |weight: f64, c: Dual| Dual::constant(weight) * c;
+        let weighted = |weight: f64, c: D| D::constant(weight) * c;
         weighted(0.299, r) + weighted(0.587, g) + weighted(0.114, b)
     }
 
@@ -106,12 +120,12 @@ impl Reference {
     }
 
     fn pixel(&self, layers: &[&Layer], x: usize, y: usize) -> Pixel {
-        let nothing = Dual::constant(0.0);
+        let nothing = D::constant(0.0);
         let mut pixel =
-            Pixel { colour: [nothing; 3], rest: Dual::constant(1.0), depth: 0.0, blended: 0, stopped: false };
+            Pixel { colour: [nothing; 3], rest: D::constant(1.0), depth: 0.0, blended: 0, stopped: false };
         for layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
             let Some(alpha) = self.alpha(layer, [x, y]) else { continue };
-            let after = pixel.rest * (Dual::constant(1.0) - alpha);
+            let after = pixel.rest * (D::constant(1.0) - alpha);
             if self.stops(after.value) {
                 pixel.stopped = true;
                 break;
@@ -125,16 +139,16 @@ impl Reference {
             pixel.blended += 1;
         }
         for (sum, behind) in pixel.colour.iter_mut().zip(self.style.background) {
-            *sum = *sum + pixel.rest * Dual::constant(f64::from(behind));
+            *sum = *sum + pixel.rest * D::constant(f64::from(behind));
         }
         pixel
     }
 
     /// The opacity of a layer at a pixel, `None` where it is skipped.
-    fn alpha(&self, layer: &Layer, pixel: [usize; 2]) -> Option<Dual> {
-        let [dx, dy] = [0, 1].map(|k| Dual::constant(pixel[k] as f64 + 0.5) - layer.mean[k]);
+    fn alpha(&self, layer: &Layer, pixel: [usize; 2]) -> Option<D> {
+        let [dx, dy] = [0, 1].map(|k| D::constant(pixel[k] as f64 + 0.5) - layer.mean[k]);
         let [w1, w2, w3] = layer.w;
-        let power = Dual::constant(-0.5) * ((w1 * dx + w2 * dy).squared() + (w3 * dy).squared());
+        let power = D::constant(-0.5) * ((w1 * dx + w2 * dy).squared() + (w3 * dy).squared());
         let alpha = (layer.opacity * power.exp()).clamp(0.0, f64::from(MAX_ALPHA));
         if alpha.value < least_alpha(self.style.rules) {
             return None;
@@ -149,7 +163,7 @@ impl Reference {
 }
 
 /// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half (`numerics.md` 3.3).
-fn ramp(alpha: Dual) -> Dual {
-    let u = (Dual::constant(255.0) * alpha - Dual::constant(0.5)).clamp(0.0, 1.0);
-    u * u * (Dual::constant(3.0) - Dual::constant(2.0) * u)
+fn ramp(alpha: D) -> D {
+    let u = (D::constant(255.0) * alpha - D::constant(0.5)).clamp(0.0, 1.0);
+    u * u * (D::constant(3.0) - D::constant(2.0) * u)
 }

@@ -18,7 +18,7 @@ pub(super) fn reach(rules: Rules, opacity: f32) -> f32 {
 pub(super) fn pixels(
     rules: Rules,
     mean: [f32; 2],
-    shape: &Footprint,
+    shape: &Footprint<f32>,
     reach: f32,
     size: [f32; 2],
 ) -> Option<[[u16; 2]; 2]> {
@@ -48,7 +48,7 @@ pub(super) fn pixels(
 }
 
 /// The larger eigenvalue of the dilated covariance, with the published floor under its root, px^2.
-fn longest(shape: &Footprint) -> f32 {
+fn longest(shape: &Footprint<f32>) -> f32 {
     let (middle, half) = (0.5 * (shape.a + shape.c), 0.5 * (shape.a - shape.c));
     middle + (half * half + shape.b * shape.b).max(EXTENT_ROOT_FLOOR).sqrt()
 }
@@ -85,7 +85,7 @@ fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
 mod tests {
     use super::*;
 
-    fn round(variance: f32) -> Footprint {
+    fn round(variance: f32) -> Footprint<f32> {
         let det = variance * variance;
         Footprint { a: variance, b: 0.0, c: variance, det, det0: det, depth_deviation: 0.0 }
     }

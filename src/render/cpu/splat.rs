@@ -32,6 +32,21 @@ pub(super) struct Splat {
     pub(super) depth: f32,
 }
 
+/// What of a splat changes while the camera moves, each a second.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Rates {
+    /// Of the mean, px.
+    pub(super) mean: [f32; 2],
+    /// Of `w1, w2, w3`.
+    pub(super) w: [f32; 3],
+    /// Of the opacity at the mean, over it.
+    pub(super) opacity: f32,
+    /// The luminance itself.
+    pub(super) grey: f32,
+    /// Its rate.
+    pub(super) grey_rate: f32,
+}
+
 /// Bound on what rounding moves an edge of an extent by, px, where the edge lies `distance` px from the mean: the
 /// raster forms `w1 dx + w2 dy` from terms of that size, each rounded twice at 2^-24 of it, and pixel coordinates
 /// below 65,536 are rounded at 2^-8.

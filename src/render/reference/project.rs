@@ -1,6 +1,7 @@
 //! Every Gaussian onto the image plane, with its rates for a moving camera (`numerics.md` 7.1, 7.2, 7.5).
 
-use super::dual::{Dual, cross, dot};
+use super::D;
+use crate::render::dual::{Real, cross, dot};
 use crate::render::shared::{
     COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR,
     GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
@@ -15,11 +16,11 @@ use std::ops::Range;
 pub(super) struct Layer {
     /// Number in the scene, and depth as it is sorted by.
     pub(super) order: (u32, usize),
-    pub(super) mean: [Dual; 2],
+    pub(super) mean: [D; 2],
     /// `w1, w2, w3` of the stable form.
-    pub(super) w: [Dual; 3],
-    pub(super) opacity: Dual,
-    pub(super) colour: [Dual; 3],
+    pub(super) w: [D; 3],
+    pub(super) opacity: D,
+    pub(super) colour: [D; 3],
     pub(super) depth: f64,
     /// Pixels that the rules let it touch.
     pub(super) columns: Range<usize>,
@@ -53,8 +54,8 @@ impl<'a> Eye<'a> {
         let (u, v) = (x / z, y / z);
         let camera = self.view.camera;
         let mean = [
-            Dual::constant(camera.fx) * u + Dual::constant(camera.cx),
-            Dual::constant(camera.fy) * v + Dual::constant(camera.cy),
+            D::constant(camera.fx) * u + D::constant(camera.cx),
+            D::constant(camera.fy) * v + D::constant(camera.cy),
         ];
         let shape = self.shape(scene, i, [u, v], z);
         let opacity = self.opacity(scene.opacity_logits[i], &shape);
@@ -79,9 +80,9 @@ impl<'a> Eye<'a> {
     }
 
     /// A point in camera axes with its rate: `-v - w x point`, with `v` 0 for a direction.
-    fn moving(&self, point: DVec3, linear: DVec3) -> [Dual; 3] {
+    fn moving(&self, point: DVec3, linear: DVec3) -> [D; 3] {
         let rate = -linear - self.view.velocity.angular.cross(point);
-        [0, 1, 2].map(|k| Dual { value: point[k], rate: rate[k] })
+        [0, 1, 2].map(|k| D { value: point[k], rate: rate[k] })
     }
 
     fn in_depth(&self, z: f64) -> bool {
@@ -91,23 +92,23 @@ impl<'a> Eye<'a> {
         }
     }
 
-    fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [Dual; 2], z: Dual) -> Shape {
+    fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [D; 2], z: D) -> Shape {
         let axes = self.axes(scene, i);
         let camera = self.view.camera;
         let [uc, vc] = self.clamped([u, v]);
-        let row = |focal: f64, clamped: Dual, k: usize| {
-            axes.map(|axis| Dual::constant(focal) / z * (axis[k] - clamped * axis[2]))
+        let row = |focal: f64, clamped: D, k: usize| {
+            axes.map(|axis| D::constant(focal) / z * (axis[k] - clamped * axis[2]))
         };
         let (a0, a1) = (row(camera.fx, uc, 0), row(camera.fy, vc, 1));
         let n = cross(a0, a1);
         let (aa, cc, det0) = (dot(a0, a0), dot(a1, a1), dot(n, n));
-        let d = Dual::constant(f64::from(DILATION));
+        let d = D::constant(f64::from(DILATION));
         let (a, b, c) = (aa + d, dot(a0, a1), cc + d);
         Shape { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
     }
 
     /// The scaled axes of a Gaussian in camera axes.
-    fn axes(&self, scene: &Gaussians, i: usize) -> [[Dual; 3]; 3] {
+    fn axes(&self, scene: &Gaussians, i: usize) -> [[D; 3]; 3] {
         let [w, x, y, z] = scene.rotations[i].map(f64::from);
         let norm = (w * w + x * x + y * y + z * z).sqrt().max(1e-12);
         let turn = DMat3::from_quat(DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm));
@@ -116,9 +117,9 @@ impl<'a> Eye<'a> {
     }
 
     /// Where the projection's derivative is taken.
-    fn clamped(&self, [u, v]: [Dual; 2]) -> [Dual; 2] {
+    fn clamped(&self, [u, v]: [D; 2]) -> [D; 2] {
         let camera = self.view.camera;
-        let side = |slope: Dual, edge: u32, focal: f64, centre: f64| {
+        let side = |slope: D, edge: u32, focal: f64, centre: f64| {
             let edge = f64::from(edge);
             let slack = FRUSTUM_SLACK * edge / (2.0 * focal);
             match self.style.rules {
@@ -133,22 +134,20 @@ impl<'a> Eye<'a> {
         [side(u, size.width, camera.fx, camera.cx), side(v, size.height, camera.fy, camera.cy)]
     }
 
-    fn opacity(&self, logit: f32, shape: &Shape) -> Dual {
-        let opacity = Dual::constant(1.0 / (1.0 + libm::exp(-f64::from(logit))));
+    fn opacity(&self, logit: f32, shape: &Shape) -> D {
+        let opacity = D::constant(1.0 / (1.0 + libm::exp(-f64::from(logit))));
         if !self.style.antialiased {
             return opacity;
         }
         opacity * (shape.det0 / shape.det).clamp(f64::from(COMPENSATION_FLOOR), f64::INFINITY).sqrt()
     }
 
-    fn colour(&self, scene: &Gaussians, i: usize, from_camera: DVec3) -> [Dual; 3] {
+    fn colour(&self, scene: &Gaussians, i: usize, from_camera: DVec3) -> [D; 3] {
         let rate = -(self.view.world_from_camera.rotation * self.view.velocity.linear);
-        let ray = [0, 1, 2].map(|k| Dual { value: from_camera[k], rate: rate[k] });
+        let ray = [0, 1, 2].map(|k| D { value: from_camera[k], rate: rate[k] });
         let length = dot(ray, ray).sqrt();
         let basis = sh::basis(scene.sh_degree, ray.map(|r| r / length));
-        let coefficients: Vec<[Dual; 3]> =
-            scene.sh_of(i).iter().map(|c| c.map(|v| Dual::constant(f64::from(v)))).collect();
-        sh::colour(&coefficients, &basis)
+        sh::colour(scene.sh_of(i), &basis)
     }
 
     /// Columns and rows that the rules let a Gaussian touch.
@@ -183,17 +182,17 @@ impl<'a> Eye<'a> {
 
 /// A dilated covariance on the image, px^2.
 struct Shape {
-    a: Dual,
-    b: Dual,
-    c: Dual,
-    det0: Dual,
-    det: Dual,
+    a: D,
+    b: D,
+    c: D,
+    det0: D,
+    det: D,
 }
 
 impl Shape {
-    fn weights(&self) -> [Dual; 3] {
+    fn weights(&self) -> [D; 3] {
         let root = self.c.sqrt();
-        [(self.c / self.det).sqrt(), -(self.b / root / self.det.sqrt()), Dual::constant(1.0) / root]
+        [(self.c / self.det).sqrt(), -(self.b / root / self.det.sqrt()), D::constant(1.0) / root]
     }
 }
 
