@@ -46,14 +46,24 @@ pub struct CameraChoice {
 }
 
 impl CameraChoice {
-    /// The camera that this choice makes of the source's.
+    /// The camera that this choice makes of the source's; `None` where it takes the field of view of a source that has
+    /// no camera.
     #[must_use]
-    pub fn resolve(&self, source: &Camera) -> Camera {
+    pub fn resolve(&self, source: Option<&Camera>) -> Option<Camera> {
         let size = Size { width: self.width, height: self.height };
         match self.intrinsics {
-            Some([fx, fy, cx, cy]) => Camera { size, fx, fy, cx, cy },
-            None => source.resized(size),
+            Some([fx, fy, cx, cy]) => Some(Camera { size, fx, fy, cx, cy }),
+            None => source.map(|source| source.resized(size)),
         }
+    }
+}
+
+/// The camera of a scene: the recipe's choice, else the source's own; `None` where neither says enough.
+#[must_use]
+pub fn choose(choice: Option<CameraChoice>, source: Option<&Camera>) -> Option<Camera> {
+    match choice {
+        Some(choice) => choice.resolve(source),
+        None => source.copied(),
     }
 }
 
@@ -67,5 +77,18 @@ mod tests {
             Camera { size: Size { width: 1920, height: 1080 }, fx: 1500.0, fy: 1500.0, cx: 960.0, cy: 540.0 };
         let small = full.resized(Size { width: 640, height: 480 });
         assert_eq!((small.fx, small.cx, small.cy), (500.0, 320.0, 240.0));
+    }
+
+    #[test]
+    fn a_camera_is_chosen_and_what_it_leaves_open_is_the_sources() {
+        let own = Camera { size: Size { width: 64, height: 48 }, fx: 60.0, fy: 61.0, cx: 32.0, cy: 24.0 };
+        let size = CameraChoice { width: 32, height: 24, intrinsics: None };
+        let whole = CameraChoice { intrinsics: Some([30.0, 31.0, 15.0, 12.0]), ..size };
+        let fx = |choice, source| choose(choice, source).map(|camera| camera.fx);
+        assert_eq!(fx(None, Some(&own)), Some(60.0));
+        assert_eq!(fx(Some(size), Some(&own)), Some(30.0));
+        assert_eq!(choose(Some(whole), Some(&own)), choose(Some(whole), None));
+        assert_eq!(fx(Some(whole), None), Some(30.0));
+        assert_eq!((fx(Some(size), None), fx(None, None)), (None, None));
     }
 }

@@ -13,10 +13,12 @@ mod failure;
 mod gc;
 mod machine;
 mod message;
+mod output;
 mod plan;
 mod problem;
 mod progress;
 mod release;
+mod trajectory;
 mod why;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -56,6 +58,8 @@ enum Verb {
     Diff(diff::Diff),
     /// Delete what no recipe and no release refers to any more
     Gc(gc::Gc),
+    /// Make the poses of one trajectory of a recipe on your own capture
+    Trajectory(trajectory::Trajectory),
 }
 
 /// Options of every verb.
@@ -178,6 +182,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Audit(verb) => verb.run(console),
         Verb::Diff(verb) => verb.run(console),
         Verb::Gc(verb) => verb.run(common, console),
+        Verb::Trajectory(verb) => verb.run(common, console),
     }
 }
 

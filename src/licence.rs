@@ -22,6 +22,8 @@ pub enum SourceKind {
     Nerfstudio,
     /// A 3DGS model folder of the owner.
     Model,
+    /// No source: a scene file of the owner, and poses from the recipe.
+    None,
     /// `MVImgNet`.
     Mvimgnet,
     /// `DL3DV-10K`.
@@ -37,6 +39,7 @@ impl SourceKind {
             Self::Colmap => "colmap",
             Self::Nerfstudio => "nerfstudio",
             Self::Model => "model",
+            Self::None => "none",
             Self::Mvimgnet => "mvimgnet",
             Self::Dl3dv => "dl3dv",
         }
@@ -45,9 +48,8 @@ impl SourceKind {
     /// The kind of this name.
     #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {
-        let all =
-            [Self::Procedural, Self::Colmap, Self::Nerfstudio, Self::Model, Self::Mvimgnet, Self::Dl3dv];
-        all.into_iter().find(|kind| kind.name() == name)
+        let own = [Self::Procedural, Self::Colmap, Self::Nerfstudio, Self::Model, Self::None];
+        own.into_iter().chain([Self::Mvimgnet, Self::Dl3dv]).find(|kind| kind.name() == name)
     }
 
     /// The ids that every scene of this source carries. `MVImgNet`: its README and LICENSE file. DL3DV-10K: its
@@ -55,7 +57,7 @@ impl SourceKind {
     #[must_use]
     pub fn upstream_ids(self) -> &'static [&'static str] {
         match self {
-            Self::Procedural | Self::Colmap | Self::Nerfstudio | Self::Model => &[],
+            Self::Procedural | Self::Colmap | Self::Nerfstudio | Self::Model | Self::None => &[],
             Self::Mvimgnet => &["LicenseRef-MVImgNet-ToU", "CC-BY-NC-4.0"],
             Self::Dl3dv => &["LicenseRef-DL3DV-10K-ToU", "CC-BY-NC-4.0"],
         }
@@ -142,6 +144,7 @@ mod tests {
         t("procedural", Some("MIT"), "MIT");
         t("colmap", None, "LicenseRef-Unstated");
         t("nerfstudio", Some("CC-BY-4.0"), "CC-BY-4.0");
+        t("none", None, "LicenseRef-Unstated");
         t("dl3dv", None, "CC-BY-NC-4.0 AND LicenseRef-DL3DV-10K-ToU AND LicenseRef-Unstated");
         t("mvimgnet", Some("CC0-1.0"), "CC-BY-NC-4.0 AND CC0-1.0 AND LicenseRef-MVImgNet-ToU");
         t(

@@ -7,6 +7,7 @@ mod edits;
 mod fault;
 mod field;
 mod find;
+mod fragment;
 mod load;
 mod merge;
 mod names;
@@ -22,6 +23,7 @@ pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_so
 pub use edits::{Edit, edits};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::{RecipeFile, find_all, read_all, read_files};
+pub use fragment::{Fragment, read_fragment};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
@@ -30,7 +32,8 @@ use crate::scene::procedural::StillLife;
 use crate::sensor::Sensor;
 use crate::speed::Speed;
 use crate::store::stat_cache::Sighting;
-use crate::trajectory::refine::Refine;
+use crate::trajectory::path::Path;
+use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -55,10 +58,12 @@ pub struct Recipe {
     pub reconstruct: Option<Reconstruct>,
     /// The camera, where it differs from the source's own.
     pub camera: Option<CameraChoice>,
-    /// The trajectories, in recipe order, names unique.
+    /// The trajectories, in recipe order, names unique; each group of a novel one is a trajectory.
     pub trajectories: Vec<TrajectoryRecipe>,
     /// Frame rate.
     pub rate: Hertz,
+    /// How speed laws are summed.
+    pub law: Summation,
     /// Rendering.
     pub render: RenderChoice,
     /// The sensor.
@@ -112,6 +117,8 @@ pub enum Source {
     Colmap(PathBuf),
     /// A `transforms.json`, or a folder that holds one.
     Nerfstudio(PathBuf),
+    /// Nowhere: trajectories are written in the recipe, over a scene file.
+    None,
 }
 
 impl Source {
@@ -122,13 +129,20 @@ impl Source {
             Self::Procedural(_) => "procedural",
             Self::Colmap(_) => "colmap",
             Self::Nerfstudio(_) => "nerfstudio",
+            Self::None => "none",
         }
     }
 
     /// Whether its views were photographed.
     #[must_use]
     pub fn has_photos(&self) -> bool {
-        !matches!(self, Self::Procedural(_))
+        matches!(self, Self::Colmap(_) | Self::Nerfstudio(_))
+    }
+
+    /// Whether it has views, and so a camera.
+    #[must_use]
+    pub fn has_views(&self) -> bool {
+        !matches!(self, Self::None)
     }
 }
 
@@ -144,8 +158,12 @@ pub enum Reconstruct {
 pub struct TrajectoryRecipe {
     /// Its name, and its folder in the release.
     pub name: String,
+    /// Its name as the recipe has it, which all groups of a novel trajectory share.
+    pub written: String,
     /// How its path is made.
-    pub refine: Refine,
+    pub path: Path,
+    /// The trajectory that the key poses of a novel one are drawn from.
+    pub base: Option<String>,
     /// How fast it is followed.
     pub speed: Speed,
 }

@@ -11,6 +11,7 @@ pub mod arc_length;
 pub mod rotation;
 pub mod rotation_spline;
 pub mod screen;
+mod series;
 pub mod spline;
 pub mod sum;
 

@@ -60,6 +60,8 @@ pub enum Space {
     Leaf,
     /// The state before the first frame; its cell has level 0 and index 0.
     Initial,
+    /// Choices of which no pixel knows; their cell is at pixel 0, 0 and level 0, and its index says which choice.
+    Choice,
 }
 
 /// One sensor pixel in one cell of the dyadic clock: where a sequence of draws belongs.
@@ -105,6 +107,7 @@ fn counter(cell: Cell, space: Space) -> [u32; 4] {
         Space::Tree => u32::from(cell.level) << 1,
         Space::Leaf => u32::from(cell.level) << 1 | 1,
         Space::Initial => 0xff,
+        Space::Choice => 0xfe,
     };
     [u32::from(cell.y) << 16 | u32::from(cell.x), cell.index as u32, tag << 24 | (cell.index >> 32) as u32, 0]
 }
@@ -133,13 +136,38 @@ pub struct Draws {
 impl Draws {
     /// The next draw as a number strictly between 0 and 1.
     pub fn uniform(&mut self) -> f64 {
+        uniform(self.bits())
+    }
+
+    /// A number below `count`, each as likely as any other: the upper half of a product, drawn again where the lower
+    /// half tells that the number would have one draw too many (Lemire 2019, "Fast random integer generation in an
+    /// interval").
+    ///
+    /// # Panics
+    /// If `count` is 0.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "halves of a product, of which the upper is below `count`"
+    )]
+    pub fn index(&mut self, count: usize) -> usize {
+        let count = count as u64;
+        let excess = count.wrapping_neg() % count;
+        loop {
+            let product = u128::from(self.bits()) * u128::from(count);
+            if product as u64 >= excess {
+                return (product >> 64) as usize;
+            }
+        }
+    }
+
+    fn bits(&mut self) -> u64 {
         if self.next.is_multiple_of(2) {
             self.block = philox::block(self.counter, self.key);
             self.counter[3] = self.counter[3].wrapping_add(1);
         }
         let bits = half(self.block, self.next);
         self.next = self.next.wrapping_add(1);
-        uniform(bits)
+        bits
     }
 
     /// The next draw as a standard normal deviate.
@@ -169,7 +197,7 @@ mod tests {
 
     #[test]
     fn draws_by_number_are_draws_in_order() {
-        for space in [Space::Tree, Space::Leaf, Space::Initial] {
+        for space in [Space::Tree, Space::Leaf, Space::Initial, Space::Choice] {
             let mut draws = Seed(9).draws(CELL, space);
             for number in 0..9 {
                 let in_order = draws.normal();
@@ -189,7 +217,8 @@ mod tests {
             Cell { index: 7 + (1 << 32), ..CELL },
         ];
         let in_clock = cells.iter().flat_map(|&cell| [Space::Tree, Space::Leaf].map(|s| counter(cell, s)));
-        let counters: Vec<_> = in_clock.chain([counter(CELL, Space::Initial)]).collect();
+        let counters: Vec<_> =
+            in_clock.chain([Space::Initial, Space::Choice].map(|s| counter(CELL, s))).collect();
         for (i, a) in counters.iter().enumerate() {
             assert!(counters[..i].iter().all(|b| a != b), "{i}");
         }
@@ -218,6 +247,27 @@ mod tests {
             println!("sequence {i}: KS {ks:.3} (alpha 1e-6: 2.69), serial z {z:.3}");
             assert!(ks < 2.69 && z.abs() < 5.0);
         }
+    }
+
+    /// Numbers below three quarters of 2^64 tell a draw that rejects none apart: the remainder of 64 bits makes the
+    /// lowest third twice as likely, and a product makes every third number so.
+    #[test]
+    fn numbers_below_a_count_are_all_as_likely() {
+        const N: usize = 60_000;
+        // Limits of chi-square with 6 and 2 degrees of freedom at alpha 1e-4 over the three.
+        let t = |count: usize, limit: f64, bins: usize, bin: fn(usize) -> usize| {
+            let mut draws = Seed(77).draws(CELL, Space::Choice);
+            let mut found = vec![0.0; bins];
+            (0..N).for_each(|_| found[bin(draws.index(count))] += 1.0);
+            let expected = N as f64 / bins as f64;
+            let statistic: f64 = found.iter().map(|f| (f - expected) * (f - expected) / expected).sum();
+            println!("below {count}: chi-square {statistic:.2} (limit {limit})");
+            assert!(statistic < limit, "{found:?}");
+        };
+        t(7, 30.37, 7, |k| k);
+        t(3 << 62, 20.61, 3, |k| k >> 62);
+        t(3 << 62, 20.61, 3, |k| k % 3);
+        assert_eq!(Seed(1).draws(CELL, Space::Choice).index(1), 0);
     }
 
     #[test]

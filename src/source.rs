@@ -5,9 +5,12 @@
 //! read but not vouch for becomes a [`Warning`].
 
 pub mod colmap;
+pub mod kind;
 pub mod lens;
+pub mod model;
 pub mod natural;
 pub mod nerfstudio;
+mod node;
 mod photo;
 
 use crate::camera::Camera;
@@ -18,7 +21,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// What a source says: its views in capture order (natural order of the image file names), at least one.
+/// What a source says: its views in capture order (natural order of the image file names), at least one unless a
+/// scene has no source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Capture {
@@ -85,20 +89,17 @@ pub enum Lens {
 
 impl Capture {
     /// The camera of trajectories through this capture: the one that all views share, else the first view's, with a
-    /// warning where a size differs, or fx, fy, cx or cy by more than 1 px.
-    ///
-    /// # Panics
-    /// If there is no view; readers refuse such a source.
+    /// warning where a size differs, or fx, fy, cx or cy by more than 1 px; `None` where there is no view.
     #[must_use]
-    pub fn camera(&self) -> (Camera, Option<Warning>) {
-        let first = self.views.first().expect("a capture has at least one view");
+    pub fn camera(&self) -> Option<(Camera, Option<Warning>)> {
+        let first = self.views.first()?;
         let apart = |v: &&View| differs(&first.camera, &v.camera);
         let other = self.views.iter().find(apart).map(|other| Warning::CamerasDiffer {
             taken: first.name.clone(),
             other: other.name.clone(),
             count: self.views.iter().filter(apart).count(),
         });
-        (first.camera, other)
+        Some((first.camera, other))
     }
 }
 
@@ -154,6 +155,12 @@ pub enum Warning {
         text: PathBuf,
         /// Its records.
         other: u64,
+    },
+    /// Colour transforms were trained beside a model.
+    #[error("the exposure of {count} images was trained; it is not applied")]
+    Exposure {
+        /// Images whose transform changes colours.
+        count: usize,
     },
     /// A pose was no rotation to more than 1e-6.
     #[error("the rotation of `{image}` is off by {deviation:.1e}; the nearest rotation is taken")]
@@ -324,8 +331,9 @@ mod tests {
     #[test]
     fn the_shared_camera_is_taken_or_the_first_with_a_warning() {
         let camera = |fx: &[f64]| Capture { views: fx.iter().map(|&fx| view("v", fx)).collect() }.camera();
-        assert_eq!(camera(&[500.0, 500.9, 499.1]).1, None);
-        let (taken, warning) = camera(&[500.0, 501.1, 480.0]);
+        assert_eq!(camera(&[]), None);
+        assert_eq!(camera(&[500.0, 500.9, 499.1]).unwrap().1, None);
+        let (taken, warning) = camera(&[500.0, 501.1, 480.0]).unwrap();
         assert_eq!(taken, view("", 500.0).camera);
         let warning = warning.unwrap().to_string();
         assert!(warning.starts_with("2 views have another camera"), "{warning}");

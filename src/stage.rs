@@ -11,7 +11,7 @@ pub mod sharp;
 pub mod trajectory;
 
 use crate::artifact::{Artifact, ArtifactError, Files};
-use crate::camera::{Camera, CameraChoice};
+use crate::camera::{self, Camera, CameraChoice};
 use crate::image::Size;
 use crate::render::cpu;
 use crate::source::Capture;
@@ -166,9 +166,7 @@ pub trait Stage: serde::Serialize {
 
     /// What it will need, by the sizes of its inputs; `files` are those of its inputs that are there, in order.
     fn need(&self, files: &[Files]) -> Need {
-        /// A small stage holds its inputs a few times over.
-        const COPIES: u64 = 4;
-        Need::memory([COPIES * files.iter().map(Files::bytes).sum::<u64>()])
+        Need::memory([copies(files)])
     }
 
     /// Writes the product's files into `cx.out`.
@@ -197,13 +195,20 @@ impl Need {
     }
 }
 
-/// What a stage needs that renders: the renderer, and `others` bytes a pixel of its own. Without a capture that can be
-/// read the number of pixels is not known, and the stage will not run either.
+/// Bytes that a small stage holds of its inputs: each a few times over.
+fn copies(files: &[Files]) -> u64 {
+    const COPIES: u64 = 4;
+    COPIES * files.iter().map(Files::bytes).sum::<u64>()
+}
+
+/// What a stage needs that renders: the renderer, and `others` bytes a pixel of its own. Its first input is the capture;
+/// without one that can be read the number of pixels is not known, and the stage will not run either. The scene is its
+/// second.
 fn rendering_need(choice: Option<CameraChoice>, files: &[Files], others: u64) -> Need {
-    let size = files.first().and_then(|capture| Capture::open(capture).ok()).map(|capture| {
-        let own = capture.camera().0;
-        choice.map_or(own, |choice| choice.resolve(&own)).size
-    });
+    let capture = files.first().and_then(|capture| Capture::open(capture).ok());
+    let own = |capture: Capture| capture.camera().map(|(own, _)| own);
+    let camera = capture.and_then(|capture| camera::choose(choice, own(capture).as_ref()));
+    let size = camera.map(|camera| camera.size);
     let scene = files.get(1).map_or(0, Files::bytes);
     let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
     Need::memory(size.into_iter().flat_map(|size| [cpu::memory(scene, size), own(size)]))
@@ -239,9 +244,9 @@ impl<'a> Context<'a> {
 
 /// The camera of a trajectory: the recipe's choice, else the source's own, with a warning where views disagree.
 fn camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut Context<'_>) -> Camera {
-    let (own, warning) = capture.camera();
-    cx.warnings.extend(warning.map(|w| w.to_string()));
-    choice.map_or(own, |choice| choice.resolve(&own))
+    let (own, warning) = capture.camera().unzip();
+    cx.warnings.extend(warning.flatten().map(|w| w.to_string()));
+    camera::choose(choice, own.as_ref()).expect("recipes without views write a whole camera")
 }
 
 /// Why a step failed. The texts fit after "failed to ".

@@ -2,19 +2,20 @@
 //! asks for does not exist.
 
 use super::Wiring;
+use crate::artifact::Motion;
 use crate::recipe::{Output, Recipe, Reconstruct, Source, TrajectoryRecipe};
 use crate::scene::Gaussians;
 use crate::seed::{Purpose, Seed};
 use crate::source::Capture;
+use crate::speed::Speed;
 use crate::stage::Target;
 use crate::stage::capture::Capturing;
 use crate::stage::checks::Checking;
 use crate::stage::events::Simulating;
 use crate::stage::reconstruct::Reconstructing;
 use crate::stage::sharp::Photographing;
-use crate::stage::trajectory::Moving;
-use crate::trajectory::path::Path;
-use crate::trajectory::sample::Summation;
+use crate::stage::trajectory::{Moving, Seeing};
+use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
 pub(super) fn scene(recipe: &Recipe, wiring: &mut Wiring<'_>) {
@@ -28,31 +29,51 @@ pub(super) fn scene(recipe: &Recipe, wiring: &mut Wiring<'_>) {
         (Source::Nerfstudio(path), Some(Reconstruct::Given(file))) => {
             (Capturing::Nerfstudio { path: path.clone() }, Reconstructing::given(file))
         }
-        (_, None) => unreachable!("recipes of captured sources say where the Gaussians come from"),
+        (Source::None, Some(Reconstruct::Given(file))) => (Capturing::None, Reconstructing::given(file)),
+        (_, None) => unreachable!("recipes of other sources say where the Gaussians come from"),
     };
-    let capture = wiring.add("capture".into(), capturing, ());
-    let gaussians = wiring.add("reconstruct".into(), reconstructing, ());
-    for trajectory in &recipe.trajectories {
-        self::trajectory(recipe, trajectory, capture, gaussians, wiring);
+    let ground = Ground {
+        capture: wiring.add("capture".into(), capturing, ()),
+        gaussians: wiring.add("reconstruct".into(), reconstructing, ()),
+    };
+    // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
+    let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
+    let mut motions = BTreeMap::new();
+    for trajectory in own.into_iter().chain(drawn) {
+        let base = trajectory.base.as_deref().map(|base| motions[base]);
+        let motion = self::trajectory(recipe, trajectory, base, ground, wiring);
+        motions.insert(trajectory.name.as_str(), motion);
     }
+}
+
+/// What the steps of all trajectories may take.
+#[derive(Debug, Clone, Copy)]
+struct Ground {
+    capture: Target<Capture>,
+    gaussians: Target<Gaussians>,
 }
 
 fn trajectory(
     recipe: &Recipe,
     trajectory: &TrajectoryRecipe,
-    capture: Target<Capture>,
-    gaussians: Target<Gaussians>,
+    base: Option<Target<Motion>>,
+    ground: Ground,
     wiring: &mut Wiring<'_>,
-) {
+) -> Target<Motion> {
+    let Ground { capture, gaussians } = ground;
     let name = |step: &str| format!("{}/{step}", trajectory.name);
+    let seeing = matches!(trajectory.speed, Speed::Flow(_))
+        .then(|| Seeing { camera: recipe.camera, render: recipe.render });
+    let sees = seeing.is_some();
     let moving = Moving {
-        path: Path::Refine(trajectory.refine.clone()),
+        path: trajectory.path.clone(),
         speed: trajectory.speed.clone(),
-        law: Summation::Sum,
+        law: recipe.law,
         rate: recipe.rate,
-        seeing: None,
+        seeing,
     };
-    let motion = wiring.add(name("trajectory"), moving, (Some(capture), None, None));
+    let captured = (sees || trajectory.path.needs_views()).then_some(capture);
+    let motion = wiring.add(name("trajectory"), moving, (captured, base, sees.then_some(gaussians)));
     let events = recipe.outputs.contains(&Output::Events).then(|| {
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
         let simulating =
@@ -65,4 +86,5 @@ fn trajectory(
     }
     let checking = Checking { limits: recipe.checks.clone() };
     wiring.add(name("checks"), checking, (motion, events));
+    motion
 }

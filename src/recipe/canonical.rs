@@ -1,14 +1,13 @@
 //! The merged recipe in full, defaults filled: what `scene.json` shows. It is a recipe itself, in one spelling.
 
+mod trajectory;
+
 use super::field::Field;
 use super::resolve::Resolved;
-use super::resolve::trajectory::DEFAULT_SPEED;
-use super::{Output, Reconstruct, Source, TrajectoryRecipe, schema};
+use super::{Output, Reconstruct, Source, schema};
 use crate::render::Antialiased;
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::{Preset, Voltmeter};
-use crate::trajectory::refine::{Refine, Scale};
-use crate::trajectory::travel::Count;
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
@@ -20,8 +19,8 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
         "scene": recipe.scene,
         "seed": recipe.seed,
         "source": source(raw, &recipe.source),
-        "trajectories": trajectories(raw, &recipe.trajectories),
-        "sampling": { "rate": ratio(recipe.rate.0), "between": voltmeter.between },
+        "trajectories": trajectory::all(raw, &recipe.trajectories),
+        "sampling": { "rate": ratio(recipe.rate.0), "between": voltmeter.between, "law": recipe.law },
         "render": {
             "rules": recipe.render.rules,
             "antialiased": antialiased(recipe.render.antialiased),
@@ -67,6 +66,7 @@ fn source(raw: &schema::Recipe, source: &Source) -> Value {
         }
         Source::Colmap(_) => json!({ "colmap": { "path": path } }),
         Source::Nerfstudio(_) => json!({ "nerfstudio": { "path": path } }),
+        Source::None => json!("none"),
     }
 }
 
@@ -79,48 +79,6 @@ fn given_path(raw: &schema::Recipe) -> Option<&str> {
 
 fn written(field: &Field<String>) -> Option<&str> {
     field.given().map(|(text, _)| text.as_str())
-}
-
-fn trajectories(raw: &schema::Recipe, list: &[TrajectoryRecipe]) -> Vec<Value> {
-    let Some((written, _)) = raw.trajectories.given() else { return Vec::new() };
-    written.iter().zip(list).filter_map(|(raw, t)| Some(trajectory(raw.given()?.0, t))).collect()
-}
-
-fn trajectory(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
-    let speed = match raw.speed.given() {
-        Some((schema::Speed::Function(text), _)) => written(text),
-        _ => None,
-    };
-    json!({
-        "name": trajectory.name,
-        "refine": refine(&trajectory.refine),
-        "speed": { "function": speed.unwrap_or(DEFAULT_SPEED) },
-    })
-}
-
-fn refine(refine: &Refine) -> Value {
-    let (key, count) = match refine.count {
-        Count::Factor(factor) => ("factor", ratio(factor)),
-        Count::Frames(frames) => ("frames", json!(frames)),
-        Count::Duration(seconds) => ("duration", ratio(seconds)),
-        Count::Flow => unreachable!("no recipe asks for a flow"),
-    };
-    let scale = match refine.scale {
-        Scale::Scene => json!("scene"),
-        Scale::None => json!("none"),
-        Scale::Fixed(units) => json!(units),
-    };
-    json!({
-        "window": refine.window,
-        key: count,
-        "order": refine.order,
-        "rotation": refine.rotation,
-        "ends": refine.ends,
-        "metric": { "scale": scale },
-        "gaps": refine.gaps,
-        "curve": refine.curve,
-        "literal": refine.literal,
-    })
 }
 
 fn sensor(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {

@@ -55,24 +55,29 @@ impl Library {
 
     /// Reads one of the recipes.
     pub(super) fn recipe(&self, file: &RecipeFile) -> Result<Read, Vec<Fault>> {
+        self.parts(file)?.recipe(file)
+    }
+
+    /// One of the recipes with the defaults under it, not yet resolved.
+    pub(super) fn parts(&self, file: &RecipeFile) -> Result<Parts, Vec<Fault>> {
         let RecipeFile { path, defaults } = file;
         let own = parse(path, 0)?;
         let tree = own.tree.ok_or_else(|| {
             let help = "a recipe has at least version, scene, source and trajectories";
             vec![Fault::of_file(path, "the file is empty", Some(help))]
         })?;
-        let mut seen = vec![(path.clone(), own.seen)];
-        let mut parts = Parts { texts: vec![own.text], folders: vec![folder(path)], tree };
+        let seen = vec![(path.clone(), own.seen)];
+        let mut parts = Parts { texts: vec![own.text], folders: vec![folder(path)], tree, seen };
         if let Some(path) = defaults {
             let under = self.defaults[path].clone()?;
-            seen.push((path.clone(), under.seen));
+            parts.seen.push((path.clone(), under.seen));
             parts.texts.push(under.text);
             parts.folders.push(folder(path));
             if let Some(under) = under.tree {
                 parts.tree = merge(parts.tree, &under);
             }
         }
-        parts.recipe(file, seen)
+        Ok(parts)
     }
 }
 
@@ -81,15 +86,47 @@ pub(super) struct Parts {
     texts: Texts,
     folders: Vec<PathBuf>,
     tree: Node,
+    /// The files before they were read.
+    seen: Vec<(PathBuf, Sighting)>,
 }
 
 impl Parts {
     /// One file, with nothing merged under it.
     pub(super) fn alone(file: &Path) -> Result<Self, Vec<Fault>> {
-        let Parsed { text, tree, .. } = parse(file, 0)?;
+        let Parsed { text, tree, seen } = parse(file, 0)?;
         let nothing = Node { place: Place { file: 0, start: 0, end: 0 }, kind: Kind::Map(Vec::new()) };
         let tree = tree.unwrap_or(nothing);
-        Ok(Self { texts: vec![text], folders: vec![folder(file)], tree })
+        let seen = vec![(file.to_owned(), seen)];
+        Ok(Self { texts: vec![text], folders: vec![folder(file)], tree, seen })
+    }
+
+    /// The same without some of its keys, and with what a text of this program says under the rest.
+    ///
+    /// # Panics
+    /// If the text is no mapping.
+    pub(super) fn standing_in(mut self, without: &[&str], text: &str) -> Self {
+        if let Kind::Map(entries) = &mut self.tree.kind {
+            entries.retain(|entry| !without.contains(&entry.key.as_str()));
+        }
+        let text = Arc::new(Text { path: PathBuf::new(), body: text.to_owned() });
+        let index = u32::try_from(self.texts.len()).expect("recipes are made from few files");
+        let under = tree::parse(&text, index).ok().flatten().expect("the text is sound");
+        self.tree = merge(self.tree, &under);
+        self.texts.push(text);
+        self.folders.push(PathBuf::new());
+        self
+    }
+
+    /// What the recipe says, without its file and its merged form.
+    pub(super) fn resolved(&self) -> Result<Resolved, Vec<Fault>> {
+        Ok(self.read()?.1)
+    }
+
+    fn read(&self) -> Result<(schema::Recipe, Resolved), Vec<Fault>> {
+        match self.other_version() {
+            Some(fault) => Err(vec![fault]),
+            None => self.resolve(|raw: &schema::Recipe, resolver| resolver.recipe(raw)),
+        }
     }
 
     /// Reads the tree as `T`, then lets `resolve` make something of it; every fault of both, in the order of the file.
@@ -110,11 +147,8 @@ impl Parts {
         }
     }
 
-    fn recipe(self, file: &RecipeFile, seen: Vec<(PathBuf, Sighting)>) -> Result<Read, Vec<Fault>> {
-        if let Some(fault) = self.other_version() {
-            return Err(vec![fault]);
-        }
-        let (raw, resolved) = self.resolve(|raw: &schema::Recipe, resolver| resolver.recipe(raw))?;
+    fn recipe(self, file: &RecipeFile) -> Result<Read, Vec<Fault>> {
+        let (raw, resolved) = self.read()?;
         let at = |field: Option<Place>| field.map(|place| self.position(place));
         let named_at = NamedAt {
             scene: at(raw.scene.place()),
@@ -123,7 +157,7 @@ impl Parts {
         };
         let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
         let merged = canonical::merged(&raw, &resolved);
-        let recipe = Recipe { seen, ..assemble(file, named_at, resolved, merged) };
+        let recipe = Recipe { seen: self.seen, ..assemble(file, named_at, resolved, merged) };
         Ok(Read { recipe, texts: self.texts, scene })
     }
 
@@ -166,6 +200,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
         camera: resolved.camera,
         trajectories: resolved.trajectories,
         rate: resolved.rate,
+        law: resolved.law,
         render: resolved.render,
         sensor: resolved.sensor,
         outputs: resolved.outputs,

@@ -16,10 +16,12 @@ use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
 use crate::sensor::Sensor;
+use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 use number::{Range, Whole};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use trajectory::Setting;
 
 /// Most frames a second: stamps are whole microseconds and must increase.
 const MAX_RATE: f64 = 1e6;
@@ -46,6 +48,7 @@ pub(super) struct Resolved {
     pub camera: Option<CameraChoice>,
     pub trajectories: Vec<TrajectoryRecipe>,
     pub rate: Hertz,
+    pub law: Summation,
     pub render: RenderChoice,
     pub sensor: Sensor,
     pub outputs: BTreeSet<Output>,
@@ -63,9 +66,11 @@ impl Resolver<'_> {
         let seed = self.or(&raw.seed, 0);
         let source = self.source(&raw.source);
         let reconstruct = self.reconstruct(&raw.reconstruct, source.as_ref());
-        let camera = self.camera(&raw.camera);
+        let camera = self.camera(&raw.camera, source.as_ref());
         let rate = self.rate(&raw.sampling);
-        let trajectories = self.trajectories(&raw.trajectories, rate);
+        let law = self.summation(&raw.sampling);
+        let setting = Setting { scene: scene.as_deref(), seed, source: source.as_ref(), rate, law };
+        let trajectories = self.trajectories(&raw.trajectories, setting);
         let render = self.render(&raw.render);
         let between = self.between(&raw.sampling);
         let sensor = self.sensor(&raw.sensor, between, rate);
@@ -81,6 +86,7 @@ impl Resolver<'_> {
             camera: camera?,
             trajectories: trajectories?,
             rate: rate?,
+            law: law?,
             render: render?,
             sensor: sensor?,
             outputs: outputs?,
@@ -119,6 +125,14 @@ impl Resolver<'_> {
         let raw = self.section(field, &absent)?;
         self.later(&raw.tolerance, "this gs2e samples at a fixed rate");
         self.ratio(&raw.rate, 2400, Range::above(0.0, MAX_RATE)).map(Hertz)
+    }
+
+    fn summation(&self, field: &Field<schema::Sampling>) -> Option<Summation> {
+        let absent = schema::Sampling::default();
+        match self.or(&self.section(field, &absent)?.law, schema::Summation::Sum)? {
+            schema::Summation::Sum => Some(Summation::Sum),
+            schema::Summation::Integral => Some(Summation::Integral),
+        }
     }
 
     fn outputs(&self, field: &Field<Vec<Field<schema::Output>>>) -> Option<BTreeSet<Output>> {

@@ -5,6 +5,13 @@
 //!
 //! An enumeration whose choices hold mappings stands in `ENUMERATIONS` of [`super::merge`] too, unless it is in a list.
 
+mod trajectory;
+
+pub(super) use trajectory::{
+    Bezier, Curve, Ends, Flow, Gaps, Keyframes, List, Meaning, Metric, Novel, NovelCurve, Orbit, Order, Pose,
+    Refine, Rotation, Speed, Trajectory,
+};
+
 use super::field::{Field, Later, Literal};
 use crate::check::Limits;
 use crate::sensor::voltmeter::Units;
@@ -62,6 +69,8 @@ pub(super) enum Source {
     Mvimgnet(Field<Later>),
     Dl3dv(Field<Later>),
     Model(Field<Later>),
+    /// A scene file without a capture: `source: none`.
+    None,
 }
 
 /// The embedded scene.
@@ -127,98 +136,14 @@ pub(super) struct Camera {
     pub width: Field<u64>,
     /// Required.
     pub height: Field<u64>,
+    /// Default: what keeps the source's horizontal field of view; required without a source.
     pub fx: Field<f64>,
+    /// Default `fx`.
     pub fy: Field<f64>,
+    /// Default: the middle.
     pub cx: Field<f64>,
+    /// Default: the middle.
     pub cy: Field<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Trajectory {
-    /// Required.
-    pub name: Field<String>,
-    pub refine: Field<Refine>,
-    /// Mini-trajectories: `groups`, `keyframes`, `frames`, `curve`.
-    pub novel: Field<Later>,
-    /// A circle about the scene.
-    pub orbit: Field<Later>,
-    /// Poses given by hand.
-    pub keyframes: Field<Later>,
-    pub speed: Field<Speed>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Refine {
-    pub window: Field<u64>,
-    pub factor: Field<Literal>,
-    pub frames: Field<u64>,
-    /// Seconds.
-    pub duration: Field<Literal>,
-    pub order: Field<Order>,
-    pub rotation: Field<Rotation>,
-    pub ends: Field<Ends>,
-    pub metric: Field<Metric>,
-    pub gaps: Field<Gaps>,
-    pub curve: Field<Curve>,
-    pub literal: Field<bool>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Order {
-    Name,
-    Nearest,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Rotation {
-    Mean,
-    SlerpMidpoint,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Ends {
-    Truncated,
-    Pinned,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Metric {
-    /// `scene`, `none`, or scene units.
-    pub scale: Field<Literal>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Gaps {
-    Bridge,
-    Refuse,
-}
-
-/// The curve through the poses. Of those to come, only `bezier` has a value: its `degree`.
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Curve {
-    Cubic,
-    Cumulative,
-    SlerpLerp,
-    Bezier(Field<Later>),
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Speed {
-    /// An expression in `t`.
-    Function(Field<String>),
-    /// `multipliers`, `blend`, `meaning`.
-    List(Field<Later>),
-    /// Median flow in px/s.
-    Flow(Field<Later>),
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -226,6 +151,8 @@ pub(super) enum Speed {
 pub(super) struct Sampling {
     pub rate: Field<Literal>,
     pub between: Field<Between>,
+    /// How speed laws are summed; default `sum`, as the paper does.
+    pub law: Field<Summation>,
     /// RMS, in thresholds.
     pub tolerance: Field<Later>,
 }
@@ -236,6 +163,13 @@ pub(super) enum Between {
     Linear,
     Catmull,
     Hermite,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Summation {
+    Sum,
+    Integral,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -1,7 +1,7 @@
 //! What was built, gathered from the store for a release.
 
 use crate::artifact::{Artifact, EventStream, Files, Motion, Simulation, Verdicts};
-use crate::camera::Camera;
+use crate::camera::{self, Camera};
 use crate::check::Finding;
 use crate::licence::Composed;
 use crate::plan::Plan;
@@ -13,6 +13,7 @@ use crate::source::Capture;
 use crate::store::description::Line;
 use crate::store::record::Output;
 use crate::store::{Key, Store};
+use crate::trajectory::Kind;
 use std::path::PathBuf;
 
 /// A scene whose steps are all made.
@@ -49,6 +50,16 @@ pub(super) struct BuiltTrajectory {
 }
 
 impl BuiltTrajectory {
+    /// How its path was made, as recipes call it.
+    pub(super) fn kind(&self) -> &'static str {
+        match self.motion.report.kind {
+            Kind::Refine => "refine",
+            Kind::Novel => "novel",
+            Kind::Orbit => "orbit",
+            Kind::Keyframes => "keyframes",
+        }
+    }
+
     pub(super) fn simulation(&self) -> Option<&Simulation> {
         self.events.as_ref().map(|(stream, _)| &stream.simulation)
     }
@@ -170,7 +181,7 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
 impl BuiltScene<'_> {
     /// The camera that was rendered.
     pub(super) fn camera(&self) -> Camera {
-        let own = self.capture.camera().0;
-        self.recipe.camera.map_or(own, |choice| choice.resolve(&own))
+        let own = self.capture.camera().map(|(own, _)| own);
+        camera::choose(self.recipe.camera, own.as_ref()).expect("recipes without views write a whole camera")
     }
 }

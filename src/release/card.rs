@@ -108,13 +108,26 @@ source's own unit. Polarity 1 is brighter, 0 is darker. Brightness is display-en
 0.299 R + 0.587 G + 0.114 B, on the grey scale 0..255.
 ";
 
+/// How the paths of a kind are made.
+const PATHS: [(&str, &str); 4] = [
+    ("refine", "captured poses, smoothed"),
+    ("novel", "key poses drawn from another trajectory, joined by a curve"),
+    ("orbit", "a circle about a point, which the camera looks at"),
+    ("keyframes", "poses given by hand, joined by a curve"),
+];
+
 fn making(scenes: &[BuiltScene<'_>]) -> String {
-    let mut text = String::from(
-        "## How it was made\n\nCaptured poses were smoothed, measured by rotation and translation, and sampled densely \
-         at the prescribed speed; every pose was rendered; the sensor saw the renderings as brightness that is linear \
-         in time between poses in ln(L + k2). Thresholds, sensor parameters and seeds are in `scene.json`.\n\n\
-         | scene / trajectory | source | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
-         |---|---|---|---|---|---|---|---|---|---|\n",
+    let kinds: Vec<&str> = trajectories(scenes).map(BuiltTrajectory::kind).collect();
+    let mut text = String::from("## How it was made\n\nEach path is one of these:\n\n");
+    for (kind, what) in PATHS.iter().filter(|(kind, _)| kinds.contains(kind)) {
+        let _ = writeln!(text, "- `{kind}`: {what}");
+    }
+    text.push_str(
+        "\nPaths were measured by rotation and translation, and sampled densely at the prescribed speed; every pose \
+         was rendered; the sensor saw the renderings as brightness that is linear in time between poses in ln(L + k2). \
+         Thresholds, sensor parameters and seeds are in `scene.json`.\n\n\
+         | scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for scene in scenes {
         for trajectory in &scene.trajectories {
@@ -137,10 +150,11 @@ fn row(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> String {
         format!("{} | {rate:.3} | {share:.3} | {on:.4}, {off:.4}", account.events)
     });
     format!(
-        "| {}/{} | {} | {} | {size} | {} | {:.1} | {} |",
+        "| {}/{} | {} | {} | {} | {size} | {} | {:.1} | {} |",
         scene.recipe.scene,
         trajectory.name,
         scene.recipe.source.kind(),
+        trajectory.kind(),
         scene.gaussians.count,
         stamps.len(),
         last_us as f64 * 1e-3,

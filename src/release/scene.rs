@@ -1,13 +1,15 @@
 //! `scene.json`, schema version 1: what a scene is, where it comes from and how it was made. Photos are named and
 //! hashed, never copied; nothing here is a guess: what is not known is `null`.
 
-use super::built::{BuiltScene, BuiltTrajectory};
-use crate::artifact::Simulation;
+mod trajectory;
+
+use super::built::BuiltScene;
 use crate::camera::Camera;
 use crate::recipe::{Recipe, Source};
-use crate::render::RenderChoice;
-use crate::render::flow::Quantiles;
-use crate::sensor::Sensor;
+use crate::seed::{Purpose, Seed};
+use crate::speed::Meaning;
+use crate::trajectory::path::Path;
+use crate::trajectory::report::Report;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -52,7 +54,7 @@ pub struct SceneFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcePart {
-    /// `procedural`, `colmap` or `nerfstudio`.
+    /// `procedural`, `colmap`, `nerfstudio` or `none`.
     pub kind: String,
     /// The upstream dataset's own id.
     pub upstream_id: Option<String>,
@@ -203,11 +205,11 @@ pub struct LicensedTool {
 pub struct TrajectoryPart {
     /// Its name.
     pub name: String,
-    /// `refine`.
+    /// `refine`, `novel`, `orbit` or `keyframes`.
     pub kind: String,
-    /// Path and speed as the recipe has them.
+    /// Path, by its kind, and speed as the recipe has them.
     pub parameters: Value,
-    /// Key frames that were drawn.
+    /// Poses of another trajectory that were drawn as its key poses, by number from 0.
     pub keyframes: Vec<u64>,
     /// Number of poses.
     pub poses: usize,
@@ -324,10 +326,10 @@ pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
         reconstruction: reconstruction(scene)?,
         licence: licence(scene),
         seed: recipe.seed,
-        seeds: scene.trajectories.iter().filter_map(seed).collect(),
+        seeds: seeds(scene),
         recipe: recipe.merged.clone(),
         recipe_sha256: super::checksum::sha256(&compact),
-        trajectories: scene.trajectories.iter().map(|t| trajectory(recipe, t)).collect(),
+        trajectories: scene.trajectories.iter().map(|t| trajectory::part(recipe, t)).collect(),
         attributes: attributes(scene),
     })
 }
@@ -397,77 +399,34 @@ fn licence(scene: &BuiltScene<'_>) -> LicencePart {
     }
 }
 
-fn seed(trajectory: &BuiltTrajectory) -> Option<(String, String)> {
-    let seed = trajectory.simulation()?.seed;
-    Some((format!("{}/sensor", trajectory.name), seed.0.to_string()))
-}
-
-fn trajectory(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
-    let asked = recipe.trajectories.iter().find(|t| t.name == built.name);
-    let parameters = asked.map(|t| json!({ "refine": t.refine, "speed": t.speed }));
-    let stamps = &built.motion.trajectory.stamps_us;
-    TrajectoryPart {
-        name: built.name.clone(),
-        kind: "refine".into(),
-        parameters: parameters.unwrap_or_default(),
-        keyframes: Vec::new(),
-        poses: stamps.len(),
-        duration_us: stamps.last().copied().unwrap_or(0),
-        rate: recipe.rate.0.to_string(),
-        sampling: json!({ "rate": recipe.rate.0.to_string(), "between": "linear" }),
-        render_rules: render_rules(recipe.render, built.simulation()),
-        sensor: built.simulation().map(sensor),
-        blur: None,
-        statistics: statistics(built),
-    }
-}
-
-fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {
-    let antialiased = simulation.map(|s| s.antialiased);
-    json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
-}
-
-fn sensor(simulation: &Simulation) -> Value {
-    let (c_on, c_off) = simulation.sensor.as_model().contrast();
-    let Sensor::Voltmeter(v) = &simulation.sensor;
-    json!({
-        "model": "voltmeter", "law": v.law, "law_version": simulation.sensor.as_model().law_version(),
-        "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
-        "theta_on": v.threshold_on, "theta_off": v.threshold_off, "c_on": c_on, "c_off": c_off,
-        "seed": simulation.seed.0.to_string(),
-    })
-}
-
-fn statistics(built: &BuiltTrajectory) -> Statistics {
-    let report = &built.motion.report;
-    let motion = Statistics {
-        linear_unit_s: Range::of(&report.linear_unit_s),
-        angular_rad_s: Range::of(&report.angular_rad_s),
-        ..Statistics::default()
+/// The groups of a novel trajectory share the seeds of its draws, which derive from its name as the recipe has it.
+fn seeds(scene: &BuiltScene<'_>) -> BTreeMap<String, String> {
+    let mut seeds = BTreeMap::new();
+    let mut add = |name: &str, purpose: Purpose, seed: Seed| {
+        seeds.insert(format!("{name}/{}", purpose.name()), seed.0.to_string());
     };
-    let Some(simulation) = built.simulation() else { return motion };
-    let account = &simulation.account;
-    let seconds = built.motion.trajectory.stamps_us.last().map_or(0.0, |t| *t as f64 * 1e-6);
-    let pixel_seconds = simulation.camera.size.pixels() as f64 * seconds;
-    Statistics {
-        events: Some(account.events),
-        on: Some(account.on),
-        off: Some(account.off),
-        rate_ev_px_s: (pixel_seconds > 0.0).then(|| account.events as f64 / pixel_seconds),
-        peak_ev_per_ms: built.peak_ev_per_ms,
-        active_pixels: Some(account.active_pixels),
-        max_step_px: simulation.flow_px.map(|Quantiles { max, .. }| max),
-        depth_unit: simulation.depth_unit.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
-        ..motion
+    for asked in &scene.recipe.trajectories {
+        if let Path::Novel(novel) = &asked.path {
+            add(&asked.written, Purpose::Keyframes, novel.keyframes_seed);
+            add(&asked.written, Purpose::Curve, novel.curve_seed);
+        }
     }
+    for built in &scene.trajectories {
+        if let Some(simulation) = built.simulation() {
+            add(&built.name, Purpose::Sensor, simulation.seed);
+        }
+    }
+    seeds
 }
 
 fn attributes(scene: &BuiltScene<'_>) -> Attributes {
     let sharp = scene.trajectories.iter().any(|t| t.sharp.is_some());
-    let uniform = scene
-        .trajectories
-        .iter()
-        .all(|t| Range::of(&t.motion.report.u).is_none_or(|range| range.max <= UNIFORM * range.min));
+    // Where the frame rate varies in the speed's place, steps are as short as they are quick.
+    let is_uniform = |report: &Report| {
+        report.meaning == Meaning::FrameRate
+            || Range::of(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
+    };
+    let uniform = scene.trajectories.iter().all(|t| is_uniform(&t.motion.report));
     Attributes {
         data_type: if sharp { vec!["sharp".into()] } else { Vec::new() },
         scene_scale: "unknown".into(),

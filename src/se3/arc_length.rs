@@ -6,11 +6,12 @@
 //! the nodes of the rule and at both ends. The integral of this polynomial is inverted by Newton's method, which
 //! costs no further speed.
 
+use super::series::series;
 use super::spline::Place;
 use super::sum::Sum;
 
 /// Panels that every segment starts with.
-const PANELS: u32 = 4;
+const PANELS: usize = 4;
 /// A panel settles when one rule over it and two over its halves agree to this share of its length: the two, 2^10
 /// times more accurate on a smooth curve, are kept. For a speed whose nearest singularity is as many panel widths away
 /// as this allows (four), the polynomial of a half misses less than 1e-10 of its variation.
@@ -138,9 +139,8 @@ impl<P: Pace> ArcLength<P> {
 
     /// The halves of a segment's panels, in order.
     fn settle_segment(&self, segment: usize, halves: &mut Vec<Span>) {
-        let bound = |k: u32| self.steps[segment] * (f64::from(k) / f64::from(PANELS));
-        let spans: [Span; PANELS as usize] =
-            std::array::from_fn(|k| self.span(segment, bound(k as u32), bound(k as u32 + 1)));
+        let bound = |k: usize| self.steps[segment] * (k as f64 / PANELS as f64);
+        let spans: [Span; PANELS] = std::array::from_fn(|k| self.span(segment, bound(k), bound(k + 1)));
         let floor = spans.iter().map(Span::length).sum::<f64>() * FLOOR;
         halves.clear();
         spans.into_iter().for_each(|span| self.subdivide(halves, span, floor, DEPTH));
@@ -210,8 +210,8 @@ impl Panel {
         for (k, c) in speed.iter().enumerate() {
             integral[k + 1] = c / (k + 1) as f64;
         }
-        integral[0] = -polynomial(&integral, -1.0);
-        let whole = polynomial(&integral, 1.0);
+        integral[0] = -series(-1.0, &integral);
+        let whole = series(1.0, &integral);
         let bends = [values[0], values[6]].map(|v| 1.0 / (1.0 + v) - 1.0);
         Self { from: span.from, width: span.to - span.from, before, length, speed, integral, whole, bends }
     }
@@ -223,9 +223,9 @@ impl Panel {
         let (mut low, mut high) = (-1.0, 1.0);
         let mut w = self.guess(share);
         for _ in 0..ROUNDS {
-            let residual = polynomial(&self.integral, w) - target;
+            let residual = series(w, &self.integral) - target;
             *(if residual > 0.0 { &mut high } else { &mut low }) = w;
-            let newton = w - residual / polynomial(&self.speed, w);
+            let newton = w - residual / series(w, &self.speed);
             if (newton - w).abs() < SHORT && newton >= low - SHORT && newton <= high + SHORT {
                 w = newton.clamp(-1.0, 1.0);
                 break;
@@ -241,11 +241,6 @@ impl Panel {
         let u = share + share * rest * (a * rest - b * share);
         if u > 0.0 && u < 1.0 { 2.0 * u - 1.0 } else { 2.0 * share - 1.0 }
     }
-}
-
-/// `sum c[k] w^k`
-fn polynomial(coefficients: &[f64], w: f64) -> f64 {
-    coefficients.iter().rev().fold(0.0, |sum, c| sum * w + c)
 }
 
 /// A walk along a curve: places by growing lengths. Going back is possible, and slow.
@@ -321,15 +316,12 @@ impl<P: Pace> Walk<'_, P> {
 
 /// The last of `starts`, which do not fall, that is at most `at`, or 0: most often `near`, or the next.
 fn index_of(starts: &[f64], near: usize, at: f64) -> usize {
-    let ends_after = |k: usize| starts.get(k + 1).is_none_or(|next| at < *next);
-    if starts[near] <= at {
-        if let Some(k) =
-            [near, near + 1].into_iter().take_while(|k| *k < starts.len()).find(|k| ends_after(*k))
-        {
-            return k;
-        }
-    }
-    starts.partition_point(|start| *start <= at).saturating_sub(1)
+    let holds = |k: &usize| {
+        let next = starts.get(k + 1);
+        starts.get(*k).is_some_and(|start| *start <= at) && next.is_none_or(|next| at < *next)
+    };
+    let found = [near, near + 1].into_iter().find(holds);
+    found.unwrap_or_else(|| starts.partition_point(|start| *start <= at).saturating_sub(1))
 }
 
 /// Nodes of the rule on [-1, 1]: the roots of the Legendre polynomial of degree 5.

@@ -3,6 +3,7 @@
 //! Rotation vectors point along the axis (right-handed) and are as long as the angle. Products compose on the
 //! right: `a * exp(v)` turns `a` by `v` in its own body frame.
 
+use super::series::{alternating, series};
 use glam::{DQuat, DVec3};
 use libm::{atan2, cos, sin};
 
@@ -16,8 +17,7 @@ pub fn exp(r: DVec3) -> DQuat {
     let t2 = r.length_squared();
     let (w, k) = if t2 < 1.0 {
         let y = t2 / 4.0;
-        let series = |terms: &[f64]| terms.iter().rev().fold(0.0, |sum, c| sum * y + c);
-        (series(&COSINE), series(&HALF_SINE))
+        (series(y, &COSINE), series(y, &HALF_SINE))
     } else {
         let t = t2.sqrt();
         (cos(t / 2.0), sin(t / 2.0) / t)
@@ -35,27 +35,9 @@ pub fn unit(q: DQuat) -> DQuat {
 }
 
 /// `(-1)^k / (2k)!`
-const COSINE: [f64; 8] = [
-    1.0,
-    -1.0 / 2.0,
-    1.0 / 24.0,
-    -1.0 / 720.0,
-    1.0 / 40_320.0,
-    -1.0 / 3_628_800.0,
-    1.0 / 479_001_600.0,
-    -1.0 / 87_178_291_200.0,
-];
+const COSINE: [f64; 8] = alternating(0, &[1.0; 8]);
 /// `(-1)^k / (2 (2k+1)!)`
-const HALF_SINE: [f64; 8] = [
-    1.0 / 2.0,
-    -1.0 / 12.0,
-    1.0 / 240.0,
-    -1.0 / 10_080.0,
-    1.0 / 725_760.0,
-    -1.0 / 79_833_600.0,
-    1.0 / 12_454_041_600.0,
-    -1.0 / 2_615_348_736_000.0,
-];
+const HALF_SINE: [f64; 8] = alternating(1, &[0.5; 8]);
 
 /// The rotation vector of the unit quaternion `q`, of length at most pi.
 ///
@@ -126,6 +108,15 @@ const SETTLED: f64 = 1e-12;
 /// # Errors
 /// Where an element lies more than pi/2 from the mean, or 50 rounds do not bring the step below 1e-12 rad.
 pub fn karcher_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
+    within_quarter_turn(rotations, settled_mean(rotations, start)?)
+}
+
+/// The mean near `start`, however far the rotations spread around it. Over more than a quarter turn it need not be the
+/// only one.
+///
+/// # Errors
+/// Where 50 rounds do not bring the step below 1e-12 rad.
+pub(crate) fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
     let mut mean = start;
     let mut step = 0.0;
     for _ in 0..ROUNDS {
@@ -134,7 +125,7 @@ pub fn karcher_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanErro
         mean = (mean * exp(mean_log)).normalize();
         step = mean_log.length();
         if step < SETTLED {
-            return within_quarter_turn(rotations, mean);
+            return Ok(mean);
         }
     }
     Err(MeanError::Unsettled { step })

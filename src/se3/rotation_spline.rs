@@ -11,6 +11,7 @@
 //! nonlinear term is a quadratic form, whose derivative is exact and lies on the diagonal of the system.
 
 use super::rotation::{exp, log, unit};
+use super::series::{alternating, series};
 use super::spline::{Cubic, Place};
 use glam::{DMat3, DQuat, DVec3};
 use libm::{cos, sin};
@@ -215,7 +216,8 @@ fn rate_from_slope(r: DVec3) -> DMat3 {
     DMat3::IDENTITY - skew * c.versine + skew * skew * c.sine
 }
 
-fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
+/// [`rate_from_slope`] times a slope, for every finite `r`.
+pub(crate) fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
     let c = Coefficients::of(r.length_squared());
     let once = r.cross(slope);
     slope - once * c.versine + r.cross(once) * c.sine
@@ -229,7 +231,7 @@ fn slope_from_rate(r: DVec3) -> DMat3 {
 }
 
 /// The part of the angular acceleration that is quadratic in the slope of the rotation vector.
-fn quadratic(r: DVec3, slope: DVec3) -> DVec3 {
+pub(crate) fn quadratic(r: DVec3, slope: DVec3) -> DVec3 {
     let c = Quadratic::of(r.length_squared());
     let once = r.cross(slope);
     (once * c.k1 + r.cross(once) * c.k2) * r.dot(slope) + slope.cross(once) * c.k3
@@ -286,20 +288,17 @@ fn cotangent_coefficient(t2: f64) -> f64 {
     (1.0 - half * cos(half) / sin(half)) / t2
 }
 
-/// `sum c[k] t2^k`. With `t2 < 1` the first omitted term of each table below is under 1e-17 of the sum.
-fn series(t2: f64, coefficients: &[f64]) -> f64 {
-    coefficients.iter().rev().fold(0.0, |sum, c| sum * t2 + c)
-}
+// With `t2 < 1` the first omitted term of each table below is under 1e-17 of the sum.
 
 const TERMS: usize = 9;
 /// `(-1)^k / (2k+2)!`
-const VERSINE: [f64; TERMS] = table(2, &[1.0; TERMS]);
+const VERSINE: [f64; TERMS] = alternating(2, &[1.0; TERMS]);
 /// `(-1)^k / (2k+3)!`
-const SINE: [f64; TERMS] = table(3, &[1.0; TERMS]);
+const SINE: [f64; TERMS] = alternating(3, &[1.0; TERMS]);
 /// `(-1)^k (2k+2) / (2k+4)!`
-const K1: [f64; TERMS] = table(4, &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0]);
+const K1: [f64; TERMS] = alternating(4, &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0]);
 /// `-(-1)^k (2k+2) / (2k+5)!`
-const K2: [f64; TERMS] = table(5, &[-2.0, -4.0, -6.0, -8.0, -10.0, -12.0, -14.0, -16.0, -18.0]);
+const K2: [f64; TERMS] = alternating(5, &[-2.0, -4.0, -6.0, -8.0, -10.0, -12.0, -14.0, -16.0, -18.0]);
 /// `|B_{2k+2}| / (2k+2)!`
 const COTANGENT: [f64; 12] = [
     1.0 / 12.0,
@@ -315,21 +314,3 @@ const COTANGENT: [f64; 12] = [
     77_683.0 / 14_101_100_039_391_805_440_000.0,
     236_364_091.0 / 1_693_824_136_731_743_669_452_800_000.0,
 ];
-
-/// `(-1)^k numerators[k] / (2k + first)!`
-const fn table(first: usize, numerators: &[f64; TERMS]) -> [f64; TERMS] {
-    let mut out = [0.0; TERMS];
-    let mut factorial = 1.0;
-    let mut sign = 1.0;
-    let (mut k, mut n) = (0, 1);
-    while k < TERMS {
-        while n <= 2 * k + first {
-            factorial *= n as f64;
-            n += 1;
-        }
-        out[k] = sign * numerators[k] / factorial;
-        sign = -sign;
-        k += 1;
-    }
-    out
-}

@@ -96,25 +96,34 @@ impl Model {
     /// When there is none, or, further down, more than one.
     pub fn find(dir: &Path) -> Result<Self, SourceError> {
         std::fs::read_dir(dir).map_err(SourceError::io(dir))?;
-        let near = [dir.to_owned(), dir.join("sparse/0"), dir.join("sparse")];
-        if let Some(model) = near.into_iter().find_map(Self::at) {
+        if let Some(model) = Self::near(dir) {
             return Ok(model);
         }
+        Self::below(dir)?.ok_or_else(|| SourceError::Absent {
+            dir: dir.to_owned(),
+            because: "no COLMAP model was found: wanted cameras and images, .bin or .txt, here, in sparse/0, or in one \
+                      sparse/0 up to three folders down"
+                .to_owned(),
+        })
+    }
+
+    /// The model in `dir` itself, or in `sparse/0` or `sparse` below it.
+    pub(super) fn near(dir: &Path) -> Option<Self> {
+        [dir.to_owned(), dir.join("sparse/0"), dir.join("sparse")].into_iter().find_map(Self::at)
+    }
+
+    /// The one `sparse/0` further down.
+    pub(super) fn below(dir: &Path) -> Result<Option<Self>, SourceError> {
         let below = WalkDir::new(dir).min_depth(1).max_depth(3).sort_by_file_name();
         let folders = below.into_iter().filter_map(Result::ok).filter(|entry| entry.file_type().is_dir());
         let mut models = folders.filter_map(|entry| Self::at(entry.path().join("sparse/0")));
-        let absent = |because| SourceError::Absent { dir: dir.to_owned(), because };
         match (models.next(), models.next()) {
-            (Some(model), None) => Ok(model),
             (Some(a), Some(b)) => {
                 let (a, b) = (a.dir.display(), b.dir.display());
-                Err(absent(format!("two COLMAP models were found, {a} and {b}: name one of them")))
+                let because = format!("two COLMAP models were found, {a} and {b}: name one of them");
+                Err(SourceError::Absent { dir: dir.to_owned(), because })
             }
-            (None, _) => Err(absent(
-                "no COLMAP model was found: wanted cameras and images, .bin or .txt, here, in sparse/0, or in one \
-                 sparse/0 up to three folders down"
-                    .to_owned(),
-            )),
+            (model, _) => Ok(model),
         }
     }
 

@@ -4,15 +4,13 @@
 //! form has `camera_angle_x` alone. Pixel centres lie at half-integers as here, unless the file has `pixel_center: 0`.
 //! `applied_transform` is part of the poses already; the world is the file's.
 
-mod node;
-
+use super::node::{Node, load};
 use super::photo::{self, Photo};
-use super::{Capture, Found, Lens, Place, SourceError, View, Warning, collect, screen_camera};
+use super::{Capture, Found, Lens, SourceError, View, Warning, collect, screen_camera};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
-use node::Node;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -20,17 +18,8 @@ use std::path::{Path, PathBuf};
 const MOST_ASPECT_ERROR: f64 = 0.005;
 
 /// The file itself, given it or its folder.
-fn locate(path: &Path) -> PathBuf {
+pub(super) fn locate(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("transforms.json") } else { path.to_owned() }
-}
-
-fn load(file: &Path) -> Result<serde_json::Value, SourceError> {
-    let text = std::fs::read_to_string(file).map_err(SourceError::io(file))?;
-    serde_json::from_str(&text).map_err(|e| SourceError::Content {
-        path: file.to_owned(),
-        place: Place::Line(e.line()),
-        because: e.to_string(),
-    })
 }
 
 /// Reads a `transforms.json`, or the one in a folder, as a capture.
@@ -172,17 +161,8 @@ impl Own<'_> {
         self.number(key)?.ok_or_else(|| self.top.missing(key, "a number, as `fl_x` is there"))
     }
 
-    /// A side of the image: some writers have floats.
     fn side(&self, key: &str) -> Result<Option<u32>, SourceError> {
-        let Some(node) = self.find(key) else { return Ok(None) };
-        let side = node.number()?;
-        let whole = (1.0..=f64::from(u32::MAX)).contains(&side) && side.fract() == 0.0;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
-        if whole {
-            Ok(Some(side as u32))
-        } else {
-            Err(node.fault(format!("{side}, wanted a whole number of pixels")))
-        }
+        self.find(key).map(|node| node.side()).transpose()
     }
 
     /// What is added to a principal point to count from pixel corners.
@@ -223,7 +203,7 @@ impl Own<'_> {
 
 /// The pose of a matrix, and its deviation from a rotation where that must be told.
 fn pose(node: &Node<'_>) -> Result<(Se3, Option<f64>), SourceError> {
-    let m = node.matrix()?;
+    let m: [[f64; 4]; 4] = node.matrix()?;
     if m[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, wanted)| (found - wanted).abs() > 1e-9) {
         return Err(node.fault(format!("its last row is {:?}, wanted 0, 0, 0, 1", m[3])));
     }

@@ -32,6 +32,8 @@ pub enum Capturing {
         #[serde(skip)]
         path: PathBuf,
     },
+    /// No source: a capture without views.
+    None,
 }
 
 impl Capturing {
@@ -51,7 +53,7 @@ impl Stage for Capturing {
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let (root, listed) = match self {
-            Self::Procedural { .. } => return Ok(Vec::new()),
+            Self::Procedural { .. } | Self::None => return Ok(Vec::new()),
             Self::Colmap { dir } => (dir, colmap::files(dir)),
             Self::Nerfstudio { path } => (path, nerfstudio::files(path)),
         };
@@ -64,7 +66,7 @@ impl Stage for Capturing {
 
     fn source_folders(&self) -> Vec<PathBuf> {
         match self {
-            Self::Procedural { .. } => Vec::new(),
+            Self::Procedural { .. } | Self::None => Vec::new(),
             Self::Colmap { dir } => colmap::folders(dir),
             Self::Nerfstudio { path } => nerfstudio::folders(path),
         }
@@ -80,6 +82,7 @@ impl Stage for Capturing {
             Self::Nerfstudio { path } => {
                 nerfstudio::read(path).map_err(StageError::work("read the source"))?
             }
+            Self::None => (Capture { views: Vec::new() }, Vec::new()),
         };
         cx.warnings.extend(warnings.iter().chain(&capture.distortion()).map(ToString::to_string));
         let out = cx.out.join("capture.json");

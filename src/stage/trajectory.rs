@@ -1,8 +1,9 @@
 //! Stage `trajectory`: from captured views, or from less, to a dense path at the prescribed speed.
 
-use super::{Context, Stage, StageError, Target};
-use crate::artifact::{Motion, write_json};
+use super::{Context, Need, Stage, StageError, Target};
+use crate::artifact::{Files, Motion, write_json};
 use crate::camera::CameraChoice;
+use crate::image::Size;
 use crate::render::RenderChoice;
 use crate::render::cpu::{self, Cpu};
 use crate::render::flow::Meter;
@@ -56,6 +57,17 @@ impl Stage for Moving {
 
     fn class(&self) -> Option<String> {
         self.seeing.as_ref().map(|_| cpu::FINGERPRINT.to_owned())
+    }
+
+    fn need(&self, files: &[Files]) -> Need {
+        /// The pictures that the flow is measured on are small, whatever the camera.
+        const SMALL: Size = Size { width: 160, height: 90 };
+        match (&self.seeing, files) {
+            (Some(_), [others @ .., scene]) => {
+                Need::memory([super::copies(others), cpu::memory(scene.bytes(), SMALL)])
+            }
+            _ => Need::memory([super::copies(files)]),
+        }
     }
 
     fn run(

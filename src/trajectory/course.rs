@@ -1,6 +1,6 @@
 //! A course: the path that poses are taken from, before anyone travels it.
 
-use super::curve::{Curve, Measured, PoseCurve};
+use super::curve::{Curve, MOST_DEGREE, Measured, PoseCurve};
 use super::knots::{Gap, Knots, Merged};
 use super::metric::Metric;
 use super::{TrajectoryError, Warning};
@@ -67,7 +67,7 @@ impl Course {
     /// The course of `curve` through knots. What else is known of it is empty.
     ///
     /// # Errors
-    /// Where no curve holds the steps, or rotations turn too unevenly for it.
+    /// Where the curve's degree is out of range, no curve holds the steps, or rotations turn too unevenly for it.
     pub(super) fn through(
         kind: Kind,
         knots: Knots<'_>,
@@ -75,9 +75,11 @@ impl Course {
         origin: DVec3,
         metric: Metric,
     ) -> Result<Self, TrajectoryError> {
+        screen_degree(curve)?;
         let (line, length) = (Line::through(&knots, curve)?, knots.length());
         let views = knots.views();
         let mut warnings: Vec<Warning> = knots.half_turns().collect();
+        warnings.extend(line.curve().and_then(PoseCurve::warning));
         if let Line::Still(_) = line {
             warnings.push(Warning::Still { views });
         }
@@ -106,6 +108,17 @@ impl Course {
     /// The pose that stands in files: in world coordinates, its quaternion with `w >= 0`.
     pub(super) fn placed(&self, pose: Se3) -> Se3 {
         Se3 { rotation: canonical(pose.rotation), translation: self.origin + pose.translation }
+    }
+}
+
+fn screen_degree(curve: Curve) -> Result<(), TrajectoryError> {
+    match curve {
+        Curve::Bezier { degree } if !(1..=MOST_DEGREE).contains(&degree) => Err(TrajectoryError::Parameter {
+            field: "bezier.degree",
+            found: degree.to_string(),
+            wanted: "a whole number from 1 to 20",
+        }),
+        _ => Ok(()),
     }
 }
 

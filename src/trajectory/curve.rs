@@ -1,6 +1,6 @@
 //! Curves of poses through (or near) the knots.
 //!
-//! One file a family. All but [`bezier`](mod@bezier) are piecewise; a place on them is a segment and the parameter
+//! One file a family. All but [`Bezier`] are piecewise; a place on them is a segment and the parameter
 //! from its start, so that a long path loses no digits. Translations are relative to the course's origin.
 
 mod bezier;
@@ -9,12 +9,13 @@ mod cubic;
 mod cumulative;
 mod slerp_lerp;
 
-pub use bezier::Bezier;
+pub use bezier::{Bezier, MOST_DEGREE};
 pub use circle::Circle;
 pub use cubic::Cubic;
 pub use cumulative::Cumulative;
 pub use slerp_lerp::SlerpLerp;
 
+use super::Warning;
 use super::metric::Metric;
 use crate::se3::arc_length::Pace;
 use crate::se3::rotation_spline::Unsettled;
@@ -46,8 +47,13 @@ pub trait PoseCurve: fmt::Debug + Send + Sync {
         }
     }
 
-    /// The degree of a Bezier curve.
+    /// The degree of a Bezier curve, which may be lower than the one asked for.
     fn degree(&self) -> Option<u32> {
+        None
+    }
+
+    /// Where the curve is not quite of the kind that was asked for.
+    fn warning(&self) -> Option<Warning> {
         None
     }
 }
@@ -64,7 +70,7 @@ pub enum Curve {
     SlerpLerp,
     /// One Bezier curve of this degree, by least squares; through both ends.
     Bezier {
-        /// Degree, from 1.
+        /// Degree, 1 to [`MOST_DEGREE`].
         degree: u32,
     },
 }

@@ -188,6 +188,11 @@ pub enum Warning {
         /// The later view.
         before: String,
     },
+    /// Rotations that no Bezier curve can be fitted to.
+    #[error(
+        "the rotations spread too far around their mean for a Bezier curve; they follow the C2 rotation spline instead"
+    )]
+    Spread,
     /// The speed varies wildly.
     #[error("the fastest step is {ratio:.0} times the slowest; the largest turns by {degrees:.2} degrees")]
     SpeedRange {

@@ -1,12 +1,21 @@
 //! The paper's 3.5.2: mini-trajectories between key poses drawn from a dense one.
+//!
+//! One draw without replacement serves all groups, which take their key poses from it in turn; each group then puts its
+//! own in order of time, since a path in the order of the draw would cut back through the object.
 
-use super::TrajectoryError;
-use super::course::Course;
+use super::course::{Course, Kind};
 use super::curve::Curve;
+use super::knots::Knots;
+use super::metric::Metric;
+use super::refine::{Scale, screen};
 use super::travel::{Count, Travel};
+use super::{NamedPose, TrajectoryError};
 use crate::se3::Se3;
-use crate::seed::Seed;
+use crate::seed::{Cell, Draws, Seed, Space};
 use serde::Serialize;
+
+/// Degrees that a Bezier curve is drawn from.
+const DEGREES: [u32; 4] = [2, 3, 4, 5];
 
 /// One group of key poses.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -53,7 +62,147 @@ impl Novel {
         Travel { count: self.count, literal: self.literal }
     }
 
-    pub(super) fn course(&self, _base: Base<'_>) -> Result<Course, TrajectoryError> {
-        unimplemented!()
+    /// The course of the group through its key poses, measured as the base is.
+    pub(super) fn course(&self, base: Base<'_>) -> Result<Course, TrajectoryError> {
+        self.screen_numbers(base.poses.len())?;
+        let keyframes = self.draw(base.poses.len());
+        let names: Vec<String> = keyframes.iter().map(|k| format!("pose {k}")).collect();
+        let named = |(name, k)| NamedPose { name, world_from_camera: base.poses[k] };
+        let views = names.iter().map(String::as_str).zip(keyframes.iter().copied()).map(named);
+        let (origin, views, warnings) = screen(views.collect())?;
+        let metric = Metric::new(Scale::Fixed(base.scale), &views)?;
+        let (curve, degree_drawn) = self.draw_curve();
+        let mut course = Course::through(Kind::Novel, Knots::new(&views, metric)?, curve, origin, metric)?;
+        course.degree_drawn = degree_drawn;
+        course.keyframes = keyframes;
+        course.warnings.splice(..0, warnings);
+        Ok(course)
     }
+
+    fn screen_numbers(&self, found: usize) -> Result<(), TrajectoryError> {
+        let &Self { group, groups, keyframes, .. } = self;
+        let wrong = |field, found: u32, wanted| TrajectoryError::Parameter {
+            field,
+            found: found.to_string(),
+            wanted,
+        };
+        if groups == 0 {
+            return Err(wrong("groups", groups, "a whole number from 1"));
+        }
+        if group >= groups {
+            return Err(wrong("group", group, "a whole number below that of groups"));
+        }
+        if keyframes < 2 {
+            return Err(wrong("keyframes", keyframes, "a whole number from 2"));
+        }
+        let wanted = u64::from(groups) * u64::from(keyframes);
+        if wanted > found as u64 {
+            return Err(TrajectoryError::FewPoses { groups, keyframes, wanted, found });
+        }
+        Ok(())
+    }
+
+    /// The group's key poses among so many, in order: its part of a partial Fisher-Yates shuffle.
+    fn draw(&self, poses: usize) -> Vec<usize> {
+        let (group, keyframes) = (self.group as usize, self.keyframes as usize);
+        let mut draws = choices(self.keyframes_seed, 0);
+        let mut deck: Vec<usize> = (0..poses).collect();
+        for next in 0..(group + 1) * keyframes {
+            deck.swap(next, next + draws.index(poses - next));
+        }
+        let mut drawn = deck[group * keyframes..(group + 1) * keyframes].to_vec();
+        drawn.sort_unstable();
+        drawn
+    }
+
+    /// The group's curve, and the degree where one was drawn. Its draws are its own, however many another group takes.
+    fn draw_curve(&self) -> (Curve, Option<u32>) {
+        if let NovelCurve::Fixed(curve) = self.curve {
+            return (curve, None);
+        }
+        let mut draws = choices(self.curve_seed, u64::from(self.group));
+        if draws.index(2) == 0 {
+            return (Curve::Cubic, None);
+        }
+        let degree = DEGREES[draws.index(DEGREES.len())];
+        (Curve::Bezier { degree }, Some(degree))
+    }
+}
+
+/// The draws of one choice.
+fn choices(seed: Seed, index: u64) -> Draws {
+    seed.draws(Cell { x: 0, y: 0, level: 0, index }, Space::Choice)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    fn novel(group: u32, groups: u32, keyframes: u32, seed: u64) -> Novel {
+        Novel {
+            group,
+            groups,
+            keyframes,
+            count: Count::Frames(150),
+            curve: NovelCurve::Any,
+            literal: false,
+            keyframes_seed: Seed(seed),
+            curve_seed: Seed(seed),
+        }
+    }
+
+    #[test]
+    fn groups_share_no_pose_and_more_groups_change_no_earlier_one() {
+        for seed in 0..50 {
+            let of = |groups| (0..groups).map(move |g| novel(g, groups, 5, seed).draw(20));
+            let (few, all): (Vec<_>, Vec<_>) = (of(2).collect(), of(4).collect());
+            assert_eq!(few[..], all[..2]);
+            assert!(all.iter().all(|drawn| drawn.is_sorted()));
+            let mut every: Vec<usize> = all.concat();
+            every.sort_unstable();
+            assert_eq!(every, (0..20).collect::<Vec<_>>());
+        }
+    }
+
+    /// Counts over as many seeds against equal shares, or those given.
+    fn check_shares<K: Ord>(name: &str, draw: impl Fn(u64) -> K, share: impl Fn(&K) -> f64, limit: f64) {
+        const N: u32 = 60_000;
+        let mut found: BTreeMap<K, u32> = BTreeMap::new();
+        (0..u64::from(N)).for_each(|seed| *found.entry(draw(seed)).or_default() += 1);
+        let excess = |(k, n): (&K, &u32)| {
+            let expected = share(k) * f64::from(N);
+            (f64::from(*n) - expected).powi(2) / expected
+        };
+        let statistic: f64 = found.iter().map(excess).sum();
+        println!("{name}: chi-square of {} cells {statistic:.2} (limit {limit})", found.len());
+        let covered: f64 = found.keys().map(share).sum();
+        assert!((covered - 1.0).abs() < 1e-12 && statistic < limit, "{name}: {covered}");
+    }
+
+    /// Limits of chi-square with 14, 29, 4 and 24 degrees of freedom at alpha 1e-4 over the four.
+    #[test]
+    fn draws_are_fair() {
+        check_shares("two of six", |seed| novel(0, 1, 2, seed).draw(6), |_| 1.0 / 15.0, 46.30);
+        let pairs = |seed| [0, 1].map(|group| novel(group, 2, 2, seed).draw(5));
+        check_shares("two groups of two of five", pairs, |_| 1.0 / 30.0, 70.61);
+        let likely = |degree: &Option<u32>| if degree.is_some() { 1.0 / 8.0 } else { 1.0 / 2.0 };
+        let degree = |group| move |seed| novel(group, 9, 2, seed).draw_curve().1;
+        check_shares("curve", degree(3), likely, 26.50);
+        let both = |seed| [0, 1].map(|group| degree(group)(seed));
+        check_shares("curves of neighbours", both, |[a, b]| likely(a) * likely(b), 62.85);
+    }
+
+    /// The first draws are part of the law: whoever changes them changes every novel trajectory ever released.
+    #[test]
+    fn first_draws_are_frozen() {
+        let drawn: Vec<Vec<usize>> = (0..3).map(|group| novel(group, 3, 5, 1).draw(150)).collect();
+        assert_eq!(drawn, DRAWN);
+        let degrees: Vec<Option<u32>> = (0..12).map(|group| novel(group, 12, 5, 1).draw_curve().1).collect();
+        assert_eq!(degrees, DEGREES_DRAWN);
+    }
+
+    const DRAWN: [[usize; 5]; 3] = [[35, 41, 65, 86, 118], [20, 67, 84, 87, 146], [13, 62, 103, 104, 142]];
+    const DEGREES_DRAWN: [Option<u32>; 12] =
+        [None, Some(4), Some(5), None, None, None, Some(2), None, Some(5), Some(4), None, None];
 }

@@ -50,6 +50,16 @@ impl Path {
         self.travel().along(self.course(ground)?, timing, meter)
     }
 
+    /// Whether it is made from the views of a capture. What a novel path is drawn from may need them all the same.
+    #[must_use]
+    pub fn needs_views(&self) -> bool {
+        match self {
+            Self::Refine(_) => true,
+            Self::Orbit(orbit) => orbit.centre.is_none() || orbit.from.is_none() || orbit.up.is_none(),
+            Self::Novel(_) | Self::Keyframes(_) => false,
+        }
+    }
+
     fn course(&self, ground: Ground<'_>) -> Result<Course, TrajectoryError> {
         match self {
             Self::Refine(refine) => refine.course(ground.views),

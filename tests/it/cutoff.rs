@@ -112,7 +112,7 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     place.write("tiny.yaml", edited.to_string());
     let told = place.ok("why tiny --recipes tiny.yaml").stdout;
     let has = |line: &str| assert!(told.lines().any(|l| l.trim() == line), "no line `{line}` in\n{told}");
-    has("tiny/base/trajectory: `refine.count.factor` changed: 2/1 -> 3/1");
+    has("tiny/base/trajectory: `path.refine.count.factor` changed: 2/1 -> 3/1");
     has("tiny/base/events: behind base/trajectory");
     has("tiny/base/sharp: behind base/trajectory");
     has("tiny/base/checks: behind base/trajectory");

@@ -3,6 +3,7 @@
 mod folders;
 mod meaning;
 mod mutations;
+mod paths;
 
 use gs2e::recipe::{Faults, Recipe, RecipeFile, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};

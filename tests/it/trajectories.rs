@@ -3,11 +3,13 @@
 #![expect(clippy::unwrap_used, reason = "test code outside of test functions")]
 
 mod captures;
+mod curves;
 mod edges;
 mod following;
 mod goldens;
 mod invariance;
 mod laws;
+mod novel;
 mod orbits;
 mod pictures;
 

@@ -4,41 +4,55 @@ use super::Resolver;
 use super::number::{Range, Whole};
 use crate::camera::CameraChoice;
 use crate::recipe::field::Field;
-use crate::recipe::schema;
+use crate::recipe::problem::Problem;
 use crate::recipe::text::Place;
+use crate::recipe::{Source, schema};
 use crate::render::{Antialiased, RenderChoice, Rules};
 
 /// Pixels on a side, far above any event sensor; events count them in 16 bits.
 const SIDE: Whole = Whole::new(1, 16_384);
 
+const WHOLE: &str = "without a source the camera is written: camera: { width: 640, height: 360, fx: 500 }";
+
 impl Resolver<'_> {
-    pub(super) fn camera(&self, field: &Field<schema::Camera>) -> Option<Option<CameraChoice>> {
+    pub(super) fn camera(
+        &self,
+        field: &Field<schema::Camera>,
+        source: Option<&Source>,
+    ) -> Option<Option<CameraChoice>> {
+        let whole = source.is_some_and(|source| !source.has_views());
+        if whole && field.is_absent() {
+            return self.refuse(Problem::missing("camera").help(WHOLE).at(self.root));
+        }
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
         let help = "width and height are given together, in pixels";
         let [width, height] = [(&raw.width, "width"), (&raw.height, "height")].map(|(field, name)| {
             self.required(field, name, place, help)?;
             self.small(field, 1, SIDE)
         });
-        let intrinsics = self.intrinsics(raw, place);
+        let intrinsics = self.intrinsics(raw, [width, height], place, whole);
         Some(Some(CameraChoice { width: width?, height: height?, intrinsics: intrinsics? }))
     }
 
-    fn intrinsics(&self, raw: &schema::Camera, camera: Place) -> Option<Option<[f64; 4]>> {
-        let (length, point) = (Range::above(0.0, 1e6), Range::new(-1e6, 1e6));
-        let fields = [
-            (&raw.fx, "fx", length),
-            (&raw.fy, "fy", length),
-            (&raw.cx, "cx", point),
-            (&raw.cy, "cy", point),
-        ];
-        if fields.iter().all(|(field, ..)| field.is_absent()) {
+    /// fx, fy, cx and cy; `None` in it where the camera has none of its own.
+    fn intrinsics(
+        &self,
+        raw: &schema::Camera,
+        sides: [Option<u32>; 2],
+        camera: Place,
+        whole: bool,
+    ) -> Option<Option<[f64; 4]>> {
+        let fields = [&raw.fx, &raw.fy, &raw.cx, &raw.cy];
+        if !whole && fields.iter().all(|field| field.is_absent()) {
             return Some(None);
         }
-        let help = "fx, fy, cx and cy are given together, in pixels, or not at all";
-        let [fx, fy, cx, cy] = fields.map(|(field, name, range)| {
-            self.required(field, name, camera, help)?;
-            self.real(field, 0.0, range)
-        });
+        let help = if whole { WHOLE } else { "fy, cx and cy go with fx, in pixels" };
+        let (length, point) = (Range::above(0.0, 1e6), Range::new(-1e6, 1e6));
+        self.required(&raw.fx, "fx", camera, help);
+        let fx = self.real(&raw.fx, 1.0, length);
+        let fy = self.real(&raw.fy, fx.unwrap_or(1.0), length);
+        let [middle_x, middle_y] = sides.map(|side| f64::from(side.unwrap_or(0)) / 2.0);
+        let (cx, cy) = (self.real(&raw.cx, middle_x, point), self.real(&raw.cy, middle_y, point));
         Some(Some([fx?, fy?, cx?, cy?]))
     }
 

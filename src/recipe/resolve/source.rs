@@ -9,17 +9,18 @@ use crate::recipe::{Reconstruct, Source, schema};
 use crate::scene::procedural::StillLife;
 use std::path::PathBuf;
 
-const SOURCES: &str = "this gs2e reads the sources procedural, colmap and nerfstudio";
+const SOURCES: &str = "this gs2e reads the sources procedural, colmap, nerfstudio and none";
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 
 impl Resolver<'_> {
     pub(super) fn source(&self, field: &Field<schema::Source>) -> Option<Source> {
-        let help = "write source: { procedural: { kind: still-life } }, or colmap or nerfstudio with a path";
+        let help = "write source: { procedural: { kind: still-life } }, or colmap or nerfstudio with a path, or none";
         let (source, _) = self.required(field, "source", self.root, help)?;
         match source {
             schema::Source::Procedural(raw) => self.still_life(raw).map(Source::Procedural),
             schema::Source::Colmap(raw) => self.folder(raw).map(Source::Colmap),
             schema::Source::Nerfstudio(raw) => self.folder(raw).map(Source::Nerfstudio),
+            schema::Source::None => Some(Source::None),
             schema::Source::Mvimgnet(later) | schema::Source::Dl3dv(later) | schema::Source::Model(later) => {
                 self.later(later, SOURCES);
                 None
@@ -58,6 +59,9 @@ impl Resolver<'_> {
             (Field::Absent, Some(Source::Colmap(_) | Source::Nerfstudio(_))) => {
                 let help = format!("{GIVEN}, the scene file that was trained on this source");
                 self.refuse(Problem::missing("reconstruct").help(help).at(self.root))
+            }
+            (Field::Absent, Some(Source::None)) => {
+                self.refuse(Problem::missing("reconstruct").help(GIVEN).at(self.root))
             }
             (Field::Absent, _) => Some(None),
             (Field::Given(_, place), Some(Source::Procedural(_))) => {

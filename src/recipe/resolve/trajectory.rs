@@ -1,29 +1,62 @@
-//! Trajectories: path and speed.
+//! Trajectories: a name, a path, and a speed.
 
-use super::number::{Range, Whole};
-use super::{MAX_FRAMES, Resolver};
-use crate::recipe::field::{Field, Literal};
-use crate::recipe::problem::{Problem, bare, quoted};
+mod count;
+mod keyframes;
+mod novel;
+mod orbit;
+mod refine;
+mod speed;
+mod vector;
+
+use super::Resolver;
+use crate::recipe::field::Field;
+use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::text::Place;
-use crate::recipe::{TrajectoryRecipe, names, schema};
+use crate::recipe::{Source, TrajectoryRecipe, names, schema};
 use crate::speed::Speed;
-use crate::speed::function::{Expression, ExpressionError};
-use crate::trajectory::curve::Curve;
-use crate::trajectory::refine::{Ends, Gaps, Order, Refine, RotationMean, Scale};
-use crate::trajectory::travel::Count;
-use crate::units::{Hertz, Ratio};
+use crate::trajectory::novel::Novel;
+use crate::trajectory::path::Path;
+use crate::trajectory::sample::Summation;
+use crate::units::Hertz;
+use novel::Groups;
+use std::collections::BTreeSet;
 
-/// The paper's speed law (appendix A.1).
-pub(in crate::recipe) const DEFAULT_SPEED: &str = "0.25*sin(t) + 1.1";
+pub(in crate::recipe) use speed::{CONSTANT_SPEED, PAPERS_SPEED};
 
-const PATHS: &str = "this gs2e makes trajectories with refine";
-const CURVES: &str = "this gs2e has the curve cubic";
+const PATHS: &str = "refine, novel, orbit and keyframes";
+
+/// What trajectories are resolved with: other parts of the recipe, as far as they are sound.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Setting<'a> {
+    pub(super) scene: Option<&'a str>,
+    pub(super) seed: Option<u64>,
+    pub(super) source: Option<&'a Source>,
+    pub(super) rate: Option<Hertz>,
+    pub(super) law: Option<Summation>,
+}
+
+/// What a path is resolved with.
+#[derive(Debug, Clone, Copy)]
+struct Around<'a> {
+    setting: Setting<'a>,
+    /// Whether the speed is a flow, which says itself how many poses there are.
+    flows: bool,
+}
+
+impl Setting<'_> {
+    fn has_views(&self) -> bool {
+        self.source.is_none_or(Source::has_views)
+    }
+}
+
+/// The list as it is written.
+type List = [Field<schema::Trajectory>];
 
 impl Resolver<'_> {
     pub(super) fn trajectories(
         &self,
         field: &Field<Vec<Field<schema::Trajectory>>>,
-        rate: Option<Hertz>,
+        setting: Setting<'_>,
     ) -> Option<Vec<TrajectoryRecipe>> {
         let help = "write trajectories: [{ name: base, refine: {} }]";
         let (list, place) = self.required(field, "trajectories", self.root, help)?;
@@ -32,175 +65,107 @@ impl Resolver<'_> {
                 .refuse(Problem::of_field("is an empty list, wanted at least one").help(help).at(place));
         }
         self.refuse_repeated_names(list);
-        let all: Vec<Option<TrajectoryRecipe>> =
-            list.iter().map(|item| self.trajectory(item, rate)).collect();
-        all.into_iter().collect()
+        let all: Vec<Option<Vec<TrajectoryRecipe>>> =
+            list.iter().map(|item| self.trajectory(item, list, setting)).collect();
+        let all = all.into_iter().collect::<Option<Vec<_>>>()?.concat();
+        self.refuse_few_poses(list, &all);
+        Some(all)
     }
 
     /// Names that differ in case alone are one folder on some systems.
-    fn refuse_repeated_names(&self, list: &[Field<schema::Trajectory>]) {
-        let mut seen: Vec<String> = Vec::new();
-        for (name, place) in list.iter().filter_map(|item| item.given()?.0.name.given()) {
-            let folded = name.to_lowercase();
-            if seen.contains(&folded) {
-                let problem =
-                    Problem::of_field(format!("is {}, as an earlier trajectory's is", quoted(name)));
-                self.report(
-                    problem.help("names are folders, which some systems tell apart without case").at(place),
-                );
-            }
-            seen.push(folded);
+    fn refuse_repeated_names(&self, list: &List) {
+        let (mut written, mut folders) = (BTreeSet::new(), BTreeSet::new());
+        for raw in list.iter().filter_map(|item| Some(item.given()?.0)) {
+            let Some((name, place)) = raw.name.given() else { continue };
+            let own = novel::folders(name, raw);
+            let repeated = own.iter().find(|folder| folders.contains(&folder.to_lowercase()));
+            let message = if written.contains(&name.to_lowercase()) {
+                Some(format!("is {}, as an earlier trajectory's is", quoted(name)))
+            } else {
+                repeated.map(|folder| clash(name, folder))
+            };
+            let help = "names are folders, which some systems tell apart without case";
+            message.into_iter().for_each(|m| self.report(Problem::of_field(m).help(help).at(place)));
+            written.insert(name.to_lowercase());
+            folders.extend(own.iter().map(|folder| folder.to_lowercase()));
         }
     }
 
-    fn trajectory(&self, item: &Field<schema::Trajectory>, rate: Option<Hertz>) -> Option<TrajectoryRecipe> {
+    /// One trajectory, or as many as it has groups.
+    fn trajectory(
+        &self,
+        item: &Field<schema::Trajectory>,
+        list: &List,
+        setting: Setting<'_>,
+    ) -> Option<Vec<TrajectoryRecipe>> {
         let (raw, place) = item.given()?;
         let name = self.required(&raw.name, "name", place, "write name: base, its folder in the release");
         let name =
             name.and_then(|(name, at)| self.named(name, at, names::trajectory(name), names::TRAJECTORY_HELP));
-        let later = [&raw.novel, &raw.orbit, &raw.keyframes];
-        later.iter().for_each(|field| self.later(field, PATHS));
-        let has_path = !raw.refine.is_absent() || later.iter().all(|field| field.is_absent());
-        let refine = if has_path { self.refine(&raw.refine, place, rate) } else { None };
-        let speed = self.speed(&raw.speed);
-        Some(TrajectoryRecipe { name: name?, refine: refine?, speed: speed? })
+        let speed = self.speed(&raw.speed, raw.refine.is_absent(), setting.law);
+        let flows = matches!(raw.speed.given(), Some((schema::Speed::Flow(_), _)));
+        let around = Around { setting, flows };
+        if self.several_paths(raw, place) {
+            return None;
+        }
+        if let Field::Given(novel, at) = &raw.novel {
+            let groups = self.novel(novel, *at, list, around);
+            return self.groups(&groups?, &name?, &speed?, raw, setting);
+        }
+        let path = self.path_of(raw, place, around);
+        let (name, path, speed) = (name?, path?, speed?);
+        Some(vec![TrajectoryRecipe { written: name.clone(), name, path, base: None, speed }])
     }
 
-    fn refine(&self, field: &Field<schema::Refine>, within: Place, rate: Option<Hertz>) -> Option<Refine> {
-        let help = "write refine: {} for the paper's: the captured path, smoothed and densified";
-        let (raw, place) = self.required(field, "refine", within, help)?;
-        let window = self.small(&raw.window, 2, Whole::new(0, 1000));
-        let count = self.count(raw, place, rate);
-        let order = self.or(&raw.order, schema::Order::Name);
-        let rotation = self.or(&raw.rotation, schema::Rotation::Mean);
-        let ends = self.or(&raw.ends, schema::Ends::Truncated);
-        let scale = self.scale(&raw.metric);
-        let gaps = self.or(&raw.gaps, schema::Gaps::Bridge);
-        let curve = self.curve(&raw.curve);
-        let literal = self.or(&raw.literal, false);
-        Some(Refine {
-            window: window?,
-            count: count?,
-            order: match order? {
-                schema::Order::Name => Order::Name,
-                schema::Order::Nearest => Order::Nearest,
-            },
-            rotation: match rotation? {
-                schema::Rotation::Mean => RotationMean::Mean,
-                schema::Rotation::SlerpMidpoint => RotationMean::SlerpMidpoint,
-            },
-            ends: match ends? {
-                schema::Ends::Truncated => Ends::Truncated,
-                schema::Ends::Pinned => Ends::Pinned,
-            },
-            scale: scale?,
-            gaps: match gaps? {
-                schema::Gaps::Bridge => Gaps::Bridge,
-                schema::Gaps::Refuse => Gaps::Refuse,
-            },
-            curve: curve?,
-            literal: literal?,
-        })
+    /// Whether there is more than one path, which then was reported.
+    fn several_paths(&self, raw: &schema::Trajectory, place: Place) -> bool {
+        let absent =
+            [raw.refine.is_absent(), raw.novel.is_absent(), raw.orbit.is_absent(), raw.keyframes.is_absent()];
+        let several = absent.iter().filter(|absent| !**absent).count() > 1;
+        if several {
+            let help = "a trajectory has one path; write another trajectory for another path";
+            let message = format!("has more than one of {PATHS}");
+            self.report(Problem::of_field(message).help(help).at(place));
+        }
+        several
     }
 
-    fn count(&self, raw: &schema::Refine, place: Place, rate: Option<Hertz>) -> Option<Count> {
-        let given = [!raw.factor.is_absent(), !raw.frames.is_absent(), !raw.duration.is_absent()];
-        if given.iter().filter(|given| **given).count() > 1 {
-            let problem = Problem::of_field("has more than one of factor, frames and duration");
-            return self.refuse(problem.help("one of them says how many poses there are").at(place));
+    /// A path that is a trajectory by itself.
+    fn path_of(&self, raw: &schema::Trajectory, within: Place, around: Around<'_>) -> Option<Path> {
+        match (&raw.orbit, &raw.keyframes) {
+            (Field::Given(raw, place), _) => self.orbit(raw, *place, around).map(Path::Orbit),
+            (_, Field::Given(raw, place)) => self.keyframes(raw, *place, around).map(Path::Keyframes),
+            (Field::Absent, Field::Absent) if !raw.novel.is_absent() => None,
+            (Field::Absent, Field::Absent) => self.refine(&raw.refine, within, around).map(Path::Refine),
+            _ => None,
         }
-        if !raw.frames.is_absent() {
-            return self.whole(&raw.frames, 1, Whole::new(1, MAX_FRAMES)).map(Count::Frames);
-        }
-        if !raw.duration.is_absent() {
-            return self.duration(&raw.duration, rate);
-        }
-        self.ratio(&raw.factor, 5, Range::above(0.0, 1e6)).map(Count::Factor)
     }
 
-    fn duration(&self, field: &Field<Literal>, rate: Option<Hertz>) -> Option<Count> {
-        const DAY: f64 = 86_400.0;
-        let seconds: Ratio = self.ratio(field, 1, Range::above(0.0, DAY))?;
-        let rate = rate?.to_f64();
-        let frames = 1.0 + (seconds.to_f64() * rate).ceil();
-        if frames > MAX_FRAMES as f64 {
-            let problem = Problem::of_field(format!("makes {frames} frames, wanted at most {MAX_FRAMES}"));
-            return self.refuse(problem.help(format!("there are {rate} frames a second")).at(field.place()?));
-        }
-        Some(Count::Duration(seconds))
-    }
-
-    fn scale(&self, field: &Field<schema::Metric>) -> Option<Scale> {
-        let absent = schema::Metric::default();
-        let field = &self.section(field, &absent)?.scale;
-        let Some((Literal(text), place)) = field.given() else {
-            return field.is_absent().then_some(Scale::Scene);
+    /// The trajectories of a novel one's groups.
+    fn groups(
+        &self,
+        groups: &Groups,
+        written: &str,
+        speed: &Speed,
+        raw: &schema::Trajectory,
+        setting: Setting<'_>,
+    ) -> Option<Vec<TrajectoryRecipe>> {
+        let place = raw.name.place()?;
+        let group = |path: Novel| {
+            let name = novel::folder(written, path.group);
+            let name = self.named(&name, place, names::trajectory(&name), names::TRAJECTORY_HELP)?;
+            let (written, base) = (written.to_owned(), Some(groups.base.clone()));
+            Some(TrajectoryRecipe { name, written, path: Path::Novel(path), base, speed: speed.clone() })
         };
-        let units = Range::above(0.0, 1e12);
-        match text.as_str() {
-            "scene" => Some(Scale::Scene),
-            "none" => Some(Scale::None),
-            number => match number.parse::<f64>() {
-                Ok(number) if units.holds(number) => Some(Scale::Fixed(number)),
-                _ => {
-                    let message = format!("is {}, wanted scene, none, or {units}", bare(number));
-                    self.refuse(Problem::of_field(message).at(place))
-                }
-            },
-        }
-    }
-
-    fn curve(&self, field: &Field<schema::Curve>) -> Option<Curve> {
-        match field {
-            Field::Absent | Field::Given(schema::Curve::Cubic, _) => Some(Curve::Cubic),
-            Field::Bad => None,
-            Field::Given(schema::Curve::Cumulative, place) => self.word_later("cumulative", *place, CURVES),
-            Field::Given(schema::Curve::SlerpLerp, place) => self.word_later("slerp-lerp", *place, CURVES),
-            Field::Given(schema::Curve::Bezier(later), _) => {
-                self.later(later, CURVES);
-                None
-            }
-        }
-    }
-
-    fn speed(&self, field: &Field<schema::Speed>) -> Option<Speed> {
-        match field {
-            Field::Absent => {
-                let law = Expression::parse(DEFAULT_SPEED).expect("the paper's law is positive");
-                Some(Speed::Function(law))
-            }
-            Field::Bad => None,
-            Field::Given(schema::Speed::Function(text), _) => {
-                let (text, place) = text.given()?;
-                self.law(text, place).map(Speed::Function)
-            }
-            Field::Given(schema::Speed::List(later) | schema::Speed::Flow(later), _) => {
-                self.later(later, "this gs2e takes a speed as a function");
-                None
-            }
-        }
-    }
-
-    fn law(&self, text: &str, place: Place) -> Option<Expression> {
-        let error = match Expression::parse(text) {
-            Ok(law) => return Some(law),
-            Err(error) => error,
-        };
-        let help = "a formula in t that stays above 0 for t from 0 to 1, such as 0.25*sin(t) + 1.1";
-        let problem = Problem::of_field(format!("is no speed law: {error}")).help(help).at(place);
-        self.refuse(match seen_at(&error) {
-            Some(bytes) => problem.in_text(place, text, bytes),
-            None => problem,
-        })
+        groups.drawn(setting.seed?, setting.scene?, written).map(group).collect()
     }
 }
 
-/// The bytes of the formula that an error is about.
-fn seen_at(error: &ExpressionError) -> Option<std::ops::Range<usize>> {
-    match error {
-        ExpressionError::Name { at, name } => Some(*at..*at + name.len()),
-        ExpressionError::Syntax { at, .. } | ExpressionError::TooDeep { at, .. } => Some(*at..*at),
-        // The others are about the formula as a whole.
-        _ => None,
+/// A folder that an earlier trajectory has.
+fn clash(name: &str, folder: &str) -> String {
+    if name == folder {
+        format!("is {}, as a group of an earlier trajectory is called", quoted(name))
+    } else {
+        format!("is {}, whose group {} is called as an earlier trajectory is", quoted(name), quoted(folder))
     }
 }

@@ -1,34 +1,148 @@
-//! The curve `bezier`.
+//! The curve `bezier`: one Bezier curve near all knots, from the first to the last.
+//!
+//! Control points at the ends are pinned to the knots; those between them are the least-squares fit at the parameters
+//! `x_k = s_k / s_(K-1)`. Rotations are fitted in the same way, as rotation vectors `log(mean^-1 R_k)` about the mean
+//! of all knots. The curve's parameter is `s`, as for the other curves, and its segments are those between knots, on
+//! all of which it is the same polynomial.
+
+mod least_squares;
+mod pinned;
+
 use super::PoseCurve;
-use crate::se3::rotation_spline::Unsettled;
+use crate::se3::rotation::{exp, log, settled_mean};
+use crate::se3::rotation_spline::{RotationSpline, Unsettled, quadratic, rate_from_slope_times};
 use crate::se3::spline::Place;
 use crate::se3::{Se3, Twist};
+use crate::trajectory::Warning;
+use crate::trajectory::metric::running_sums;
+use glam::{DQuat, DVec3};
+use pinned::Pinned;
+use std::f64::consts::PI;
 
-/// A Bezier curve.
+/// Highest degree: the condition of its basis, 1e6, leaves ten digits.
+pub const MOST_DEGREE: u32 = 20;
+/// Rotations further than this from their mean are not fitted: beyond a half turn their vectors would leap.
+const WIDEST: f64 = 170.0 / 180.0 * PI;
+
+/// A Bezier curve near its knots.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bezier;
+pub struct Bezier {
+    steps: Vec<f64>,
+    /// The parameter before each knot.
+    before: Vec<f64>,
+    degree: u32,
+    centres: Pinned,
+    rotations: Rotations,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Rotations {
+    /// Rotation vectors about a mean.
+    Around(DQuat, Pinned),
+    /// A spline through the knots; through two it is their slerp.
+    Spline(RotationSpline),
+}
 
 impl Bezier {
-    /// Fits.
+    /// The curve near `knots`, with `steps[i] > 0` in the parameter from knot i to knot i+1. So many knots determine a
+    /// degree lower by one than their number; a higher one is lowered to that, since its elevated form is the same
+    /// curve. A degree out of range is taken for the nearest in range.
+    ///
+    /// Where a rotation is more than 170 degrees from the mean of all, where there is no mean, or where the vectors of
+    /// neighbours lie more than a half turn apart (so that the fit would go the long way round), rotations follow the
+    /// C2 rotation spline instead.
     ///
     /// # Errors
-    /// Where the rotation spline does not settle.
-    pub fn fit(_degree: u32, _steps: &[f64], _knots: &[Se3]) -> Result<Self, Unsettled> {
-        unimplemented!()
+    /// Where that rotation spline does not settle.
+    ///
+    /// # Panics
+    /// Unless there are at least two knots and one step fewer than knots.
+    pub fn fit(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, Unsettled> {
+        assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");
+        let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MOST_DEGREE);
+        let degree = degree.clamp(1, determined);
+        let before = running_sums(steps.iter().copied());
+        let x: Vec<f64> = before.iter().map(|s| s / before[steps.len()]).collect();
+        let fit = |points: &[DVec3]| Pinned::fit(degree as usize, &x, points);
+        let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
+        Ok(Self {
+            degree,
+            centres: fit(&knots.iter().map(|k| k.translation).collect::<Vec<_>>()),
+            rotations: match around_mean(&rotations) {
+                Some((mean, vectors)) => Rotations::Around(mean, fit(&vectors)),
+                None => Rotations::Spline(RotationSpline::new(steps, &rotations)?),
+            },
+            steps: steps.to_vec(),
+            before,
+        })
     }
+
+    /// Length of the parameter.
+    fn whole(&self) -> f64 {
+        self.before[self.steps.len()]
+    }
+
+    /// The share of the parameter that lies before a place.
+    fn share(&self, at: Place) -> f64 {
+        ((self.before[at.segment] + at.x) / self.whole()).min(1.0)
+    }
+}
+
+/// The mean of more than two rotations and their vectors from it, where a curve can be fitted to these.
+fn around_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
+    if rotations.len() == 2 {
+        return None;
+    }
+    let mean = settled_mean(rotations, rotations[rotations.len() / 2]).ok()?;
+    let vectors: Vec<DVec3> = rotations.iter().map(|r| log(mean.conjugate() * *r)).collect();
+    let near = vectors.iter().all(|r| r.length() <= WIDEST);
+    let no_leap = vectors.windows(2).all(|w| (w[1] - w[0]).length() <= PI);
+    (near && no_leap).then_some((mean, vectors))
 }
 
 impl PoseCurve for Bezier {
     fn steps(&self) -> &[f64] {
-        unimplemented!()
+        &self.steps
     }
-    fn pose(&self, _: Place) -> Se3 {
-        unimplemented!()
+
+    fn pose(&self, at: Place) -> Se3 {
+        let x = self.share(at);
+        let rotation = match &self.rotations {
+            Rotations::Around(mean, vectors) => (*mean * exp(vectors.value(x))).normalize(),
+            Rotations::Spline(spline) => spline.rotation(at),
+        };
+        Se3 { rotation, translation: self.centres.value(x) }
     }
-    fn twist(&self, _: Place) -> Twist {
-        unimplemented!()
+
+    fn twist(&self, at: Place) -> Twist {
+        let (x, whole) = (self.share(at), self.whole());
+        let angular = match &self.rotations {
+            Rotations::Around(_, vectors) => {
+                rate_from_slope_times(vectors.value(x), vectors.slope(x) / whole)
+            }
+            Rotations::Spline(spline) => spline.rate(at),
+        };
+        Twist { linear: self.centres.slope(x) / whole, angular }
     }
-    fn acceleration(&self, _: Place) -> Twist {
-        unimplemented!()
+
+    fn acceleration(&self, at: Place) -> Twist {
+        let (x, whole) = (self.share(at), self.whole());
+        let angular = match &self.rotations {
+            Rotations::Around(_, vectors) => {
+                let (r, slope) = (vectors.value(x), vectors.slope(x) / whole);
+                rate_from_slope_times(r, vectors.bend(x) / whole / whole) + quadratic(r, slope)
+            }
+            Rotations::Spline(spline) => spline.acceleration(at),
+        };
+        Twist { linear: self.centres.bend(x) / whole / whole, angular }
+    }
+
+    fn degree(&self) -> Option<u32> {
+        Some(self.degree)
+    }
+
+    fn warning(&self) -> Option<Warning> {
+        let instead = matches!(self.rotations, Rotations::Spline(_)) && self.steps.len() > 1;
+        instead.then_some(Warning::Spread)
     }
 }

@@ -114,12 +114,12 @@ impl PoseCurve for Cumulative {
     }
 
     fn knot(&self, number: usize) -> Place {
-        // A segment starts nearest to the second of its four control poses.
-        let segment = number + 1;
-        if segment < self.steps.len() {
-            Place { segment, x: 0.0 }
-        } else {
-            Place { segment: self.steps.len() - 1, x: 1.0 }
+        // A segment starts nearest to the second of its four control poses; the outer knots lie on the ends.
+        let last = self.steps.len() - 2;
+        match number {
+            0 => Place { segment: 0, x: 0.0 },
+            _ if number < last => Place { segment: number + 1, x: 0.0 },
+            _ => Place { segment: self.steps.len() - 1, x: 1.0 },
         }
     }
 }

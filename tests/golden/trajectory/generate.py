@@ -9,9 +9,11 @@ import json
 import numpy as np
 import scipy
 from scipy.integrate import quad
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BPoly, BSpline, CubicSpline
+from scipy.linalg import expm
 from scipy.optimize import brentq
-from scipy.spatial.transform import Rotation, RotationSpline
+from scipy.spatial.transform import Rotation, RotationSpline, Slerp
+from scipy.special import comb
 
 
 def tight(spline_class):
@@ -200,7 +202,156 @@ def refined():
     )
 
 
+def hat(vector):
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def vee(matrix):
+    return np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
+
+
+def exponential(a, slope, bend):
+    """exp(hat(r)) and its first two derivatives for r, r' and r'', by the exponential of one block matrix: a function of
+    a block triangular Toeplitz matrix holds the Taylor coefficients of the function of its entries."""
+    o, a, b, c = np.zeros((3, 3)), hat(a), hat(slope), hat(bend) / 2
+    jet = expm(np.block([[a, b, c], [o, a, b], [o, o, a]]))[:3]
+    return jet[:, :3], jet[:, 3:6], 2 * jet[:, 6:]
+
+
+def times(p, q):
+    """The product of two matrices with their first two derivatives."""
+    return p[0] @ q[0], p[1] @ q[0] + p[0] @ q[1], p[2] @ q[0] + 2 * p[1] @ q[1] + p[0] @ q[2]
+
+
+def turning(jet):
+    """The rotation as a quaternion, the body rate and its derivative, of a rotation matrix with two derivatives."""
+    r, slope, bend = jet
+    rate = vee(r.T @ slope)
+    acceleration = vee(slope.T @ slope + r.T @ bend)
+    return Rotation.from_matrix(r).as_quat(), rate, acceleration
+
+
+def fixed(rotation):
+    return rotation.as_matrix(), np.zeros((3, 3)), np.zeros((3, 3))
+
+
+def cumulative(steps, centres, rotations):
+    """Centres by SciPy's B-spline; rotations as the product over all control rotations of exponentials, weighted with
+    integrals of SciPy's quadratic basis elements, which are the cumulative cubic ones."""
+    ends = lambda a: np.concatenate([[a[0]] * 2, a, [a[-1]] * 2])
+    control = Rotation.from_quat(ends(rotations.as_quat()))
+    knots = np.arange(-3.0, len(control) + 1)
+    centre = BSpline(knots, ends(centres), 3)
+    basis = [BSpline.basis_element(knots[j : j + 4], extrapolate=False) for j in range(1, len(control))]
+    turns = (control[:-1].inv() * control[1:]).as_rotvec()
+
+    def weights(element, t):
+        start, end = element.t[2], element.t[-3]
+        if t <= start:
+            return 0.0, 0.0, 0.0
+        if t >= end:
+            return 1.0, 0.0, 0.0
+        return element.integrate(start, t), float(element(t)), float(element.derivative()(t))
+
+    def at(segment, x):
+        t = segment + x
+        jet = fixed(control[0])
+        for element, turn in zip(basis, turns):
+            jet = times(jet, exponential(*(w * turn for w in weights(element, t))))
+        return centre(t), centre(t, 1), centre(t, 2), *turning(jet)
+
+    return at, len(control) - 3
+
+
+def pinned(degree, x, points):
+    """Control points of the Bezier curve between the outer points that is nearest to the inner ones."""
+    bernstein = np.array([[comb(degree, i) * u**i * (1 - u) ** (degree - i) for i in range(degree + 1)] for u in x])
+    outer = bernstein[:, :1] * points[:1] + bernstein[:, -1:] * points[-1:]
+    inner = np.linalg.lstsq(bernstein[1:-1, 1:-1], (points - outer)[1:-1], rcond=None)[0]
+    return BPoly(np.concatenate([points[:1], inner, points[-1:]])[:, None, :], [0.0, 1.0])
+
+
+def bezier(degree):
+    def curve(steps, centres, rotations):
+        before = np.concatenate([[0.0], np.cumsum(steps)])
+        whole, used = before[-1], min(degree, len(steps))
+        mean = karcher(list(rotations))
+        vectors = (mean.inv() * rotations).as_rotvec()
+        assert np.linalg.norm(vectors, axis=1).max() < 2.9
+        assert np.linalg.norm(vectors.mean(axis=0)) < 1e-14
+        centre = pinned(used, before / whole, centres)
+        vector = pinned(used, before / whole, vectors)
+
+        def at(segment, x):
+            u = (before[segment] + x) / whole
+            derivatives = lambda p: (p(u), p(u, 1) / whole, p(u, 2) / whole**2)
+            return *derivatives(centre), *turning(times(fixed(mean), exponential(*derivatives(vector))))
+
+        return at, len(steps)
+
+    return curve
+
+
+def slerp_lerp(steps, centres, rotations):
+    before = np.concatenate([[0.0], np.cumsum(steps)])
+    turned = Slerp(before, rotations)
+    turns = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+
+    def at(segment, x):
+        t = before[segment] + x
+        centre = [np.interp(t, before, column) for column in centres.T]
+        rate = (centres[segment + 1] - centres[segment]) / steps[segment]
+        still = np.zeros(3)
+        return np.array(centre), rate, still, turned(t).as_quat(), turns[segment] / steps[segment], still
+
+    return at, len(steps)
+
+
+def curves():
+    """The curves beside the cubic one: poses, rates and accelerations."""
+    made = [("cumulative", None, cumulative, knots, widest) for knots, widest in [(2, 1.7), (3, 1.0), (5, 3.0), (9, 1.0)]]
+    made += [("slerp-lerp", None, slerp_lerp, knots, widest) for knots, widest in [(2, 3.0), (6, 2.0)]]
+    for knots, widest in [(2, 3.0), (3, 1.5), (5, 0.7), (12, 0.4)]:
+        made += [("bezier", degree, bezier(degree), knots, widest) for degree in range(1, 6)]
+    cases = []
+    for seed, (name, degree, curve, knots, widest) in enumerate(made):
+        rng = np.random.default_rng(100 + seed)
+        steps = np.ones(knots - 1) if name == "cumulative" else rng.uniform(0.5, 1.6, knots - 1)
+        centres = np.cumsum(rng.normal(size=(knots, 3)), axis=0)
+        turns = rng.normal(size=(knots - 1, 3))
+        turns *= (rng.uniform(widest / 4, widest, knots - 1) / np.linalg.norm(turns, axis=1))[:, None]
+        rotations = [Rotation.from_rotvec(rng.normal(size=3))]
+        for turn in turns:
+            rotations.append(rotations[-1] * Rotation.from_rotvec(turn))
+        rotations = Rotation.concatenate(rotations)
+        at, segments = curve(steps, centres, rotations)
+        lengths = np.ones(segments) if name == "cumulative" else steps
+        places = [(i, float(u * h)) for i, h in enumerate(lengths) for u in (0.04, 0.37, 0.81)]
+        found = [at(*place) for place in places]
+        column = lambda k: [np.asarray(f[k]).tolist() for f in found]
+        cases.append(
+            {
+                "curve": name,
+                "degree": degree,
+                "degree_used": degree and min(degree, knots - 1),
+                "steps": steps.tolist(),
+                "knots": np.concatenate([centres, rotations.as_quat()], axis=1).tolist(),
+                "segments": [i for i, _ in places],
+                "x": [x for _, x in places],
+                "centre": column(0),
+                "linear": column(1),
+                "linear_slope": column(2),
+                "rotation_xyzw": column(3),
+                "angular": column(4),
+                "angular_slope": column(5),
+            }
+        )
+    write("curves.json", {"cases": cases})
+
+
 if __name__ == "__main__":
     splines()
     lengths()
     refined()
+    curves()

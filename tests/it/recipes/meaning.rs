@@ -4,14 +4,22 @@ use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{Output, Reconstruct, Source};
 use gs2e::sensor::Sensor;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
-use gs2e::trajectory::refine::Scale;
+use gs2e::trajectory::path::Path;
+use gs2e::trajectory::refine::{Refine, Scale};
 use gs2e::trajectory::travel::Count;
 use gs2e::units::Ratio;
-use std::path::Path;
 
 fn voltmeter(recipe: gs2e::recipe::Recipe) -> Voltmeter {
     let Sensor::Voltmeter(voltmeter) = recipe.sensor;
     voltmeter
+}
+
+/// The path of the first trajectory.
+fn refined(recipe: &gs2e::recipe::Recipe) -> &Refine {
+    match &recipe.trajectories[0].path {
+        Path::Refine(refine) => refine,
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]
@@ -66,7 +74,7 @@ fn what_is_left_out_is_what_the_paper_does() {
     assert_eq!(recipe.seed, 0);
     assert_eq!(recipe.rate.0, Ratio::new(2400, 1).unwrap());
     assert_eq!(recipe.outputs, [Output::Events, Output::Sharp].into());
-    let (refine, speed) = (&recipe.trajectories[0].refine, &recipe.trajectories[0].speed);
+    let (refine, speed) = (refined(&recipe), &recipe.trajectories[0].speed);
     assert_eq!((refine.window, refine.count), (2, Count::Factor(Ratio::new(5, 1).unwrap())));
     // A.1: the speed at both ends of the sequence.
     let law = speed.as_law();
@@ -142,7 +150,7 @@ fn paths_start_at_the_file_that_names_them() {
     write("sub/b.yaml", "version: 1\nscene: b\nsource: { nerfstudio: { path: /abs/transforms.json } }\n");
     let recipes = gs2e::recipe::read_all(&[root.path().to_owned()]).unwrap();
     assert_eq!(recipes[0].source, Source::Colmap(root.path().join("sub/../capture")));
-    assert_eq!(recipes[1].source, Source::Nerfstudio(Path::new("/abs/transforms.json").to_owned()));
+    assert_eq!(recipes[1].source, Source::Nerfstudio("/abs/transforms.json".into()));
     assert_eq!(recipes[0].reconstruct, Some(Reconstruct::Given(root.path().join("scenes/a.ply"))));
     // As written, so that a release says the same wherever it is made.
     assert_eq!(recipes[0].merged["source"]["colmap"]["path"], "../capture");
@@ -175,7 +183,7 @@ fn all_ways_of_refining_are_read() {
         let recipe = recipe(&yaml.replace("REFINE", text)).unwrap_or_else(|f| panic!("{}", f.render_text()));
         let text = serde_json::to_string(&recipe.merged).unwrap();
         assert_eq!(said(super::recipe(&text).unwrap()), said(recipe.clone()), "{text}");
-        recipe.trajectories[0].refine.clone()
+        refined(&recipe).clone()
     };
     assert_eq!(refine("frames: 150").count, Count::Frames(150));
     assert_eq!(refine("duration: 0.0625").count, Count::Duration(Ratio::new(1, 16).unwrap()));

@@ -8,6 +8,30 @@ use std::path::PathBuf;
 
 const DEMO: &str = include_str!("../../../recipes/demo.yaml");
 
+/// A scene without a capture, with every other path and speed.
+const PATHS: &str = "\
+version: 1
+scene: a
+source: none
+reconstruct: { given: { path: a.ply } }
+camera: { width: 64, height: 48, fx: 60 }
+trajectories:
+  - name: mini
+    novel: { base: round, groups: 3, keyframes: 5, frames: 150, curve: { bezier: { degree: 3 } }, literal: false }
+    speed: { list: { multipliers: [1, 0.5], blend: 0.1, meaning: frame-rate } }
+  - name: round
+    orbit: { centre: [0, 0, 0], from: [0, 3, 4], up: [0, 1, 0], arc: 360 }
+    speed: { flow: { px_s: 400, function: 1 + t } }
+  - name: hand
+    keyframes:
+      poses:
+        - { position: [0, 0, 0], rotation: [0, 0, 0, 1] }
+        - { position: [1, 0, 0], look_at: [0, 0, 9], up: [0, 1, 0] }
+      factor: 5
+      metric: { scale: 2 }
+sampling: { rate: 2400, law: sum }
+";
+
 /// Texts that have upset YAML readers and number parsers.
 const NASTY: [&str; 36] = [
     "",
@@ -93,11 +117,11 @@ fn has_places(faults: &Faults, bytes: &[u8]) {
     }
 }
 
-/// Words and numbers of the demo, outside comments, by their bytes.
-fn tokens() -> Vec<Range<usize>> {
+/// Words and numbers of a recipe, outside comments, by their bytes.
+fn tokens(recipe: &str) -> Vec<Range<usize>> {
     let mut tokens: Vec<Range<usize>> = Vec::new();
     let mut in_comment = false;
-    for (at, c) in DEMO.char_indices() {
+    for (at, c) in recipe.char_indices() {
         in_comment = c != '\n' && (in_comment || c == '#');
         if in_comment || !(c.is_ascii_alphanumeric() || "._-/*+".contains(c)) {
             continue;
@@ -114,15 +138,19 @@ fn tokens() -> Vec<Range<usize>> {
 fn every_token_may_be_anything() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("recipe.yaml");
-    let tokens = tokens();
-    assert!(tokens.len() > 50, "{} tokens", tokens.len());
-    for token in tokens {
-        let usual = ["", "~", "[", "*a", ".nan", "1e999"];
-        for nasty in if slow() { &NASTY[..] } else { &usual } {
-            let text = [&DEMO[..token.start], nasty, &DEMO[token.end..]].concat();
-            std::fs::write(&file, &text).unwrap();
-            if let Err(faults) = read_all(&[PathBuf::from(&file)]) {
-                has_places(&faults, text.as_bytes());
+    for recipe in [DEMO, PATHS] {
+        std::fs::write(&file, recipe).unwrap();
+        read_all(&[PathBuf::from(&file)]).unwrap_or_else(|faults| panic!("{}", faults.render_text()));
+        let tokens = tokens(recipe);
+        assert!(tokens.len() > 50, "{} tokens", tokens.len());
+        for token in tokens {
+            let usual = ["", "~", "[", "*a", ".nan", "1e999", "0", "-1e300"];
+            for nasty in if slow() { &NASTY[..] } else { &usual } {
+                let text = [&recipe[..token.start], nasty, &recipe[token.end..]].concat();
+                std::fs::write(&file, &text).unwrap();
+                if let Err(faults) = read_all(&[PathBuf::from(&file)]) {
+                    has_places(&faults, text.as_bytes());
+                }
             }
         }
     }

@@ -13,7 +13,7 @@ fn transforms_are_read() {
     let (capture, warnings) = nerfstudio::read(&file).unwrap();
     assert_eq!((capture.views.len(), warnings), (30, vec![]));
     assert!(capture.views.iter().all(|v| v.lens == Lens::Pinhole && v.sha256.is_none()));
-    let (camera, warning) = Capture::camera(&capture);
+    let (camera, warning) = Capture::camera(&capture).unwrap();
     assert_eq!((camera.fx, camera.cx, camera.cy, warning), (1_483.637_806_505_496_2, 960.0, 540.0, None));
 }
 

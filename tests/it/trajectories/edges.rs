@@ -222,12 +222,12 @@ fn steps_of_any_size_in_one_path_are_followed() {
 }
 
 /// Whether every number of a report is finite: JSON has no other numbers, and writes NaN as null.
-fn is_finite(report: &gs2e::trajectory::report::Report) -> bool {
+pub(super) fn is_finite(report: &gs2e::trajectory::report::Report) -> bool {
     let text = serde_json::to_string(report).unwrap();
     serde_json::from_str::<gs2e::trajectory::report::Report>(&text).is_ok_and(|read| &read == report)
 }
 
-fn sound(trajectory: &Trajectory) -> bool {
+pub(super) fn sound(trajectory: &Trajectory) -> bool {
     let unit = |q: DQuat| (q.length_squared() - 1.0).abs() < 1e-14 && q.w >= 0.0;
     trajectory.world_from_camera.iter().all(|p| p.is_finite() && unit(p.rotation))
         && trajectory.stamps_us[0] == 0
@@ -236,7 +236,7 @@ fn sound(trajectory: &Trajectory) -> bool {
 }
 
 /// A view's centre and rotation vector: small walks, repeats, leaps over all magnitudes.
-fn wild_pose() -> impl Strategy<Value = Se3> {
+pub(super) fn wild_pose() -> impl Strategy<Value = Se3> {
     let size = prop_oneof![3 => Just(1.0), 1 => Just(0.0), 1 => Just(1e-9), 1 => Just(1e-200), 1 => Just(1e6), 1 => Just(1e90)];
     let turn = prop_oneof![3 => Just(0.2), 1 => Just(0.0), 1 => Just(1e-9), 1 => Just(PI), 1 => Just(20.0)];
     (prop::array::uniform3(-1.0..1.0f64), prop::array::uniform3(-1.0..1.0f64), size, turn)

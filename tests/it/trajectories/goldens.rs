@@ -7,6 +7,7 @@ use gs2e::se3::arc_length::ArcLength;
 use gs2e::se3::rotation::angle;
 use gs2e::se3::rotation_spline::RotationSpline;
 use gs2e::se3::spline::{Cubic, CubicSpline, Place};
+use gs2e::trajectory::curve::{Curve, PoseCurve};
 use gs2e::trajectory::refine::Refine;
 use serde::Deserialize;
 use std::path::Path;
@@ -95,6 +96,63 @@ fn body_rates_are_differences_of_rotations() {
         // The central difference is off by a sixth of the squared step times a third derivative of order 100, and by
         // roundings of 1e-16 over the step.
         assert!((rate - spline.rate(at(x))).length() < 1e-8 * rate.length().max(1.0), "{segment}");
+    }
+}
+
+#[derive(Deserialize)]
+struct Curves {
+    cases: Vec<CurveCase>,
+}
+
+#[derive(Deserialize)]
+struct CurveCase {
+    curve: String,
+    degree: Option<u32>,
+    degree_used: Option<u32>,
+    steps: Vec<f64>,
+    knots: Vec<[f64; 7]>,
+    segments: Vec<usize>,
+    x: Vec<f64>,
+    centre: Vec<[f64; 3]>,
+    linear: Vec<[f64; 3]>,
+    linear_slope: Vec<[f64; 3]>,
+    rotation_xyzw: Vec<[f64; 4]>,
+    angular: Vec<[f64; 3]>,
+    angular_slope: Vec<[f64; 3]>,
+}
+
+impl CurveCase {
+    fn fitted(&self) -> Box<dyn PoseCurve> {
+        let curve = match (&*self.curve, self.degree) {
+            ("cumulative", None) => Curve::Cumulative,
+            ("slerp-lerp", None) => Curve::SlerpLerp,
+            ("bezier", Some(degree)) => Curve::Bezier { degree },
+            other => panic!("{other:?}"),
+        };
+        let knots: Vec<Se3> = self.knots.iter().copied().map(pose).collect();
+        curve.through(self.steps.clone(), &knots).unwrap()
+    }
+}
+
+#[test]
+fn curves_are_those_of_scipy() {
+    let cases = golden::<Curves>("curves.json").cases;
+    assert_eq!(cases.len(), 26);
+    for (k, case) in cases.iter().enumerate() {
+        let curve = case.fitted();
+        assert_eq!((curve.degree(), curve.warning()), (case.degree_used, None), "case {k}");
+        for i in 0..case.x.len() {
+            let at = Place { segment: case.segments[i], x: case.x[i] };
+            let what = |name: &str| format!("case {k}, {} {:?}, {at:?}, {name}", case.curve, case.degree);
+            let (pose, twist, bend) = (curve.pose(at), curve.twist(at), curve.acceleration(at));
+            close(pose.translation, case.centre[i], 1e-9, &what("centre"));
+            let off = angle(pose.rotation, DQuat::from_array(case.rotation_xyzw[i]));
+            assert!(off <= 1e-9, "{}: {off:e}", what("rotation"));
+            close(twist.linear, case.linear[i], 1e-9, &what("linear"));
+            close(twist.angular, case.angular[i], 1e-9, &what("angular"));
+            close(bend.linear, case.linear_slope[i], 1e-9, &what("linear slope"));
+            close(bend.angular, case.angular_slope[i], 1e-9, &what("angular slope"));
+        }
     }
 }
 

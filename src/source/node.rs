@@ -1,8 +1,18 @@
 //! Values of a JSON document that know their place in it.
 
-use crate::source::{Place, SourceError};
+use super::{Place, SourceError};
 use serde_json::Value;
 use std::path::Path;
+
+/// Reads the document of a file.
+pub(super) fn load(file: &Path) -> Result<Value, SourceError> {
+    let text = std::fs::read_to_string(file).map_err(SourceError::io(file))?;
+    serde_json::from_str(&text).map_err(|e| SourceError::Content {
+        path: file.to_owned(),
+        place: Place::Line(e.line()),
+        because: e.to_string(),
+    })
+}
 
 /// A value, its file and its name within the file.
 pub(super) struct Node<'a> {
@@ -20,8 +30,9 @@ impl<'a> Node<'a> {
         self.path
     }
 
+    /// The document as a whole has no name: it begins in line 1.
     pub(super) fn place(&self) -> Place {
-        Place::Field(self.name.clone())
+        if self.name.is_empty() { Place::Line(1) } else { Place::Field(self.name.clone()) }
     }
 
     pub(super) fn fault(&self, because: String) -> SourceError {
@@ -56,7 +67,7 @@ impl<'a> Node<'a> {
         self.get(key)?.elements()
     }
 
-    fn elements(&self) -> Result<Vec<Node<'a>>, SourceError> {
+    pub(super) fn elements(&self) -> Result<Vec<Node<'a>>, SourceError> {
         let Value::Array(values) = self.value else { return Err(self.other("a list")) };
         let node = |(i, value)| Node { path: self.path, name: format!("{}[{i}]", self.name), value };
         Ok(values.iter().enumerate().map(node).collect())
@@ -75,19 +86,49 @@ impl<'a> Node<'a> {
         self.value.as_f64().ok_or_else(|| self.other("a number"))
     }
 
-    /// Four rows of four numbers.
-    pub(super) fn matrix(&self) -> Result<[[f64; 4]; 4], SourceError> {
+    /// A side of an image: some writers have floats.
+    pub(super) fn side(&self) -> Result<u32, SourceError> {
+        let side = self.number()?;
+        let whole = (1.0..=f64::from(u32::MAX)).contains(&side) && side.fract() == 0.0;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
+        if whole {
+            Ok(side as u32)
+        } else {
+            Err(self.fault(format!("{side}, wanted a whole number of pixels")))
+        }
+    }
+
+    /// So many numbers.
+    pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N], SourceError> {
+        let elements = self.elements()?;
+        let elements: [Node<'a>; N] = elements.try_into().map_err(|_| self.other(&format!("{N} numbers")))?;
+        let mut numbers = [0.0; N];
+        for (element, out) in elements.iter().zip(&mut numbers) {
+            *out = element.number()?;
+        }
+        Ok(numbers)
+    }
+
+    /// So many rows of so many numbers.
+    pub(super) fn matrix<const ROWS: usize, const COLUMNS: usize>(
+        &self,
+    ) -> Result<[[f64; COLUMNS]; ROWS], SourceError> {
         let rows = self.elements()?;
-        let rows: [Node<'a>; 4] = rows.try_into().map_err(|_| self.other("4 rows of 4 numbers"))?;
-        let mut matrix = [[0.0; 4]; 4];
+        let rows: [Node<'a>; ROWS] =
+            rows.try_into().map_err(|_| self.other(&format!("{ROWS} rows of {COLUMNS} numbers")))?;
+        let mut matrix = [[0.0; COLUMNS]; ROWS];
         for (row, out) in rows.iter().zip(&mut matrix) {
-            let numbers = row.elements()?;
-            let numbers: [Node<'a>; 4] = numbers.try_into().map_err(|_| row.other("4 numbers"))?;
-            for (number, out) in numbers.iter().zip(out) {
-                *out = number.number()?;
-            }
+            *out = row.numbers()?;
         }
         Ok(matrix)
+    }
+
+    /// The values of a mapping, in the order of their keys, which are their names.
+    pub(super) fn members(&self) -> Result<Vec<Node<'a>>, SourceError> {
+        let Value::Object(values) = self.value else { return Err(self.other("a mapping")) };
+        let node =
+            |(key, value): (&String, &'a Value)| Node { path: self.path, name: self.name_of(key), value };
+        Ok(values.iter().map(node).collect())
     }
 
     fn other(&self, wanted: &str) -> SourceError {

@@ -1,0 +1,276 @@
+//! `gs2e trajectory`: the poses of one trajectory of a recipe, on the user's own capture.
+
+mod account;
+
+use super::Common;
+use super::console::Console;
+use super::message::{Level, Message};
+use super::output::{self, Output};
+use super::problem::{Exit, Problem};
+use crate::camera::{self, Camera};
+use crate::recipe::{self, Fragment, TrajectoryRecipe};
+use crate::render::cpu::Cpu;
+use crate::render::flow::Meter;
+use crate::source::kind::Kind;
+use crate::source::{Capture, SourceError};
+use crate::speed::Speed;
+use crate::trajectory::flow::FlowMeter;
+use crate::trajectory::novel::Base;
+use crate::trajectory::path;
+use crate::trajectory::{Made, NamedPose, Timing, picture};
+use account::Account;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Arguments of `trajectory`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Trajectory {
+    /// A COLMAP model, a transforms.json, or a 3DGS model folder; orbits and key frames may do without
+    #[arg(long, value_name = "FILE or DIR")]
+    capture: Option<PathBuf>,
+    /// The recipe, or a file with its trajectories alone; its source, sensor and outputs are not read
+    #[arg(long, value_name = "RECIPE")]
+    recipe: PathBuf,
+    /// Which trajectory of the recipe
+    #[arg(long, value_name = "NAME")]
+    name: String,
+    /// Where the poses go: `t_us tx ty tz qx qy qz qw` a line; `-` is stdout
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Where the report on its speed goes, as speed.json of a release
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Where the picture of it goes
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Where the time stamps go, one a line
+    #[arg(long, value_name = "FILE")]
+    stamps: Option<PathBuf>,
+    /// The scene, for a speed in pixels: .ply, .spz or .splat
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+}
+
+impl Trajectory {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        let inputs = [Some(&self.recipe), self.capture.as_ref(), self.scene.as_ref()];
+        let inputs = inputs.into_iter().flatten().map(PathBuf::as_path);
+        output::screen(self.files().map(|(_, path)| path), inputs, console.json)?;
+        if let Some(jobs) = common.jobs {
+            // It fails where threads are at work already, and none are.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+        }
+        let fragment = recipe::read_fragment(&self.recipe)?;
+        let chosen = find(&fragment, &self.name)?;
+        let chain = chain(&fragment, chosen)?;
+        let mut warnings = Vec::new();
+        let captured = self.captured(&chain, &mut warnings)?;
+        let camera = camera(&fragment, captured.as_ref().map(|c| &c.capture), &mut warnings);
+        let meter = self.meter(&fragment, &chain, camera)?;
+        let made = Maker { fragment: &fragment, captured: captured.as_ref(), meter }.make(&chain)?;
+        warnings.extend(made.before);
+        let account =
+            Account::new(&self.name, captured.as_ref().map(|c| c.kind), &made.made, camera, warnings);
+        self.write(&made.made)?;
+        account.tell(console);
+        if console.json {
+            console.result(&account.to_json(self.files()));
+        }
+        Ok(Exit::Done)
+    }
+
+    /// What is written, by option.
+    fn files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
+        let optional = [("report", &self.report), ("svg", &self.svg), ("stamps", &self.stamps)];
+        let given = optional.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?)));
+        std::iter::once(("out", self.out.as_path())).chain(given)
+    }
+
+    fn write(&self, made: &Made) -> Result<(), Problem> {
+        let fill = |option: &'static str| {
+            move |out: &mut dyn io::Write| match option {
+                "report" => {
+                    serde_json::to_writer_pretty(&mut *out, &made.report)?;
+                    out.write_all(b"\n")
+                }
+                "svg" => out.write_all(picture::svg(&made.trajectory, &made.report).as_bytes()),
+                "stamps" => made.trajectory.write_stamps(out),
+                _ => made.trajectory.write_poses(out),
+            }
+        };
+        let fills: Vec<_> = self.files().map(|(option, path)| (path, fill(option))).collect();
+        let outputs: Vec<Output<'_>> = fills.iter().map(|(path, fill)| Output { path, fill }).collect();
+        output::write(&outputs)
+    }
+
+    /// The capture, where one is given; an error where a path needs one.
+    fn captured(
+        &self,
+        chain: &[&TrajectoryRecipe],
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<Captured>, Problem> {
+        let Some(place) = &self.capture else {
+            return match chain.iter().find(|recipe| path_of(recipe).0.needs_views()) {
+                None => Ok(None),
+                Some(recipe) => {
+                    let what =
+                        format!("the trajectory `{}` is made from a capture, and none is given", recipe.name);
+                    Err(Problem::usage("input-missing", what)
+                        .help("--capture: a COLMAP model, a transforms.json, or a 3DGS model folder"))
+                }
+            };
+        };
+        let kind = Kind::find(place).map_err(|e| not_found(&e, place))?;
+        let (capture, told) = kind.read(place).map_err(|e| unreadable("the capture", &e))?;
+        warnings.extend(told.iter().map(ToString::to_string));
+        Ok(Some(Captured { kind, capture }))
+    }
+
+    /// What measures the optical flow, where a speed is one.
+    fn meter(
+        &self,
+        fragment: &Fragment,
+        chain: &[&TrajectoryRecipe],
+        camera: Option<Camera>,
+    ) -> Result<Option<Meter>, Problem> {
+        let Some(recipe) = chain.iter().find(|recipe| matches!(recipe.speed, Speed::Flow(_))) else {
+            return Ok(None);
+        };
+        let missing = |what: &str, help: &str| {
+            let what = format!("the speed of `{}` is how fast the picture moves, and {what}", recipe.name);
+            Problem::usage("input-missing", what).help(help)
+        };
+        let scene = self.scene.as_ref();
+        let scene = scene.ok_or_else(|| missing("no scene is given", "--scene: a .ply, .spz or .splat"))?;
+        let camera = camera.ok_or_else(|| {
+            let help = "--capture, or in the recipe camera: { width, height, fx, fy, cx, cy }";
+            missing("there is no camera", help)
+        })?;
+        if !scene.exists() {
+            return Err(Problem::usage(
+                "input-missing",
+                format!("the scene {} is not there", scene.display()),
+            ));
+        }
+        let gaussians = crate::scene::read(scene).map_err(|e| unreadable("the scene", &e))?;
+        let style = fragment.render.resolve(gaussians.antialiased);
+        let renderer = Cpu::new(Arc::new(gaussians), style);
+        let renderer =
+            renderer.map_err(|e| Problem::failed("step-failed", format!("failed to render: {e}")))?;
+        Ok(Some(Meter::new(Box::new(renderer), camera)))
+    }
+}
+
+/// A capture and what it was read from.
+struct Captured {
+    kind: Kind,
+    capture: Capture,
+}
+
+fn not_found(error: &SourceError, place: &Path) -> Problem {
+    match error {
+        SourceError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+            Problem::usage("input-missing", format!("the capture {} is not there", place.display()))
+        }
+        SourceError::Absent { dir, because } => {
+            let message =
+                Message::new(Level::Error, "input-missing", "the capture is not known by its files");
+            Problem::of(Exit::Usage, message.path(dir).because(because))
+        }
+        error => unreadable("the capture", error),
+    }
+}
+
+fn unreadable(what: &str, error: &dyn std::error::Error) -> Problem {
+    let message = Message::new(Level::Error, "input-unreadable", format!("failed to read {what}"));
+    Problem::of(Exit::Failed, message.because(error.to_string()))
+}
+
+/// The path of a trajectory, and the name of the one that it is drawn from.
+fn path_of(recipe: &TrajectoryRecipe) -> (path::Path, Option<&str>) {
+    (recipe.path.clone(), recipe.base.as_deref())
+}
+
+fn find<'a>(fragment: &'a Fragment, name: &str) -> Result<&'a TrajectoryRecipe, Problem> {
+    fragment.trajectories.iter().find(|recipe| recipe.name == name).ok_or_else(|| {
+        let names: Vec<&str> = fragment.trajectories.iter().map(|recipe| recipe.name.as_str()).collect();
+        let message = format!("the recipe has no trajectory `{name}`");
+        Problem::usage("no-trajectory", message).help(&format!("its trajectories: {}", names.join(", ")))
+    })
+}
+
+/// A trajectory after the one that it is drawn from, and so on; each once.
+fn chain<'a>(
+    fragment: &'a Fragment,
+    chosen: &'a TrajectoryRecipe,
+) -> Result<Vec<&'a TrajectoryRecipe>, Problem> {
+    let mut chain = vec![chosen];
+    while let (_, Some(base)) = path_of(chain[chain.len() - 1]) {
+        let base = find(fragment, base)?;
+        if chain.iter().any(|recipe| recipe.name == base.name) {
+            let message = format!("the trajectory `{}` is drawn from itself", base.name);
+            return Err(Problem::usage("recipe-invalid", message));
+        }
+        chain.push(base);
+    }
+    chain.reverse();
+    Ok(chain)
+}
+
+/// The camera that sees the trajectory; without a capture the recipe's, where that says all of it.
+fn camera(fragment: &Fragment, capture: Option<&Capture>, warnings: &mut Vec<String>) -> Option<Camera> {
+    let (own, told) = capture.and_then(Capture::camera).unzip();
+    warnings.extend(told.flatten().map(|warning| warning.to_string()));
+    camera::choose(fragment.camera, own.as_ref())
+}
+
+/// What trajectories are made from.
+struct Maker<'a> {
+    fragment: &'a Fragment,
+    captured: Option<&'a Captured>,
+    meter: Option<Meter>,
+}
+
+/// A trajectory, and what was told of those before it.
+struct Chosen {
+    made: Made,
+    before: Vec<String>,
+}
+
+impl Maker<'_> {
+    /// The last of these trajectories, each drawn from the one before it.
+    fn make(mut self, chain: &[&TrajectoryRecipe]) -> Result<Chosen, Problem> {
+        let (mut made, mut before): (Option<Made>, Vec<String>) = (None, Vec::new());
+        for (i, recipe) in chain.iter().enumerate() {
+            let base = made.take();
+            let told = base.iter().flat_map(|base| &base.report.warnings);
+            before.extend(told.map(|warning| format!("{}: {warning}", chain[i - 1].name)));
+            made = Some(self.one(recipe, base.as_ref())?);
+        }
+        Ok(Chosen { made: made.expect("a chain holds the trajectory that was chosen"), before })
+    }
+
+    fn one(&mut self, recipe: &TrajectoryRecipe, base: Option<&Made>) -> Result<Made, Problem> {
+        let views = self.captured.map_or(&[][..], |captured| &captured.capture.views);
+        let views: Vec<NamedPose<'_>> = views
+            .iter()
+            .map(|v| NamedPose { name: &v.name, world_from_camera: v.world_from_camera })
+            .collect();
+        let base = base.map(|made| Base {
+            poses: &made.trajectory.world_from_camera,
+            scale: made.report.scale_distance,
+        });
+        let Fragment { rate, law, .. } = *self.fragment;
+        let timing = Timing { speed: &recipe.speed, rate, law };
+        let meter = self.meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
+        let made = path_of(recipe).0.make(path::Ground { views: &views, base }, timing, meter);
+        made.map_err(|error| {
+            let what = format!("failed to make the trajectory `{}`", recipe.name);
+            Problem::of(
+                Exit::Failed,
+                Message::new(Level::Error, "step-failed", what).because(error.to_string()),
+            )
+        })
+    }
+}

@@ -1,0 +1,116 @@
+//! What is told of a trajectory: how it was asked to move, how it does, and what that means in the picture.
+
+use crate::camera::Camera;
+use crate::cli::console::Console;
+use crate::render::centre::centre_px;
+use crate::render::flow::Quantiles;
+use crate::source::kind::Kind;
+use crate::trajectory::Made;
+use crate::trajectory::report::{Follow, Report};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Keys of the report that hold a number for each pose or step: they are in its file.
+const LONG: [&str; 4] = ["u", "s", "linear_unit_s", "angular_rad_s"];
+
+/// A trajectory and all that is told of it.
+pub(super) struct Account<'a> {
+    name: &'a str,
+    kind: Option<Kind>,
+    report: &'a Report,
+    seconds: f64,
+    camera: Option<Camera>,
+    px: Option<Quantiles>,
+    /// Of the capture, of what it was drawn from, and its own.
+    warnings: Vec<String>,
+}
+
+impl<'a> Account<'a> {
+    /// `warnings` are those that its report does not have.
+    pub(super) fn new(
+        name: &'a str,
+        kind: Option<Kind>,
+        made: &'a Made,
+        camera: Option<Camera>,
+        mut warnings: Vec<String>,
+    ) -> Self {
+        let (poses, report) = (&made.trajectory.world_from_camera, &made.report);
+        let px = camera.and_then(|camera| centre_px(poses, &camera, report.scale_distance));
+        let seconds = made.trajectory.stamps_us.last().copied().unwrap_or(0) as f64 * 1e-6;
+        warnings.extend(report.warnings.iter().cloned());
+        Self { name, kind, report, seconds, camera, px, warnings }
+    }
+
+    /// Tells people.
+    pub(super) fn tell(&self, console: &Console) {
+        let Report { poses, rate, .. } = self.report;
+        let rate = rate.strip_suffix("/1").unwrap_or(rate);
+        let duration = match self.seconds {
+            short if short < 1.0 => format!("{:.1} ms", short * 1e3),
+            long => format!("{long:.3} s"),
+        };
+        let from = self.kind.map_or(String::new(), |kind| format!(", from a {} capture", kind.name()));
+        console.say(&format!("{}: {poses} poses over {duration}, {rate} a second{from}", self.name));
+        self.tell_speed(console);
+        self.tell_smoothness(console);
+        self.tell_picture(console);
+        self.warnings.iter().for_each(|warning| console.say(&format!("warning: {warning}")));
+    }
+
+    fn tell_speed(&self, console: &Console) {
+        let parts = [
+            ("mixed, along the curve", self.report.mixed_ratio),
+            ("mixed, pose to pose", self.report.mixed_chord_ratio),
+            ("linear", self.report.linear_ratio),
+            ("angular", self.report.angular_ratio),
+        ];
+        console.say("achieved share of the path over the asked one, of each step:");
+        for (part, follow) in parts {
+            console.say(&format!("  {part:22} {}", follow.map_or("does not move".to_owned(), followed)));
+        }
+    }
+
+    fn tell_smoothness(&self, console: &Console) {
+        if let Some(jumps) = self.report.knot_jumps {
+            let [c0, c1, c2] = [jumps.c0, jumps.c1, jumps.c2].map(|jump| format!("{jump:.1e}"));
+            console.say(&format!(
+                "largest jump at a knot: pose {c0} (C0), rate {c1} (C1), acceleration {c2} (C2)"
+            ));
+        }
+    }
+
+    fn tell_picture(&self, console: &Console) {
+        let (Some(px), Some(camera)) = (self.px, self.camera) else {
+            return;
+        };
+        let (fx, distance) = (camera.fx, self.report.scale_distance);
+        let [median, p95, max] = [px.median, px.p95, px.max].map(|px| format!("{px:.2}"));
+        console.say(&format!("px from frame to frame: median {median}, 95 % {p95}, largest {max}"));
+        console.say(&format!(
+            "  at most, of the picture's centre, for what is at the scale distance {distance:.4}: focal length \
+             {fx:.1} px x (sideways motion / distance + turn across the optical axis)"
+        ));
+    }
+
+    /// For programs: the report but for its long lists, and `files` by option.
+    pub(super) fn to_json<'f>(&self, files: impl Iterator<Item = (&'static str, &'f Path)>) -> Value {
+        let mut value = serde_json::to_value(self.report).expect("reports are plain data");
+        if let Value::Object(fields) = &mut value {
+            fields.retain(|key, _| !LONG.contains(&key.as_str()));
+        }
+        let files: serde_json::Map<String, Value> =
+            files.map(|(option, path)| (option.to_owned(), json!(path))).collect();
+        value["trajectory"] = json!(self.name);
+        value["capture"] = json!(self.kind.map(Kind::name));
+        value["duration_s"] = json!(self.seconds);
+        value["px_per_frame"] = json!(self.px);
+        value["warnings"] = json!(self.warnings);
+        value["files"] = Value::Object(files);
+        value
+    }
+}
+
+fn followed(follow: Follow) -> String {
+    let Follow { min, max, p95, .. } = follow;
+    format!("{min:.4}..{max:.4}, 95 % within {:.2} %", p95 * 100.0)
+}

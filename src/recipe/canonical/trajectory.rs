@@ -1,0 +1,132 @@
+//! Trajectories as the merged recipe shows them: as many as are written, whatever groups they have.
+
+use super::{ratio, written};
+use crate::recipe::resolve::trajectory::{CONSTANT_SPEED, PAPERS_SPEED};
+use crate::recipe::{TrajectoryRecipe, schema};
+use crate::speed::Speed;
+use crate::trajectory::keyframes::{Facing, Keyframe, Keyframes};
+use crate::trajectory::novel::{Novel, NovelCurve};
+use crate::trajectory::orbit::Orbit;
+use crate::trajectory::path::Path;
+use crate::trajectory::refine::{Refine, Scale};
+use crate::trajectory::travel::Count;
+use serde_json::{Value, json};
+
+/// The list, each as it is written: of the groups of a novel one the first stands for all.
+pub(super) fn all(raw: &schema::Recipe, list: &[TrajectoryRecipe]) -> Vec<Value> {
+    let Some((items, _)) = raw.trajectories.given() else { return Vec::new() };
+    let mut rest = list;
+    let mut shown = Vec::with_capacity(items.len());
+    for (raw, _) in items.iter().filter_map(|item| item.given()) {
+        let Some(first) = rest.first() else { break };
+        let groups = rest.iter().take_while(|t| t.written == first.written).count();
+        rest = &rest[groups..];
+        shown.push(one(raw, first));
+    }
+    shown
+}
+
+fn one(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
+    let (kind, path) = match &trajectory.path {
+        Path::Refine(path) => ("refine", refine(path)),
+        Path::Novel(path) => ("novel", novel(path, trajectory.base.as_deref())),
+        Path::Orbit(path) => ("orbit", orbit(path)),
+        Path::Keyframes(path) => ("keyframes", keyframes(path)),
+    };
+    json!({ "name": trajectory.written, kind: path, "speed": speed(raw, trajectory) })
+}
+
+/// Formulae are shown as they are written.
+fn speed(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
+    let function = match raw.speed.given() {
+        Some((schema::Speed::Function(text), _)) => written(text),
+        Some((schema::Speed::Flow(flow), _)) => flow.given().and_then(|(flow, _)| written(&flow.function)),
+        _ => None,
+    };
+    match &trajectory.speed {
+        Speed::Function(_) => {
+            let usual = if raw.refine.is_absent() { CONSTANT_SPEED } else { PAPERS_SPEED };
+            json!({ "function": function.unwrap_or(usual) })
+        }
+        Speed::List(list) => json!({ "list": list }),
+        Speed::Flow(flow) => {
+            json!({ "flow": { "px_s": flow.px_s, "function": function.unwrap_or(CONSTANT_SPEED) } })
+        }
+    }
+}
+
+fn refine(refine: &Refine) -> Value {
+    let path = json!({
+        "window": refine.window,
+        "order": refine.order,
+        "rotation": refine.rotation,
+        "ends": refine.ends,
+        "metric": { "scale": scale(refine.scale) },
+        "gaps": refine.gaps,
+        "curve": refine.curve,
+        "literal": refine.literal,
+    });
+    counted(path, refine.count)
+}
+
+fn novel(novel: &Novel, base: Option<&str>) -> Value {
+    let path = json!({
+        "base": base,
+        "groups": novel.groups,
+        "keyframes": novel.keyframes,
+        "curve": match novel.curve {
+            NovelCurve::Any => json!("any"),
+            NovelCurve::Fixed(curve) => json!(curve),
+        },
+        "literal": novel.literal,
+    });
+    counted(path, novel.count)
+}
+
+fn orbit(orbit: &Orbit) -> Value {
+    let mut path = json!({ "arc": orbit.arc });
+    for (key, value) in [("centre", orbit.centre), ("from", orbit.from), ("up", orbit.up)] {
+        if let Some(value) = value {
+            path[key] = json!(value);
+        }
+    }
+    counted(path, orbit.count)
+}
+
+fn keyframes(keyframes: &Keyframes) -> Value {
+    let path = json!({
+        "poses": keyframes.poses.iter().map(keyframe).collect::<Vec<_>>(),
+        "metric": { "scale": scale(keyframes.scale) },
+        "curve": keyframes.curve,
+        "literal": keyframes.literal,
+    });
+    counted(path, keyframes.count)
+}
+
+fn keyframe(keyframe: &Keyframe) -> Value {
+    let position = keyframe.position;
+    match keyframe.facing {
+        Facing::Rotation(rotation) => json!({ "position": position, "rotation": rotation }),
+        Facing::Towards { target, up } => json!({ "position": position, "look_at": target, "up": up }),
+    }
+}
+
+/// A path with its number of poses, where it is one that is chosen.
+fn counted(mut path: Value, count: Count) -> Value {
+    let (key, value) = match count {
+        Count::Factor(factor) => ("factor", ratio(factor)),
+        Count::Frames(frames) => ("frames", json!(frames)),
+        Count::Duration(seconds) => ("duration", ratio(seconds)),
+        Count::Flow => return path,
+    };
+    path[key] = value;
+    path
+}
+
+fn scale(scale: Scale) -> Value {
+    match scale {
+        Scale::Scene => json!("scene"),
+        Scale::None => json!("none"),
+        Scale::Fixed(units) => json!(units),
+    }
+}

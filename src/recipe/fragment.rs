@@ -1,0 +1,133 @@
+//! Trajectories out of a recipe, or out of a file that holds hardly more than them: what a single step reads.
+
+use super::fault::{Fault, Faults};
+use super::find::find_all;
+use super::load::Library;
+use super::{RecipeFile, TrajectoryRecipe};
+use crate::camera::CameraChoice;
+use crate::render::RenderChoice;
+use crate::trajectory::sample::Summation;
+use crate::units::Hertz;
+use std::path::{Path, PathBuf};
+
+/// The trajectories of a file, and what of it bears on them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fragment {
+    /// The camera, where it differs from the capture's own.
+    pub camera: Option<CameraChoice>,
+    /// The trajectories, in the order of the file, names unique.
+    pub trajectories: Vec<TrajectoryRecipe>,
+    /// Frame rate.
+    pub rate: Hertz,
+    /// How speed laws are summed.
+    pub law: Summation,
+    /// Rendering.
+    pub render: RenderChoice,
+}
+
+/// The keys of a recipe that bear on no trajectory: whatever they hold, and whether they are there, is not looked at.
+const OTHERS: [&str; 11] = [
+    "source",
+    "reconstruct",
+    "sensor",
+    "sensors",
+    "outputs",
+    "sharp",
+    "blur",
+    "checks",
+    "licence",
+    "release",
+    "attributes",
+];
+
+/// What stands in for them. A file without a scene id draws its key poses as a scene of this name does.
+const STAND_IN: &str = "scene: trajectories\nsource: { procedural: {} }\n";
+
+/// Reads the trajectories of the one recipe at `path`, its source, sensor, products and licence left aside, so that a
+/// file of trajectories alone will do. Its defaults are merged under it.
+///
+/// # Errors
+/// Every fault of what is read, and where the path is that of no recipe or of several.
+pub fn read_fragment(path: &Path) -> Result<Fragment, Faults> {
+    let files = find_all(&[PathBuf::from(path)])?;
+    let faulty = |faults| Faults::or((), faults).expect_err("there are faults");
+    let [file] = &files[..] else {
+        let message = format!("{} recipes are in this folder, wanted one", files.len());
+        return Err(faulty(vec![Fault::of_file(path, &message, Some("name the one that is meant"))]));
+    };
+    read(file).map_err(faulty)
+}
+
+fn read(file: &RecipeFile) -> Result<Fragment, Vec<Fault>> {
+    let library = Library::of(std::slice::from_ref(file));
+    let resolved = library.parts(file)?.standing_in(&OTHERS, STAND_IN).resolved()?;
+    Ok(Fragment {
+        camera: resolved.camera,
+        trajectories: resolved.trajectories,
+        rate: resolved.rate,
+        law: resolved.law,
+        render: resolved.render,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::read_all;
+
+    /// What is read of a file with this text.
+    fn fragment(text: &str) -> Result<Fragment, String> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.yaml");
+        std::fs::write(&path, text).unwrap();
+        read_fragment(&path).map_err(|faults| faults.to_string().replace(path.to_str().unwrap(), "a.yaml"))
+    }
+
+    const TRAJECTORIES: &str = "version: 1\ntrajectories:\n  - { name: base, refine: { window: 3 } }\n";
+    const CAMERA: &str = "camera: { width: 64, height: 48 }\nsampling: { rate: 1200 }\n";
+
+    #[test]
+    fn a_recipe_and_a_file_of_its_trajectories_are_the_same() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("whole.yaml");
+        let rest =
+            "scene: a/b\nsource: { colmap: { path: gone } }\nreconstruct: { given: { path: gone.ply } }\n";
+        std::fs::write(&path, format!("{TRAJECTORIES}{CAMERA}{rest}")).unwrap();
+        let recipe = read_all(&[path]).unwrap().remove(0);
+        let found = fragment(&format!("{TRAJECTORIES}{CAMERA}")).unwrap();
+        assert_eq!(found.trajectories, recipe.trajectories);
+        assert_eq!((found.camera, found.rate, found.render), (recipe.camera, recipe.rate, recipe.render));
+    }
+
+    #[test]
+    fn what_bears_on_no_trajectory_is_not_looked_at() {
+        let rest = "source: 5\nsensor: { esim: {} }\noutputs: [gone]\nlicence: none\nsensors: ~\n";
+        assert_eq!(fragment(&format!("{TRAJECTORIES}{rest}")), fragment(TRAJECTORIES));
+    }
+
+    #[test]
+    fn faults_are_told_where_they_stand() {
+        let t = |text: &str, wanted: &str| {
+            let told = fragment(text).unwrap_err();
+            assert!(told.contains(wanted), "{told}");
+        };
+        t("", "a.yaml: the file is empty");
+        t(&TRAJECTORIES.replace("window", "windw"), "a.yaml:3:29: unknown field \"windw\"");
+        t(&format!("{TRAJECTORIES}colour: red\n"), "a.yaml:4:1: unknown field \"colour\"");
+        t(&TRAJECTORIES.replace("version: 1", "version: 2"), "a.yaml:1:10: \"version\" is 2");
+        t("version: 1\n", "missing field \"trajectories\"");
+        t("trajectories: [{ name: base, refine: {} }]\n", "missing field \"version\"");
+    }
+
+    #[test]
+    fn one_recipe_is_read() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["a.yaml", "b.yaml"] {
+            std::fs::write(dir.path().join(name), TRAJECTORIES).unwrap();
+        }
+        let told = read_fragment(dir.path()).unwrap_err().to_string();
+        assert!(told.ends_with(": 2 recipes are in this folder, wanted one"), "{told}");
+        std::fs::remove_file(dir.path().join("b.yaml")).unwrap();
+        assert!(read_fragment(dir.path()).is_ok());
+    }
+}

@@ -1,0 +1,101 @@
+//! How many poses a path has.
+
+use super::Around;
+use crate::recipe::field::{Field, Literal};
+use crate::recipe::problem::Problem;
+use crate::recipe::resolve::number::{Range, Whole};
+use crate::recipe::resolve::{MAX_FRAMES, Resolver};
+use crate::recipe::text::Place;
+use crate::trajectory::travel::Count;
+use crate::units::{Hertz, Ratio};
+
+/// What a path may say of its poses and of how they are spread.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spread<'f> {
+    /// `None` where nothing is there to be multiplied.
+    pub(super) factor: Option<&'f Field<Literal>>,
+    pub(super) frames: &'f Field<u64>,
+    pub(super) duration: &'f Field<Literal>,
+    /// `None` where there are no chords to be taken literally.
+    pub(super) literal: Option<&'f Field<bool>>,
+}
+
+impl Resolver<'_> {
+    /// How many poses, and whether chords are taken literally.
+    pub(super) fn spread(
+        &self,
+        raw: Spread<'_>,
+        usual: Count,
+        place: Place,
+        around: Around<'_>,
+    ) -> Option<(Count, bool)> {
+        let count = if around.flows {
+            self.flow_count(raw)
+        } else {
+            self.count(raw, usual, place, around.setting.rate)
+        };
+        let literal = self.literal(raw, around);
+        Some((count?, literal?))
+    }
+
+    /// A flow leaves no number of poses to be chosen.
+    fn flow_count(&self, raw: Spread<'_>) -> Option<Count> {
+        let factor = raw.factor.and_then(given);
+        let given = [factor, given(raw.frames), given(raw.duration)];
+        for place in given.iter().flatten().flatten() {
+            let problem = Problem::of_key("does not go with a speed in px/s");
+            self.report(
+                problem.help("remove it: such a speed says itself how long the path takes").at(*place),
+            );
+        }
+        given.iter().all(Option::is_none).then_some(Count::Flow)
+    }
+
+    fn count(&self, raw: Spread<'_>, usual: Count, place: Place, rate: Option<Hertz>) -> Option<Count> {
+        let factor = raw.factor.filter(|factor| !factor.is_absent());
+        let (frames, duration) = (!raw.frames.is_absent(), !raw.duration.is_absent());
+        if [factor.is_some(), frames, duration].iter().filter(|given| **given).count() > 1 {
+            let keys =
+                if raw.factor.is_some() { "factor, frames and duration" } else { "frames and duration" };
+            let problem = Problem::of_field(format!("has more than one of {keys}"));
+            return self.refuse(problem.help("one of them says how many poses there are").at(place));
+        }
+        if frames {
+            return self.whole(raw.frames, 1, Whole::new(1, MAX_FRAMES)).map(Count::Frames);
+        }
+        if duration {
+            return self.duration(raw.duration, rate);
+        }
+        match factor {
+            Some(factor) => self.ratio(factor, 1, Range::above(0.0, 1e6)).map(Count::Factor),
+            None => Some(usual),
+        }
+    }
+
+    fn duration(&self, field: &Field<Literal>, rate: Option<Hertz>) -> Option<Count> {
+        const DAY: f64 = 86_400.0;
+        let seconds: Ratio = self.ratio(field, 1, Range::above(0.0, DAY))?;
+        let rate = rate?.to_f64();
+        let frames = 1.0 + (seconds.to_f64() * rate).ceil();
+        if frames > MAX_FRAMES as f64 {
+            let problem = Problem::of_field(format!("makes {frames} frames, wanted at most {MAX_FRAMES}"));
+            return self.refuse(problem.help(format!("there are {rate} frames a second")).at(field.place()?));
+        }
+        Some(Count::Duration(seconds))
+    }
+
+    fn literal(&self, raw: Spread<'_>, around: Around<'_>) -> Option<bool> {
+        let Some(field) = raw.literal else { return Some(false) };
+        let literal = self.or(field, false)?;
+        if literal && around.flows {
+            let problem = Problem::of_key("does not go with a speed in px/s, which is no share of chords");
+            return self.refuse(problem.help("remove it").at(field.place()?));
+        }
+        Some(literal)
+    }
+}
+
+/// Where a field stands, if it is there; nowhere where it is faulty.
+fn given<T>(field: &Field<T>) -> Option<Option<Place>> {
+    (!field.is_absent()).then(|| field.place())
+}

@@ -1,0 +1,157 @@
+//! Mini-trajectories: which trajectory their key poses are drawn from, and how many there are.
+
+use super::count::Spread;
+use super::{Around, List};
+use crate::recipe::field::Field;
+use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::resolve::Resolver;
+use crate::recipe::resolve::number::Whole;
+use crate::recipe::text::Place;
+use crate::recipe::{TrajectoryRecipe, schema};
+use crate::seed::{Purpose, Seed};
+use crate::trajectory::curve::Curve;
+use crate::trajectory::novel::{Novel, NovelCurve};
+use crate::trajectory::path::Path;
+use crate::trajectory::travel::Count;
+
+/// Groups of a novel trajectory; each is a trajectory of its own.
+const GROUPS: Whole = Whole::new(1, MOST_GROUPS);
+const MOST_GROUPS: u64 = 1000;
+const USUAL_GROUPS: u32 = 3;
+/// Key poses of a group: a path has two ends.
+const KEYFRAMES: Whole = Whole::new(2, 1_000_000);
+const USUAL_KEYFRAMES: u32 = 5;
+/// Poses of a group (the paper's F), and of other paths that no capture says a number for.
+pub(super) const USUAL_FRAMES: Count = Count::Frames(150);
+
+const BASES: &str = "key poses are drawn from a trajectory with refine, orbit or keyframes";
+
+/// The groups of one novel trajectory.
+#[derive(Debug, Clone)]
+pub(super) struct Groups {
+    /// The trajectory that key poses are drawn from.
+    pub(super) base: String,
+    groups: u32,
+    keyframes: u32,
+    count: Count,
+    curve: NovelCurve,
+    literal: bool,
+}
+
+impl Groups {
+    /// The path of each group. All share the draws, whose seeds derive from the name as it is written.
+    pub(super) fn drawn(&self, seed: u64, scene: &str, written: &str) -> impl Iterator<Item = Novel> {
+        let seed = |purpose| Seed::derive(seed, scene, written, purpose);
+        let (keyframes_seed, curve_seed) = (seed(Purpose::Keyframes), seed(Purpose::Curve));
+        let Self { groups, keyframes, count, curve, literal, .. } = *self;
+        (0..groups).map(move |group| Novel {
+            group,
+            groups,
+            keyframes,
+            count,
+            curve,
+            literal,
+            keyframes_seed,
+            curve_seed,
+        })
+    }
+}
+
+/// The name of a group.
+pub(super) fn folder(written: &str, group: u32) -> String {
+    format!("{written}-{group}")
+}
+
+/// The folders that a trajectory of this name has, as far as that is known while its fields may be faulty.
+pub(super) fn folders(name: &str, raw: &schema::Trajectory) -> Vec<String> {
+    let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
+    let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
+    let groups = usize::try_from(groups.min(MOST_GROUPS)).expect("groups are few");
+    (0..).take(groups).map(|group| folder(name, group)).collect()
+}
+
+impl Resolver<'_> {
+    pub(super) fn novel(
+        &self,
+        raw: &schema::Novel,
+        place: Place,
+        list: &List,
+        around: Around<'_>,
+    ) -> Option<Groups> {
+        let base = self.base(&raw.base, place, list);
+        let groups = self.small(&raw.groups, USUAL_GROUPS, GROUPS);
+        let keyframes = self.small(&raw.keyframes, USUAL_KEYFRAMES, KEYFRAMES);
+        let spread = Spread {
+            factor: None,
+            frames: &raw.frames,
+            duration: &raw.duration,
+            literal: Some(&raw.literal),
+        };
+        let spread = self.spread(spread, USUAL_FRAMES, place, around);
+        let curve = self.novel_curve(&raw.curve);
+        let (count, literal) = spread?;
+        Some(Groups { base: base?, groups: groups?, keyframes: keyframes?, count, curve: curve?, literal })
+    }
+
+    fn base(&self, field: &Field<String>, novel: Place, list: &List) -> Option<String> {
+        let raws = || list.iter().filter_map(|item| Some(item.given()?.0));
+        let name = |raw: &schema::Trajectory| raw.name.given().map(|(name, _)| name.clone());
+        let bases: Vec<String> = raws().filter(|raw| raw.novel.is_absent()).filter_map(name).collect();
+        let Some((wanted, place)) = field.given() else {
+            if field.is_absent() && bases.is_empty() {
+                self.report(Problem::of_key("has no trajectory to draw from").help(BASES).at(novel));
+            }
+            return bases.into_iter().next().filter(|_| field.is_absent());
+        };
+        if bases.contains(wanted) {
+            return Some(wanted.clone());
+        }
+        if raws().filter_map(name).any(|name| name == *wanted) {
+            let message = format!("is {}, which is novel itself", quoted(wanted));
+            return self.refuse(Problem::of_field(message).help(BASES).at(place));
+        }
+        let known: Vec<&str> = bases.iter().map(String::as_str).collect();
+        self.refuse(Problem::unknown("base", wanted, &known).at(place))
+    }
+
+    fn novel_curve(&self, field: &Field<schema::NovelCurve>) -> Option<NovelCurve> {
+        let fixed = match field {
+            Field::Absent | Field::Given(schema::NovelCurve::Any, _) => return Some(NovelCurve::Any),
+            Field::Bad => return None,
+            Field::Given(schema::NovelCurve::Cubic, _) => Curve::Cubic,
+            Field::Given(schema::NovelCurve::Cumulative, _) => Curve::Cumulative,
+            Field::Given(schema::NovelCurve::SlerpLerp, _) => Curve::SlerpLerp,
+            Field::Given(schema::NovelCurve::Bezier(raw), _) => self.bezier(raw)?,
+        };
+        Some(NovelCurve::Fixed(fixed))
+    }
+
+    /// Draws of more key poses than their base has, where the recipe alone says how many that are.
+    pub(super) fn refuse_few_poses(&self, list: &List, all: &[TrajectoryRecipe]) {
+        for raw in list.iter().filter_map(|item| Some(item.given()?.0)) {
+            let (Some((name, _)), Some(place)) = (raw.name.given(), raw.novel.place()) else { continue };
+            let Some(first) = all.iter().find(|t| t.written == *name) else { continue };
+            let base = all.iter().find(|t| Some(&t.name) == first.base.as_ref());
+            let (Path::Novel(novel), Some(Count::Frames(poses))) =
+                (&first.path, base.and_then(|base| count(&base.path)))
+            else {
+                continue;
+            };
+            let wanted = u64::from(novel.groups) * u64::from(novel.keyframes);
+            if wanted > poses {
+                let message = format!("draws {wanted} key poses, and its base has {poses} poses");
+                let help = "groups times keyframes are drawn, each pose once";
+                self.report(Problem::of_field(message).help(help).at(place));
+            }
+        }
+    }
+}
+
+fn count(path: &Path) -> Option<Count> {
+    match path {
+        Path::Refine(refine) => Some(refine.count),
+        Path::Orbit(orbit) => Some(orbit.count),
+        Path::Keyframes(keyframes) => Some(keyframes.count),
+        Path::Novel(_) => None,
+    }
+}

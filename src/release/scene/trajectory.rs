@@ -1,0 +1,82 @@
+//! What `scene.json` says of one trajectory.
+
+use super::{DepthQuantiles, Range, Statistics, TrajectoryPart};
+use crate::artifact::Simulation;
+use crate::recipe::{Recipe, TrajectoryRecipe};
+use crate::release::built::BuiltTrajectory;
+use crate::render::RenderChoice;
+use crate::render::flow::Quantiles;
+use crate::sensor::Sensor;
+use serde_json::{Value, json};
+
+/// The part of a trajectory.
+pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
+    let asked = recipe.trajectories.iter().find(|t| t.name == built.name);
+    let stamps = &built.motion.trajectory.stamps_us;
+    TrajectoryPart {
+        name: built.name.clone(),
+        kind: built.kind().into(),
+        parameters: asked.map(parameters).unwrap_or_default(),
+        keyframes: built.motion.report.keyframes.iter().map(|k| *k as u64).collect(),
+        poses: stamps.len(),
+        duration_us: stamps.last().copied().unwrap_or(0),
+        rate: recipe.rate.0.to_string(),
+        sampling: json!({ "rate": recipe.rate.0.to_string(), "between": "linear" }),
+        render_rules: render_rules(recipe.render, built.simulation()),
+        sensor: built.simulation().map(sensor),
+        blur: None,
+        statistics: statistics(built),
+    }
+}
+
+/// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would
+/// round such numbers.
+fn parameters(asked: &TrajectoryRecipe) -> Value {
+    let mut parameters = json!(asked.path);
+    if let Some(novel) = parameters.get_mut("novel").and_then(Value::as_object_mut) {
+        novel.retain(|key, _| !key.ends_with("_seed"));
+        novel.insert("base".into(), json!(asked.base));
+    }
+    parameters["speed"] = json!(asked.speed);
+    parameters
+}
+
+fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {
+    let antialiased = simulation.map(|s| s.antialiased);
+    json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
+}
+
+fn sensor(simulation: &Simulation) -> Value {
+    let (c_on, c_off) = simulation.sensor.as_model().contrast();
+    let Sensor::Voltmeter(v) = &simulation.sensor;
+    json!({
+        "model": "voltmeter", "law": v.law, "law_version": simulation.sensor.as_model().law_version(),
+        "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
+        "theta_on": v.threshold_on, "theta_off": v.threshold_off, "c_on": c_on, "c_off": c_off,
+        "seed": simulation.seed.0.to_string(),
+    })
+}
+
+fn statistics(built: &BuiltTrajectory) -> Statistics {
+    let report = &built.motion.report;
+    let motion = Statistics {
+        linear_unit_s: Range::of(&report.linear_unit_s),
+        angular_rad_s: Range::of(&report.angular_rad_s),
+        ..Statistics::default()
+    };
+    let Some(simulation) = built.simulation() else { return motion };
+    let account = &simulation.account;
+    let seconds = built.motion.trajectory.stamps_us.last().map_or(0.0, |t| *t as f64 * 1e-6);
+    let pixel_seconds = simulation.camera.size.pixels() as f64 * seconds;
+    Statistics {
+        events: Some(account.events),
+        on: Some(account.on),
+        off: Some(account.off),
+        rate_ev_px_s: (pixel_seconds > 0.0).then(|| account.events as f64 / pixel_seconds),
+        peak_ev_per_ms: built.peak_ev_per_ms,
+        active_pixels: Some(account.active_pixels),
+        max_step_px: simulation.flow_px.map(|Quantiles { max, .. }| max),
+        depth_unit: simulation.depth_unit.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
+        ..motion
+    }
+}

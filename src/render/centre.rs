@@ -1,0 +1,87 @@
+//! How fast the middle of the picture moves, by the poses alone.
+//!
+//! By `Xdot = -v - w x X` (`pipeline.md` 8) a point straight ahead at distance `D` moves on the image by `f |v| / D` for
+//! a camera that shifts sideways by `v`, and by `f |w|` for one that turns by `w` across its optical axis. Which way each
+//! of the two goes is left aside: their sum is the most that such a point moves, and what a camera that keeps looking at
+//! it hides. Moving forward and turning about the optical axis leave the point where it is.
+
+#![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
+
+use super::flow::Quantiles;
+use crate::camera::Camera;
+use crate::se3::Se3;
+use crate::se3::rotation::log;
+use glam::DVec3;
+
+/// Quantiles over the steps between neighbouring poses of the most that a point straight ahead at `distance` (units)
+/// moves, px of `camera` along x, to first order in the turn; `None` where there is no step.
+#[must_use]
+pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<Quantiles> {
+    let across = |v: DVec3| v.truncate().length();
+    let step = |pair: &[Se3]| {
+        let camera_from_world = pair[0].rotation.conjugate();
+        let shift = camera_from_world * (pair[1].translation - pair[0].translation);
+        let turn = log(camera_from_world * pair[1].rotation);
+        (camera.fx * (across(shift) / distance + across(turn))) as f32
+    };
+    Quantiles::of(poses.windows(2).map(step).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{Image, Size};
+    use crate::render::View;
+    use crate::render::flow::displacement;
+    use crate::se3::rotation::exp;
+    use glam::DQuat;
+
+    const CAMERA: Camera =
+        Camera { size: Size { width: 41, height: 31 }, fx: 50.0, fy: 50.0, cx: 20.5, cy: 15.5 };
+    const DISTANCE: f32 = 4.0;
+
+    /// What the middle pixel moves by while the camera moves by this, by the formula and by projection.
+    fn both(shift: DVec3, turn: DVec3) -> [f32; 2] {
+        let start =
+            Se3 { rotation: exp(DVec3::new(0.3, -0.7, 0.2)), translation: DVec3::new(5.0, -2.0, 9.0) };
+        let end = Se3 {
+            rotation: start.rotation * exp(turn),
+            translation: start.translation + start.rotation * shift,
+        };
+        let [from, to] = [start, end].map(|world_from_camera| View { camera: CAMERA, world_from_camera });
+        let moved = displacement(&Image::filled(CAMERA.size, DISTANCE), &from, &to);
+        let px = centre_px(&[start, end], &CAMERA, DISTANCE.into()).unwrap();
+        [px.max, moved.pixels()[15 * 41 + 20]]
+    }
+
+    #[test]
+    fn the_middle_moves_as_it_is_projected() {
+        // to first order: what is left out is of the order of 1e-3^2 of 50 px
+        for (shift, turn) in [
+            (DVec3::new(4e-3, 0.0, 0.0), DVec3::ZERO),
+            (DVec3::new(0.0, -4e-3, 0.0), DVec3::ZERO),
+            (DVec3::ZERO, DVec3::new(1e-3, 0.0, 0.0)),
+            (DVec3::ZERO, DVec3::new(6e-4, -8e-4, 0.0)),
+            // along and about the optical axis
+            (DVec3::new(0.0, 0.0, 4e-3), DVec3::new(0.0, 0.0, 1e-3)),
+            // turning to where it moves, the two add up: the point falls behind
+            (DVec3::new(4e-3, 0.0, 0.0), DVec3::new(0.0, 1e-3, 0.0)),
+        ] {
+            let [found, wanted] = both(shift, turn);
+            assert!((found - wanted).abs() < 1e-4, "{shift} {turn}: {found}, projected {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_point_that_the_camera_keeps_in_view_moves_less() {
+        let [most, moved] = both(DVec3::new(4e-3, 0.0, 0.0), DVec3::new(0.0, -1e-3, 0.0));
+        assert!((most - 0.1).abs() < 1e-6 && moved < 1e-4, "{most} {moved}");
+    }
+
+    #[test]
+    fn one_pose_makes_no_step() {
+        let pose = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+        assert_eq!(centre_px(&[pose], &CAMERA, 1.0), None);
+        assert_eq!(centre_px(&[pose; 3], &CAMERA, 1.0).map(|q| q.max), Some(0.0));
+    }
+}

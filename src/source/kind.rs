@@ -1,0 +1,154 @@
+//! Which kind of source lies at a path, told by the files that are there.
+
+use super::{Capture, SourceError, Warning, colmap, model, nerfstudio};
+use std::path::Path;
+
+/// The kinds of sources that can be told apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A COLMAP model.
+    Colmap,
+    /// A nerfstudio `transforms.json`.
+    Nerfstudio,
+    /// A 3DGS model folder.
+    Model,
+}
+
+const WANTED: &str = "wanted a COLMAP model (cameras and images, .bin or .txt, here or in sparse/0), a transforms.json, \
+                      or a 3DGS model folder (cameras.json)";
+
+impl Kind {
+    /// The kind of the file or folder at `path`. What lies in a folder, or in its `sparse/0`, comes before a COLMAP model
+    /// further down.
+    ///
+    /// # Errors
+    /// When there is nothing, or it is of no kind, or of more than one.
+    pub fn find(path: &Path) -> Result<Self, SourceError> {
+        let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
+        if !std::fs::metadata(path).map_err(SourceError::io(path))?.is_dir() {
+            return Self::of_file(path).ok_or_else(|| absent(format!("a file of another name, {WANTED}")));
+        }
+        std::fs::read_dir(path).map_err(SourceError::io(path))?;
+        let kinds = [
+            (Self::Colmap, colmap::Model::near(path).is_some()),
+            (Self::Nerfstudio, nerfstudio::locate(path).is_file()),
+            (Self::Model, model::locate(path).is_file()),
+        ];
+        let found: Vec<Self> = kinds.into_iter().filter_map(|(kind, is)| is.then_some(kind)).collect();
+        match found[..] {
+            [kind] => Ok(kind),
+            [] if colmap::Model::below(path)?.is_some() => Ok(Self::Colmap),
+            [] => Err(absent(format!("nothing of a capture is in it, {WANTED}"))),
+            _ => {
+                let names: Vec<&str> = found.iter().map(|kind| kind.words()).collect();
+                Err(absent(format!("it holds {}: name the one that is meant", names.join(" and "))))
+            }
+        }
+    }
+
+    /// By its name; COLMAP models are folders.
+    fn of_file(path: &Path) -> Option<Self> {
+        let named = |name: &str| path.file_name().is_some_and(|found| found == name);
+        let json = path.extension().is_some_and(|extension| extension == "json");
+        if named("cameras.json") { Some(Self::Model) } else { json.then_some(Self::Nerfstudio) }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Colmap => "a COLMAP model",
+            Self::Nerfstudio => "a transforms.json",
+            Self::Model => "a cameras.json",
+        }
+    }
+
+    /// Its name in recipes.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Colmap => "colmap",
+            Self::Nerfstudio => "nerfstudio",
+            Self::Model => "model",
+        }
+    }
+
+    /// Reads the source at `path` as this kind, and warns of its lenses.
+    ///
+    /// # Errors
+    /// As the reader of this kind.
+    pub fn read(self, path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+        let (capture, mut warnings) = match self {
+            Self::Colmap => colmap::read(path),
+            Self::Nerfstudio => nerfstudio::read(path),
+            Self::Model => model::read(path),
+        }?;
+        warnings.extend(capture.distortion());
+        Ok((capture, warnings))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COLMAP: [&str; 2] = ["cameras.txt", "images.txt"];
+
+    /// The kind of a folder that holds these files, empty, or what is told of it.
+    fn kind(files: &[String]) -> Result<Kind, String> {
+        let dir = tempfile::tempdir().unwrap();
+        for file in files {
+            let path = dir.path().join(file);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "").unwrap();
+        }
+        Kind::find(dir.path()).map_err(|e| e.to_string().replace(dir.path().to_str().unwrap(), "DIR"))
+    }
+
+    fn model_in(folder: &str) -> Vec<String> {
+        COLMAP.iter().map(|file| format!("{folder}{file}")).collect()
+    }
+
+    #[test]
+    fn a_folder_is_known_by_its_files() {
+        let t =
+            |files: &[Vec<String>], wanted: Kind| assert_eq!(kind(&files.concat()), Ok(wanted), "{files:?}");
+        let transforms = || vec!["transforms.json".to_owned()];
+        t(&[model_in("")], Kind::Colmap);
+        t(&[model_in("sparse/0/")], Kind::Colmap);
+        t(&[model_in("a/b/sparse/0/")], Kind::Colmap);
+        t(&[transforms()], Kind::Nerfstudio);
+        // as ns-process-data leaves it: the nearer one is meant
+        t(&[transforms(), model_in("colmap/sparse/0/")], Kind::Nerfstudio);
+        t(&[vec!["cameras.json".to_owned(), "cfg_args".to_owned()]], Kind::Model);
+    }
+
+    #[test]
+    fn what_is_of_no_kind_or_of_two_is_refused() {
+        let t = |files: &[Vec<String>], wanted: &str| {
+            let told = kind(&files.concat()).unwrap_err();
+            assert!(told.starts_with(wanted), "{told}");
+        };
+        t(&[], "DIR: nothing of a capture is in it, wanted a COLMAP model");
+        t(&[vec!["images.txt".to_owned()]], "DIR: nothing of a capture is in it");
+        t(
+            &[vec!["transforms.json".to_owned()], model_in("sparse/0/")],
+            "DIR: it holds a COLMAP model and a transforms.json: name",
+        );
+        t(
+            &[model_in("a/sparse/0/"), model_in("b/sparse/0/")],
+            "DIR: two COLMAP models were found, DIR/a/sparse/0 and",
+        );
+    }
+
+    #[test]
+    fn a_file_is_known_by_its_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let t = |name: &str, wanted: Option<Kind>| {
+            std::fs::write(dir.path().join(name), "").unwrap();
+            assert_eq!(Kind::find(&dir.path().join(name)).ok(), wanted, "{name}");
+        };
+        t("transforms_train.json", Some(Kind::Nerfstudio));
+        t("cameras.json", Some(Kind::Model));
+        t("images.bin", None);
+        assert!(matches!(Kind::find(&dir.path().join("gone")), Err(SourceError::Io { .. })));
+    }
+}

@@ -1,0 +1,238 @@
+//! 3DGS model folders (GitHub graphdeco-inria/gaussian-splatting): the cameras that a scene was trained with.
+//!
+//! `cameras.json` is a list (`utils/camera_utils.py`, `camera_to_JSON`): `img_name`, `width`, `height`, `fx`, `fy`,
+//! `position` (the camera's centre) and `rotation` (rows, camera to world, OpenCV camera axes). It is in the order of
+//! training, which says nothing; it has no principal point, which training takes to be the image's centre; and its sizes
+//! are those after the rescale of large photos. Lenses are not there: training takes undistorted photos.
+//!
+//! `exposure.json`, which newer trainers write, is a mapping from `img_name` to a colour transform of 3x4. It is read to
+//! say that exposures were trained. `cfg_args` is Python text on how it was trained, and says nothing of poses: it is not
+//! read.
+
+use super::node::{Node, load};
+use super::photo::or_here;
+use super::{Capture, Found, Lens, SourceError, View, Warning, collect, screen_camera};
+use crate::camera::Camera;
+use crate::image::Size;
+use crate::se3::{self, Se3};
+use glam::{DMat3, DVec3};
+use std::path::{Path, PathBuf};
+
+/// Name of the file that makes a folder a model's.
+const CAMERAS: &str = "cameras.json";
+/// Name of the file with the colour transforms.
+const EXPOSURES: &str = "exposure.json";
+
+/// The colour transform that changes nothing.
+const NEUTRAL: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+/// Transforms nearer to it than this, number by number, change no 8-bit colour: three channels and a constant make at
+/// most 4 * 4e-4 * 255 = 0.41 of a level.
+const NEAR: f64 = 4e-4;
+
+/// The file with the cameras, given it or its folder.
+pub(super) fn locate(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join(CAMERAS) } else { path.to_owned() }
+}
+
+/// Reads a model folder, or the `cameras.json` of one, as a capture. Its photos are somewhere else, if anywhere.
+///
+/// # Errors
+/// When it is no such folder, a value is missing or wrong, a pose is none, or two images have one name.
+pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let file = locate(path);
+    let document = load(&file)?;
+    let mut warnings = Vec::new();
+    let mut found = Vec::new();
+    for camera in Node::top(&file, &document).elements()? {
+        let (view, warning) = read_camera(&camera)?;
+        warnings.extend(warning);
+        found.push(Found { view, place: camera.place() });
+    }
+    let exposures = file.with_file_name(EXPOSURES);
+    if exposures.is_file() {
+        warnings.extend(exposed(&exposures)?);
+    }
+    Ok((collect(&file, found)?, warnings))
+}
+
+/// The files that [`read`] reads, each with its name within the source.
+///
+/// # Errors
+/// Never: what is not there is found out on reading.
+pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let file = locate(path);
+    let exposures = file.with_file_name(EXPOSURES);
+    let exposures = exposures.is_file().then(|| (EXPOSURES.to_owned(), exposures));
+    Ok([(CAMERAS.to_owned(), file)].into_iter().chain(exposures).collect())
+}
+
+/// The folders whose listing decides which files [`files`] names.
+#[must_use]
+pub fn folders(path: &Path) -> Vec<PathBuf> {
+    vec![or_here(locate(path).parent().unwrap_or(Path::new("")))]
+}
+
+/// A view, and what its user should know about it.
+fn read_camera(camera: &Node<'_>) -> Result<(View, Option<Warning>), SourceError> {
+    let name = camera.text("img_name")?.to_owned();
+    let size = Size { width: camera.get("width")?.side()?, height: camera.get("height")?.side()? };
+    let [fx, fy] = [camera.get("fx")?.number()?, camera.get("fy")?.number()?];
+    let [cx, cy] = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
+    let pinhole = Camera { size, fx, fy, cx, cy };
+    screen_camera(&pinhole, &Lens::Pinhole).map_err(|e| camera.fault(e))?;
+    let translation = DVec3::from_array(camera.get("position")?.numbers()?);
+    let rows = camera.get("rotation")?;
+    let screened = se3::rotation_from_matrix(&DMat3::from_cols_array_2d(&rows.matrix()?).transpose())
+        .map_err(|e| rows.fault(e.to_string()))?;
+    let deviation = screened.deviation;
+    let warning = screened.projected.then(|| Warning::Projected { image: name.clone(), deviation });
+    let world_from_camera = Se3 { rotation: screened.rotation, translation };
+    Ok((View { name, world_from_camera, camera: pinhole, lens: Lens::Pinhole, sha256: None }, warning))
+}
+
+/// A warning where colour transforms were trained, which trajectories leave out.
+fn exposed(file: &Path) -> Result<Option<Warning>, SourceError> {
+    let document = load(file)?;
+    let mut count = 0;
+    for exposure in Node::top(file, &document).members()? {
+        let transform: [[f64; 4]; 3] = exposure.matrix()?;
+        let parts = transform.as_flattened().iter().zip(NEUTRAL.as_flattened());
+        count += usize::from(parts.into_iter().any(|(found, neutral)| (found - neutral).abs() > NEAR));
+    }
+    Ok((count > 0).then_some(Warning::Exposure { count }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    /// A turn of 90 degrees about y and one about z, and centres; trained in another order than they are named.
+    fn planted() -> Value {
+        json!([
+            { "id": 0, "img_name": "img 10", "width": 1600, "height": 899, "position": [1.0, 2.0, 3.0],
+              "rotation": [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]], "fy": 1001.5, "fx": 1000.25 },
+            { "id": 1, "img_name": "img 9", "width": 1600.0, "height": 900, "position": [-1e-3, 0.0, 4e6],
+              "rotation": [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], "fy": 1000.0, "fx": 1000.0 },
+        ])
+    }
+
+    fn folder(cameras: &str, exposures: Option<&str>) -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join(CAMERAS), cameras).unwrap();
+        if let Some(text) = exposures {
+            std::fs::write(dir.path().join(EXPOSURES), text).unwrap();
+        }
+        dir
+    }
+
+    #[test]
+    fn cameras_are_read_as_they_were_planted() {
+        let dir = folder(&planted().to_string(), None);
+        let (capture, warnings) = read(dir.path()).unwrap();
+        assert_eq!(warnings, []);
+        let [first, second] = &capture.views[..] else { panic!("{capture:?}") };
+        assert_eq!([first.name.as_str(), second.name.as_str()], ["img 9", "img 10"]);
+        assert_eq!(second.world_from_camera.translation, DVec3::new(1.0, 2.0, 3.0));
+        let wanted =
+            Camera { size: Size { width: 1600, height: 899 }, fx: 1000.25, fy: 1001.5, cx: 800.0, cy: 449.5 };
+        assert_eq!((second.camera, &second.lens), (wanted, &Lens::Pinhole));
+        // Where the camera's own axes point in the world: the columns of the matrix that was written in rows.
+        for (view, axes) in
+            [(first, [DVec3::Y, -DVec3::X, DVec3::Z]), (second, [-DVec3::Z, DVec3::Y, DVec3::X])]
+        {
+            for (own, wanted) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().zip(axes) {
+                let found = view.world_from_camera.rotation * own;
+                // a quaternion's way through a matrix costs a few roundings of numbers up to 1
+                assert!((found - wanted).length() < 2e-15, "{}: {own} to {found}", view.name);
+            }
+        }
+        // The file itself is as good as its folder.
+        assert_eq!(read(&dir.path().join(CAMERAS)).unwrap().0, capture);
+    }
+
+    #[test]
+    fn what_is_read_is_listed() {
+        let names = |dir: &Path| files(dir).unwrap().into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        let dir = folder("[]", Some("{}"));
+        assert_eq!(names(dir.path()), [CAMERAS, EXPOSURES]);
+        assert_eq!(names(folder("[]", None).path()), [CAMERAS]);
+        assert_eq!(folders(dir.path()), [dir.path()]);
+        assert_eq!(folders(Path::new(CAMERAS)), [Path::new(".")]);
+    }
+
+    #[test]
+    fn trained_exposures_are_told() {
+        let t = |exposures: Value, wanted: Option<usize>| {
+            let dir = folder(&planted().to_string(), Some(&exposures.to_string()));
+            let found = read(dir.path()).unwrap().1;
+            assert_eq!(
+                found,
+                wanted.map(|count| Warning::Exposure { count }).into_iter().collect::<Vec<_>>()
+            );
+        };
+        t(json!({}), None);
+        t(json!({ "img 9": NEUTRAL, "img 10": NEUTRAL }), None);
+        let mut brighter = NEUTRAL;
+        brighter[1][3] = 0.05;
+        t(json!({ "img 9": NEUTRAL, "img 10": brighter }), Some(1));
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_told_with_its_place() {
+        let t = |change: &dyn Fn(&mut Value), wanted: &str| {
+            let mut cameras = planted();
+            change(&mut cameras);
+            let dir = folder(&cameras.to_string(), None);
+            let told = read(dir.path()).unwrap_err().to_string();
+            assert_eq!(told, format!("{}: {wanted}", dir.path().join(CAMERAS).display()));
+        };
+        let set =
+            |key: &'static str, value: Value| move |cameras: &mut Value| cameras[1][key] = value.clone();
+        t(&|c| *c = json!({ "frames": [] }), "line 1: {\"frames\":[]}, wanted a list");
+        t(&|c| *c = json!([]), "it holds no view");
+        t(&set("img_name", json!("img 10")), "`[1]`: the image name `img 10` is already used by `[0]`");
+        t(&set("img_name", Value::Null), "`[1].img_name`: it is missing, wanted a value");
+        t(&set("width", json!(0)), "`[1].width`: 0, wanted a whole number of pixels");
+        t(&set("width", json!(1.5)), "`[1].width`: 1.5, wanted a whole number of pixels");
+        t(
+            &set("height", json!(200_000)),
+            "`[1]`: the image size is 1600x200000, wanted sides of 1 to 100000",
+        );
+        t(&set("fy", json!(-3.0)), "`[1]`: the focal length is -3, wanted a positive number of pixels");
+        t(&set("fx", json!("wide")), "`[1].fx`: \"wide\", wanted a number");
+        t(&set("position", json!([1.0, 2.0])), "`[1].position`: [1.0,2.0], wanted 3 numbers");
+        t(&set("rotation", json!([[1, 0, 0]])), "`[1].rotation`: [[1,0,0]], wanted 3 rows of 3 numbers");
+        t(
+            &set("rotation", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]])),
+            "`[1].rotation`: a rotation mirrors: its determinant is -1.000000, 1 was wanted",
+        );
+        t(
+            &set("rotation", json!([[1, 0, 0], [0, 1, 0], [0, 0, 2]])),
+            "`[1].rotation`: a rotation is not orthonormal: it deviates by 3.000e0, at most 1e-3 is allowed",
+        );
+    }
+
+    #[test]
+    fn a_file_that_is_none_is_told_with_its_line() {
+        let dir = folder("[\n{ \"id\": NaN }]", None);
+        let told = read(dir.path()).unwrap_err().to_string();
+        assert!(told.contains("cameras.json: line 2: "), "{told}");
+        let gone = read(&dir.path().join("gone")).unwrap_err();
+        assert!(matches!(gone, SourceError::Io { .. }), "{gone}");
+        let odd = folder(&planted().to_string(), Some("{\"a\": [[1, 0], [0, 1]]}"));
+        let told = read(odd.path()).unwrap_err().to_string();
+        assert!(told.ends_with("exposure.json: `a`: [[1,0],[0,1]], wanted 3 rows of 4 numbers"), "{told}");
+    }
+
+    #[test]
+    fn a_rotation_that_is_slightly_off_is_told() {
+        let mut cameras = planted();
+        cameras[0]["rotation"][1][1] = json!(1.0 + 1e-5);
+        let dir = folder(&cameras.to_string(), None);
+        let warnings = read(dir.path()).unwrap().1;
+        let [Warning::Projected { image, deviation }] = &warnings[..] else { panic!("{warnings:?}") };
+        // |R^T R - I| is (1 + e)^2 - 1
+        assert!(image == "img 10" && (deviation - 2e-5).abs() < 2e-10, "{deviation}");
+    }
+}

@@ -1,0 +1,84 @@
+//! A Bezier curve in space that starts and ends where it is told to.
+
+use super::least_squares;
+use glam::DVec3;
+
+/// The line between both ends and a bulge beside it, both over a parameter from 0 to 1.
+///
+/// The control points are those of the line plus those of the bulge, of which the first and the last are zero. So a
+/// straight path has a bend of exactly zero.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Pinned {
+    start: DVec3,
+    chord: DVec3,
+    bulge: [Bernstein; 3],
+}
+
+impl Pinned {
+    /// The curve of `degree` from the first to the last of `points` that is, at the parameters `x`, nearest to the
+    /// others: in least squares.
+    pub(super) fn fit(degree: usize, x: &[f64], points: &[DVec3]) -> Self {
+        let last = points.len() - 1;
+        let (start, chord) = (points[0], points[last] - points[0]);
+        let column = |i: usize| x[1..last].iter().map(|x| basis(degree, i, *x)).collect();
+        let right = (1..last).map(|k| points[k] - (start + chord * x[k])).collect();
+        let mut control = vec![DVec3::ZERO; degree + 1];
+        control[1..degree].copy_from_slice(&least_squares::solve((1..degree).map(column).collect(), right));
+        let slope = differences(&control);
+        let bend = differences(&slope);
+        Self { start, chord, bulge: [control, slope, bend].map(|control| Bernstein::of(&control)) }
+    }
+
+    pub(super) fn value(&self, x: f64) -> DVec3 {
+        self.start + self.chord * x + self.bulge[0].value(x)
+    }
+
+    /// The first derivative.
+    pub(super) fn slope(&self, x: f64) -> DVec3 {
+        self.chord + self.bulge[1].value(x)
+    }
+
+    /// The second derivative.
+    pub(super) fn bend(&self, x: f64) -> DVec3 {
+        self.bulge[2].value(x)
+    }
+}
+
+/// Control points of the derivative.
+fn differences(control: &[DVec3]) -> Vec<DVec3> {
+    let degree = control.len().saturating_sub(1) as f64;
+    control.windows(2).map(|w| (w[1] - w[0]) * degree).collect()
+}
+
+/// The Bernstein polynomial `i` of a degree.
+fn basis(degree: usize, i: usize, x: f64) -> f64 {
+    let power = |base: f64, exponent: usize| std::iter::repeat_n(base, exponent).product::<f64>();
+    binomial(degree, i) * power(x, i) * power(1.0 - x, degree - i)
+}
+
+/// Exact for all degrees that are used: every partial product is a binomial coefficient.
+fn binomial(n: usize, k: usize) -> f64 {
+    (0..k).fold(1.0, |product, j| product * (n - j) as f64 / (j + 1) as f64)
+}
+
+/// A polynomial by its control points, each times its binomial coefficient; of none it is zero.
+#[derive(Debug, Clone, PartialEq)]
+struct Bernstein(Vec<DVec3>);
+
+impl Bernstein {
+    fn of(control: &[DVec3]) -> Self {
+        let degree = control.len().saturating_sub(1);
+        Self(control.iter().enumerate().map(|(i, point)| *point * binomial(degree, i)).collect())
+    }
+
+    /// By nested multiplication in `1 - x` with growing powers of `x`: no term cancels another, as in de Casteljau's
+    /// algorithm, but in linear time.
+    fn value(&self, x: f64) -> DVec3 {
+        let (mut sum, mut power) = (DVec3::ZERO, 1.0);
+        for coefficient in &self.0 {
+            sum = sum * (1.0 - x) + *coefficient * power;
+            power *= x;
+        }
+        sum
+    }
+}
