@@ -64,7 +64,7 @@ pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
 impl Splat {
     /// Where the ellipse `q <= reach` begins and ends in x on the line `dy` px below the mean, or `None` where the
     /// line misses it.
-    #[inline]
+    #[inline(always)]
     pub(super) fn chord(&self, dy: f32) -> Option<[f32; 2]> {
         let [w1, w2, w3] = self.w;
         let e2 = w3 * dy;
