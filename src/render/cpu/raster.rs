@@ -204,8 +204,7 @@ impl<const N: usize> Tile<N> {
     #[inline(always)]
     fn blend_row<const SOFT: bool, const RATE: bool>(&mut self, splat: &Splat, rates: &Rates, y: usize) {
         let dy = (self.first_row + y) as f32 + 0.5 - splat.mean[1];
-        let Some([low, high]) = splat.chord(dy) else { return };
-        if high < self.centres[0] || low > self.centres[TILE - 1] {
+        if splat.misses(dy, [self.centres[0], self.centres[TILE - 1]]) {
             return;
         }
         let [w1, w2, w3] = splat.w;
