@@ -1,6 +1,5 @@
 //! What must not change a rendered bit: threads, frames rendered before, other images asked for, the world's origin.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
-#![expect(clippy::print_stdout, reason = "what was compared")]
 
 use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, render, scene};
 use glam::{DQuat, DVec3};
