@@ -2,13 +2,17 @@
 
 pub mod centre;
 pub mod cpu;
+mod dual;
 pub mod flow;
+pub mod reference;
 pub mod shared;
 
 use crate::camera::Camera;
 use crate::image::Image;
 use crate::se3::Se3;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use shared::MAX_EDGE;
 
 /// Which renderer's conventions decide extents, culling and stops (numbers in `render/shared.rs`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,6 +22,11 @@ pub enum Rules {
     Official,
     /// Every pixel where alpha reaches 1/255.
     Exact,
+    /// nerfstudio-project/gsplat: its culling, its clamp of the projection's derivative, its stop; each axis by itself.
+    Gsplat,
+    /// As [`Self::Exact`], but a layer fades in between half and one and a half grey steps instead of appearing at
+    /// one: opacity is a continuous function of the view.
+    Soft,
 }
 
 /// Parameters of a rendering that are part of its meaning, and so of its key.
@@ -68,13 +77,32 @@ impl RenderChoice {
     }
 }
 
-/// Where from and through which camera.
+/// Where from and through which camera, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Intrinsics and size.
     pub camera: Camera,
     /// Pose, OpenCV camera axes.
     pub world_from_camera: Se3,
+    /// What channels that are rates are asked for.
+    pub velocity: Velocity,
+}
+
+/// How a camera moves, in its own axes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Velocity {
+    /// Scene units a second.
+    pub linear: DVec3,
+    /// Radians a second.
+    pub angular: DVec3,
+}
+
+impl View {
+    /// The view of a camera at rest.
+    #[must_use]
+    pub fn still(camera: Camera, world_from_camera: Se3) -> Self {
+        Self { camera, world_from_camera, velocity: Velocity::default() }
+    }
 }
 
 /// Which images are wanted; each is paid for only when asked.
@@ -88,6 +116,10 @@ pub struct Channels {
     pub alpha: bool,
     /// Depth.
     pub depth: bool,
+    /// Optical flow, from depth and the view's velocity.
+    pub flow: bool,
+    /// How fast luminance changes while the camera moves with the view's velocity.
+    pub luminance_rate: bool,
 }
 
 /// The images asked for; the others are `None`.
@@ -101,6 +133,10 @@ pub struct Rendered {
     pub alpha: Option<Image<f32>>,
     /// `sum(w z) / sum(w)`, scene units along the optical axis; NaN where alpha is below 0.5.
     pub depth: Option<Image<f32>>,
+    /// Image velocity of the point at each pixel's depth, px/s; NaN where depth is.
+    pub flow: Option<Image<[f32; 2]>>,
+    /// Time derivative of [`Self::luminance`], 1/s.
+    pub luminance_rate: Option<Image<f32>>,
 }
 
 /// What one rendering did and what it left out.
@@ -164,4 +200,38 @@ pub trait Renderer {
     /// # Errors
     /// When the view is not finite or its camera has no pixels.
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError>;
+}
+
+/// Whether an image can be made in this style.
+fn check_style(style: &Style) -> Result<(), RenderError> {
+    if style.background.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    Err(RenderError::Style(format!("background {:?} is not finite", style.background)))
+}
+
+/// Whether an image can be made of the view.
+fn check_view(view: &View) -> Result<(), RenderError> {
+    let camera = view.camera;
+    let fail = |because: String| Err(RenderError::View(because));
+    let [w, h] = [camera.size.width, camera.size.height];
+    if w == 0 || h == 0 || w > MAX_EDGE || h > MAX_EDGE {
+        return fail(format!("image size {}, wanted 1 to {MAX_EDGE} px along each edge", camera.size));
+    }
+    let focal_is_good = |f: f64| f.is_finite() && f > 0.0;
+    if !(focal_is_good(camera.fx) && focal_is_good(camera.fy)) {
+        return fail(format!("focal lengths {}, {} px, wanted finite positive ones", camera.fx, camera.fy));
+    }
+    if !(camera.cx.is_finite() && camera.cy.is_finite()) {
+        return fail(format!("principal point ({}, {}) is not finite", camera.cx, camera.cy));
+    }
+    let pose = view.world_from_camera;
+    if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
+        return fail(format!("pose {pose:?} is not finite"));
+    }
+    let velocity = view.velocity;
+    if !(velocity.linear.is_finite() && velocity.angular.is_finite()) {
+        return fail(format!("velocity {velocity:?} is not finite"));
+    }
+    Ok(())
 }

@@ -64,7 +64,7 @@ impl Frames for RenderedFrames {
     fn next(&mut self) -> Result<Option<Frame>, FrameError> {
         let index = self.done;
         let Some(&world_from_camera) = self.trajectory.world_from_camera.get(index) else { return Ok(None) };
-        let view = View { camera: self.camera, world_from_camera };
+        let view = View::still(self.camera, world_from_camera);
         let want = Channels { luminance: true, ..Channels::default() };
         self.work += self
             .renderer

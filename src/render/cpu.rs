@@ -9,22 +9,25 @@ mod activate;
 mod bin;
 mod exp2;
 mod extent;
+mod level;
 mod project;
 mod raster;
 mod resolve;
 mod sort;
 mod splat;
 
-use super::shared::MAX_EDGE;
-use super::{Channels, RenderError, Rendered, Renderer, Style, View, Work};
+pub use level::Instructions;
+
+use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Size;
 use crate::scene::Gaussians;
 use activate::Activated;
 use bin::{Grid, Lists};
 use project::{Eye, Projected, Projection};
+use raster::Frame;
 use resolve::Blended;
 use sort::Sorter;
-use splat::Splat;
+use splat::{Rates, Splat};
 use std::sync::Arc;
 
 /// A scene ready to be rendered, and the buffers of its last frame.
@@ -33,7 +36,9 @@ pub struct Cpu {
     scene: Arc<Gaussians>,
     activated: Vec<Activated>,
     style: Style,
+    instructions: Instructions,
     splats: Vec<Splat>,
+    rates: Vec<Rates>,
     chunks: Vec<Projected>,
     sorter: Sorter,
     lists: Lists,
@@ -62,20 +67,81 @@ impl Cpu {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
         }
-        if !style.background.iter().all(|v| v.is_finite()) {
-            return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
-        }
+        super::check_style(&style)?;
         let activated = activate::activate(&scene);
         Ok(Self {
             scene,
             activated,
             style,
+            instructions: Instructions::best(),
             splats: Vec::new(),
+            rates: Vec::new(),
             chunks: Vec::new(),
             sorter: Sorter::default(),
             lists: Lists::default(),
             tiles: Vec::new(),
         })
+    }
+}
+
+/// A pass over the scene or the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pass {
+    /// Every Gaussian onto the image.
+    Project,
+    /// Those that are left, by depth.
+    Sort,
+    /// Into the lists of the tiles.
+    Bin,
+    /// Each tile blended.
+    Raster,
+    /// The tiles into images.
+    Resolve,
+}
+
+impl Cpu {
+    /// Renders with this instruction set from now on: the same bits, at another speed.
+    pub fn set_instructions(&mut self, instructions: Instructions) {
+        self.instructions = instructions;
+    }
+
+    /// [`Renderer::render`] that tells when each pass is done.
+    ///
+    /// # Errors
+    /// When no image can be made of the view.
+    pub fn render_in_passes(
+        &mut self,
+        view: &View,
+        want: Channels,
+        out: &mut Rendered,
+        done: &mut dyn FnMut(Pass),
+    ) -> Result<Work, RenderError> {
+        super::check_view(view)?;
+        let asked = Channels { depth: want.depth || want.flow, ..want };
+        let eye = Eye::new(view, self.scene.origin, self.style.rules);
+        let (scene, activated) = (&self.scene, &self.activated);
+        let projection = Projection { scene, activated, style: self.style, eye, want: asked };
+        projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
+        let mut work = Work::default();
+        self.chunks.iter().for_each(|chunk| work += chunk.work);
+        done(Pass::Project);
+
+        let order = self.sorter.run(&self.splats, &self.chunks);
+        done(Pass::Sort);
+        let grid = Grid::new(view.camera.size);
+        work.tile_pairs = self.lists.run(order, &self.splats, grid);
+        done(Pass::Bin);
+        let (splats, rates, lists) = (&self.splats, &self.rates, &self.lists);
+        let (rules, level) = (self.style.rules, self.instructions.level);
+        let features = feature_count(asked);
+        let frame = Frame { splats, rates, lists, grid, rules, level };
+        work += raster(features, asked.luminance_rate, frame, &mut self.tiles);
+        done(Pass::Raster);
+        resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);
+        out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, view)) } else { None };
+        out.depth = out.depth.take().filter(|_| want.depth);
+        done(Pass::Resolve);
+        Ok(work)
     }
 }
 
@@ -85,21 +151,7 @@ impl Renderer for Cpu {
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-        check(view)?;
-        let eye = Eye::new(view, self.scene.origin);
-        let projection =
-            Projection { scene: &self.scene, activated: &self.activated, style: self.style, eye, want };
-        projection.run(&mut self.splats, &mut self.chunks);
-        let mut work = Work::default();
-        self.chunks.iter().for_each(|chunk| work += chunk.work);
-
-        let order = self.sorter.run(&self.splats, &self.chunks);
-        let grid = Grid::new(view.camera.size);
-        work.tile_pairs = self.lists.run(order, &self.splats, grid);
-        let features = feature_count(want);
-        work += raster(features, &self.splats, &self.lists, grid, &mut self.tiles);
-        resolve::run(Blended { tiles: &self.tiles, features, grid }, want, self.style.background, out);
-        Ok(work)
+        self.render_in_passes(view, want, out, &mut |_| ())
     }
 }
 
@@ -108,37 +160,18 @@ fn feature_count(want: Channels) -> usize {
     3 * usize::from(want.rgb) + usize::from(want.luminance) + usize::from(want.depth)
 }
 
-/// The raster pass for this number of features.
-fn raster(features: usize, splats: &[Splat], lists: &Lists, grid: Grid, out: &mut Vec<f32>) -> Work {
-    match features {
-        0 => raster::run::<0>(splats, lists, grid, out),
-        1 => raster::run::<1>(splats, lists, grid, out),
-        2 => raster::run::<2>(splats, lists, grid, out),
-        3 => raster::run::<3>(splats, lists, grid, out),
-        4 => raster::run::<4>(splats, lists, grid, out),
-        5 => raster::run::<5>(splats, lists, grid, out),
-        n => unreachable!("colour, luminance and depth make five features, not {n}"),
+/// The raster pass for this number of features, with or without rates.
+fn raster(features: usize, rate: bool, frame: Frame<'_>, out: &mut Vec<f32>) -> Work {
+    macro_rules! with {
+        ($($n:literal)+) => {
+            match (features, frame.rules == Rules::Soft, rate) {
+                $(($n, false, false) => raster::run::<$n, false, false>(frame, out),
+                ($n, true, false) => raster::run::<$n, true, false>(frame, out),
+                ($n, false, true) => raster::run::<$n, false, true>(frame, out),
+                ($n, true, true) => raster::run::<$n, true, true>(frame, out),)+
+                (n, ..) => unreachable!("colour, luminance and depth make five features, not {n}"),
+            }
+        };
     }
-}
-
-/// Whether an image can be made of the view.
-fn check(view: &View) -> Result<(), RenderError> {
-    let camera = view.camera;
-    let fail = |because: String| Err(RenderError::View(because));
-    let [w, h] = [camera.size.width, camera.size.height];
-    if w == 0 || h == 0 || w > MAX_EDGE || h > MAX_EDGE {
-        return fail(format!("image size {}, wanted 1 to {MAX_EDGE} px along each edge", camera.size));
-    }
-    let focal_is_good = |f: f64| f.is_finite() && f > 0.0;
-    if !(focal_is_good(camera.fx) && focal_is_good(camera.fy)) {
-        return fail(format!("focal lengths {}, {} px, wanted finite positive ones", camera.fx, camera.fy));
-    }
-    if !(camera.cx.is_finite() && camera.cy.is_finite()) {
-        return fail(format!("principal point ({}, {}) is not finite", camera.cx, camera.cy));
-    }
-    let pose = view.world_from_camera;
-    if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
-        return fail(format!("pose {pose:?} is not finite"));
-    }
-    Ok(())
+    with!(0 1 2 3 4 5)
 }

@@ -5,7 +5,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
-use super::{Channels, Rendered, Renderer, View};
+use super::{Channels, Rendered, Renderer, Velocity, View};
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::{Se3, Twist};
@@ -80,28 +80,35 @@ impl std::fmt::Debug for Meter {
 
 impl FlowMeter for Meter {
     fn median_px(&mut self, world_from_camera: &Se3, twist: &Twist) -> Result<Option<f64>, String> {
-        let view = View { camera: self.small, world_from_camera: *world_from_camera };
-        let want = Channels { depth: true, ..Channels::default() };
+        let linear = world_from_camera.rotation.conjugate() * twist.linear;
+        let velocity = Velocity { linear, angular: twist.angular };
+        let view = View { camera: self.small, world_from_camera: *world_from_camera, velocity };
+        let want = Channels { flow: true, ..Channels::default() };
         self.renderer.render(&view, want, &mut self.rendered).map_err(|e| e.to_string())?;
-        let depth = self.rendered.depth.as_ref().expect("depth was asked for");
-        let rates = rates(depth, &view, twist);
-        Ok(nearest_ranks(rates, [50]).map(|[median]| f64::from(median) * self.pixels))
+        let flow = self.rendered.flow.as_ref().expect("flow was asked for").pixels();
+        let speeds = flow.iter().map(|[x, y]| x.hypot(*y)).collect();
+        Ok(nearest_ranks(speeds, [50]).map(|[median]| f64::from(median) * self.pixels))
     }
 }
 
-/// How fast the world point of each pixel moves on the image while the camera moves by `twist`, px per unit of the
-/// parameter that the twist is by: `Xdot = -v - w x X` (`pipeline.md` 8). NaN where depth is NaN.
-fn rates(depth: &Image<f32>, view: &View, twist: &Twist) -> Vec<f32> {
-    let (camera, width) = (&view.camera, depth.size().width as usize);
-    let linear = view.world_from_camera.rotation.conjugate() * twist.linear;
+/// How fast the world point of each pixel moves on the image of a moving camera, px per unit of the velocity's time:
+/// `Xdot = -v - w x X` (`pipeline.md` 8). NaN where depth is NaN.
+///
+/// # Panics
+/// If `depth` does not have the size of the view's camera.
+#[must_use]
+pub fn rates(depth: &Image<f32>, view: &View) -> Image<[f32; 2]> {
+    let (camera, size) = (&view.camera, view.camera.size);
+    assert_eq!(depth.size(), size, "the depth image is that of the view");
+    let width = size.width as usize;
     let rate = |(i, z): (usize, &f32)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         let point = unproject(camera, pixel, f64::from(*z));
-        let moving = -linear - twist.angular.cross(point);
-        let on_image = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
-        (on_image * DVec2::new(camera.fx, camera.fy)).length() as f32
+        let moving = -view.velocity.linear - view.velocity.angular.cross(point);
+        let slope = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
+        (slope * DVec2::new(camera.fx, camera.fy)).as_vec2().to_array()
     };
-    depth.pixels().iter().enumerate().map(rate).collect()
+    Image::from_vec(size, depth.pixels().iter().enumerate().map(rate).collect())
 }
 
 /// The point of a pixel at this depth, camera axes.
@@ -165,7 +172,7 @@ mod tests {
 
     fn view(translation: DVec3, rotation: DQuat) -> View {
         let camera = Camera { size: SIZE, fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0 };
-        View { camera, world_from_camera: Se3 { rotation, translation } }
+        View::still(camera, Se3 { rotation, translation })
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! The constants of all back ends, each written once (`numerics.md` 7.1; graphdeco-inria/diff-gaussian-rasterization,
 //! `cuda_rasterizer/forward.cu` and `auxiliary.h`).
 
+use super::Rules;
+
 /// Edge of a square tile, px.
 pub const TILE: usize = 16;
 
@@ -18,6 +20,18 @@ pub const MAX_ALPHA: f32 = 0.99;
 
 /// A layer below this opacity is skipped.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
+
+/// The same under the rules `soft`, whose layers fade in from there.
+pub const SOFT_MIN_ALPHA: f32 = 0.5 / 255.0;
+
+/// The opacity below which a layer is skipped.
+#[must_use]
+pub fn least_alpha(rules: Rules) -> f32 {
+    match rules {
+        Rules::Official | Rules::Exact | Rules::Gsplat => MIN_ALPHA,
+        Rules::Soft => SOFT_MIN_ALPHA,
+    }
+}
 
 /// A pixel is finished before the layer that would take its transmittance below this.
 pub const STOP: f32 = 1e-4;
@@ -42,3 +56,14 @@ pub const AFFINE_INVALID: f32 = 0.3;
 
 /// Largest image edge, px: pixel coordinates inside the back ends have 16 bits.
 pub const MAX_EDGE: u32 = 65_535;
+
+/// Rules `gsplat`: least and largest depth, scene units.
+pub const GSPLAT_NEAR: f32 = 0.01;
+/// See [`GSPLAT_NEAR`].
+pub const GSPLAT_FAR: f32 = 1e10;
+
+/// Rules `gsplat`: the affine approximation is taken at directions within the image and this share of its edge beyond.
+pub const GSPLAT_SLACK: f64 = 0.15;
+
+/// Rules `gsplat`: largest half extent along an axis, in standard deviations.
+pub const GSPLAT_SIGMAS: f32 = 3.33;

@@ -102,12 +102,12 @@ fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
 /// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` under the values of [`basis`], summed in the order of
 /// the functions; the shorter of the two ends the sum.
 #[must_use]
-pub fn colour<T: Scalar + PartialOrd>(coefficients: &[[T; 3]], basis: &[T]) -> [T; 3] {
+pub fn colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(coefficients: &[[C; 3]], basis: &[T]) -> [T; 3] {
     let zero = T::nearest(0.0);
-    let mut sum = [T::nearest(0.0); 3];
+    let mut sum = [zero; 3];
     for (c, &b) in coefficients.iter().zip(basis) {
         for (s, &c) in sum.iter_mut().zip(c) {
-            *s = *s + c * b;
+            *s = *s + T::nearest(c.into()) * b;
         }
     }
     sum.map(|s| {

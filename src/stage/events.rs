@@ -143,7 +143,7 @@ fn sample_depth(
     let mut sampled = Sampled::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
-        let [from, to] = [a, b].map(|j| View { camera, world_from_camera: poses[j] });
+        let [from, to] = [a, b].map(|j| View::still(camera, poses[j]));
         let mut rendered = Rendered::default();
         renderer.render(&from, want, &mut rendered).map_err(StageError::work("measure the optical flow"))?;
         let depth = rendered.depth.expect("depth was asked for");

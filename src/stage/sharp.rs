@@ -62,7 +62,7 @@ impl Stage for Photographing {
             let mut images = Vec::with_capacity(batch.len());
             for &j in batch {
                 cx.go_on()?;
-                let view = View { camera, world_from_camera: poses[j] };
+                let view = View::still(camera, poses[j]);
                 let mut rendered = Rendered::default();
                 work += renderer.render(&view, want, &mut rendered).map_err(StageError::work("render"))?;
                 images.push((j, rendered.rgb.expect("colour was asked for")));

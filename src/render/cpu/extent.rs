@@ -3,22 +3,22 @@
 use super::project::Footprint;
 use super::splat::{edge_margin, pixels_within};
 use crate::render::Rules;
-use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, MIN_ALPHA, TILE};
+use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TILE, least_alpha};
 
-/// The exponent `q` at which `opacity * 2^-q` has fallen to the least opacity that is blended, `log2(255 opacity)`,
-/// and a little more: the exponential errs by 2e-7 of its value, and `q` itself by some units of 2^-24.
-pub(super) fn reach(opacity: f32) -> f32 {
-    libm::log2f(opacity / MIN_ALPHA).max(0.0) * (1.0 + 1e-5) + 1e-5
+/// The exponent `q` at which `opacity * 2^-q` has fallen to the least opacity that is blended, `log2(255 opacity)` but
+/// under `soft`, and a little more: the exponential errs by 2e-7 of its value, and `q` itself by some units of 2^-24.
+pub(super) fn reach(rules: Rules, opacity: f32) -> f32 {
+    libm::log2f(opacity / least_alpha(rules)).max(0.0) * (1.0 + 1e-5) + 1e-5
 }
 
 /// First and end of the columns and of the rows that may be touched, or `None` where the image has none of them.
 ///
-/// Under `official` these are the pixels of the published tiles that the ellipse's bounding box reaches: pixels of a
+/// Under `official` and `gsplat` these are the pixels of the published tiles that the ellipse's bounding box reaches: pixels of a
 /// tile beyond the box are skipped for their opacity there, so leaving them out changes nothing.
 pub(super) fn pixels(
     rules: Rules,
     mean: [f32; 2],
-    shape: &Footprint,
+    shape: &Footprint<f32>,
     reach: f32,
     size: [f32; 2],
 ) -> Option<[[u16; 2]; 2]> {
@@ -29,7 +29,14 @@ pub(super) fn pixels(
         let wide = half[k] + edge_margin(half[k]);
         let [first, end] = pixels_within(mean[k] - wide, mean[k] + wide, size[k]);
         match rules {
-            Rules::Exact => [first, end],
+            Rules::Exact | Rules::Soft => [first, end],
+            Rules::Gsplat => {
+                // 2 ln(255 opacity) is 2 ln 2 times the reach
+                let sigmas = (2.0 * std::f32::consts::LN_2 * reach).sqrt().min(GSPLAT_SIGMAS);
+                let radius = (sigmas * [shape.a, shape.c][k].sqrt()).ceil();
+                let [low, high] = gsplat(mean[k], radius, size[k]);
+                [first.max(low), end.min(high)]
+            }
             Rules::Official => {
                 let [low, high] = official(mean[k] - 0.5, radius, size[k]);
                 [first.max(low), end.min(high)]
@@ -41,7 +48,7 @@ pub(super) fn pixels(
 }
 
 /// The larger eigenvalue of the dilated covariance, with the published floor under its root, px^2.
-fn longest(shape: &Footprint) -> f32 {
+fn longest(shape: &Footprint<f32>) -> f32 {
     let (middle, half) = (0.5 * (shape.a + shape.c), 0.5 * (shape.a - shape.c));
     middle + (half * half + shape.b * shape.b).max(EXTENT_ROOT_FLOOR).sqrt()
 }
@@ -60,11 +67,25 @@ fn official(centre: f32, radius: f32, size: f32) -> [u16; 2] {
     [low.clamp(0.0, size) as u16, high.clamp(0.0, size) as u16]
 }
 
+/// The published extent along one axis rounded out to tiles, in pixels.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "the values are clamped to the image first"
+)]
+fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
+    let tile = TILE as f32;
+    let low = ((centre - radius) / tile).floor() * tile;
+    let high = ((centre + radius) / tile).ceil() * tile;
+    [low.clamp(0.0, size) as u16, high.clamp(0.0, size) as u16]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn round(variance: f32) -> Footprint {
+    fn round(variance: f32) -> Footprint<f32> {
         let det = variance * variance;
         Footprint { a: variance, b: 0.0, c: variance, det, det0: det, depth_deviation: 0.0 }
     }
@@ -87,9 +108,14 @@ mod tests {
     #[test]
     fn exact_extents_hold_every_pixel_that_counts_and_few_others() {
         for (variance, opacity) in [(0.3, 1.0), (4.0, 0.5), (900.0, 0.99), (4.0, 0.004)] {
-            let [columns, rows] =
-                pixels(Rules::Exact, [500.25, 300.375], &round(variance), reach(opacity), [1000.0, 600.0])
-                    .unwrap();
+            let [columns, rows] = pixels(
+                Rules::Exact,
+                [500.25, 300.375],
+                &round(variance),
+                reach(Rules::Exact, opacity),
+                [1000.0, 600.0],
+            )
+            .unwrap();
             // alpha = opacity exp(-d^2 / 2 variance) >= 1/255
             let radius = (2.0 * f64::from(variance) * (255.0 * f64::from(opacity)).ln()).sqrt();
             let counts = |k: u32, mean: f64| (f64::from(k) + 0.5 - mean).abs() <= radius;

@@ -38,21 +38,24 @@ pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], ou
         let alpha = 1.0 - pixel.rest();
         if alpha < DEPTH_MIN_ALPHA { f32::NAN } else { pixel.sum(f) / alpha }
     });
+    let rate = want.luminance_rate.then_some(blended.features + 1);
+    fill(&mut out.luminance_rate, 0.0, rate, blended, |pixel, f| pixel.sum(f) + pixel.sum(f + 1) * behind);
 }
 
 /// One pixel's values in the planes of its tile.
 struct Pixel<'a> {
     tile: &'a [f32],
     index: usize,
+    features: usize,
 }
 
 impl Pixel<'_> {
-    fn sum(&self, feature: usize) -> f32 {
-        self.tile[feature * PIXELS + self.index]
+    fn sum(&self, plane: usize) -> f32 {
+        self.tile[plane * PIXELS + self.index]
     }
 
     fn rest(&self) -> f32 {
-        self.tile[self.tile.len() - PIXELS + self.index]
+        self.sum(self.features)
     }
 }
 
@@ -69,14 +72,14 @@ fn fill<T: Copy + Send>(
         return;
     };
     let Blended { tiles, features, grid } = blended;
-    let stride = (features + 1) * PIXELS;
+    let stride = tiles.len() / grid.len();
     let reused = image.take().filter(|i| i.size() == grid.size);
     let mut filled = reused.unwrap_or_else(|| Image::filled(grid.size, blank));
     filled.pixels_mut().par_chunks_mut(grid.size.width as usize).enumerate().for_each(|(y, row)| {
         let first = y / TILE * grid.columns;
         for (x, to) in row.iter_mut().enumerate() {
             let tile = &tiles[(first + x / TILE) * stride..][..stride];
-            *to = value(Pixel { tile, index: y % TILE * TILE + x % TILE }, feature);
+            *to = value(Pixel { tile, index: y % TILE * TILE + x % TILE, features }, feature);
         }
     });
     *image = Some(filled);

@@ -32,6 +32,21 @@ pub(super) struct Splat {
     pub(super) depth: f32,
 }
 
+/// What of a splat changes while the camera moves, each a second.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Rates {
+    /// Of the mean, px.
+    pub(super) mean: [f32; 2],
+    /// Of `w1, w2, w3`.
+    pub(super) w: [f32; 3],
+    /// Of the opacity at the mean, over it.
+    pub(super) opacity: f32,
+    /// The luminance itself.
+    pub(super) grey: f32,
+    /// Its rate.
+    pub(super) grey_rate: f32,
+}
+
 /// Bound on what rounding moves an edge of an extent by, px, where the edge lies `distance` px from the mean: the
 /// raster forms `w1 dx + w2 dy` from terms of that size, each rounded twice at 2^-24 of it, and pixel coordinates
 /// below 65,536 are rounded at 2^-8.
@@ -49,7 +64,7 @@ pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
 impl Splat {
     /// Where the ellipse `q <= reach` begins and ends in x on the line `dy` px below the mean, or `None` where the
     /// line misses it.
-    #[inline]
+    #[inline(always)]
     pub(super) fn chord(&self, dy: f32) -> Option<[f32; 2]> {
         let [w1, w2, w3] = self.w;
         let e2 = w3 * dy;
@@ -62,6 +77,20 @@ impl Splat {
         let middle = self.mean[0] + shift;
         let wide = half + edge_margin(half + shift.abs());
         Some([middle - wide, middle + wide])
+    }
+
+    /// Whether none of the pixels between two centres in x, on the line `dy` px below the mean, has `q <= reach`. Along
+    /// the line `w1 dx + w2 dy` grows, so that its least size is at an end or 0.
+    #[inline(always)]
+    pub(super) fn misses(&self, dy: f32, [first, last]: [f32; 2]) -> bool {
+        /// Several roundings of 2^-24 of the terms.
+        const ROUNDING: f32 = 1e-6;
+        let [w1, w2, w3] = self.w;
+        let (e2, skew) = (w3 * dy, w2 * dy);
+        let [left, right] = [first, last].map(|x| w1 * (x - self.mean[0]));
+        let slack = ROUNDING * (left.abs().max(right.abs()) + skew.abs());
+        let least = ((left + skew).max(-(right + skew)) - slack).max(0.0);
+        least * least + e2 * e2 > self.reach
     }
 
     /// The columns that may be touched in rows `first..end`, which lie within the splat's own.
@@ -113,7 +142,7 @@ mod tests {
             det0,
             depth_deviation: 0.0,
         };
-        let reach = extent::reach(opacity);
+        let reach = extent::reach(Rules::Exact, opacity);
         let size = [f32::from(EDGE); 2];
         let [columns, rows] = extent::pixels(Rules::Exact, mean, &shape, reach, size)?;
         let w = shape.weights();
@@ -158,6 +187,8 @@ mod tests {
                     let [low, high] = splat.chord(dy).expect("the line of a pixel that counts");
                     let centre = f32::from(x) + 0.5;
                     prop_assert!(low <= centre && centre <= high, "chord {low}..{high} at ({x}, {y})");
+                    let tile = f32::from(x / TILE as u16 * TILE as u16);
+                    prop_assert!(!splat.misses(dy, [tile + 0.5, tile + 15.5]), "row of ({x}, {y})");
                     let rows = [band[0].max(splat.rows[0]), band[1].min(splat.rows[1])];
                     let columns = splat.columns_in(rows[0], rows[1]);
                     prop_assert!(inside(columns, x), "band {columns:?} of ({x}, {y})");

@@ -9,8 +9,9 @@ use gs2e::scene::{Gaussians, Screening, sh};
 use gs2e::se3::Se3;
 use std::sync::Arc;
 
-/// Every image.
-pub(crate) const ALL: Channels = Channels { rgb: true, luminance: true, alpha: true, depth: true };
+/// Every image of a camera at rest.
+pub(crate) const ALL: Channels =
+    Channels { rgb: true, luminance: true, alpha: true, depth: true, flow: false, luminance_rate: false };
 
 /// The published rules over black.
 pub(crate) const OFFICIAL: Style = Style { rules: Rules::Official, antialiased: false, background: [0.0; 3] };
@@ -57,7 +58,7 @@ pub(crate) fn scene(blobs: &[Blob]) -> Gaussians {
 pub(crate) fn ahead(width: u32, height: u32, focal: f64) -> View {
     let [cx, cy] = [width, height].map(|edge| f64::from(edge) / 2.0);
     let camera = Camera { size: Size { width, height }, fx: focal, fy: focal, cx, cy };
-    View { camera, world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO } }
+    View::still(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
 }
 
 pub(crate) fn render(scene: Gaussians, style: Style, view: &View) -> (Rendered, Work) {

@@ -1,0 +1,204 @@
+//! Values with their derivative in time: forward-mode differentiation by dual numbers.
+//!
+//! Every operation carries the exact derivative of what it does beside its value, whose bits are those of the same
+//! operations on plain numbers. So what is written over [`Real`] is a computation and, at need, its derivative, with no
+//! formula for the derivative written down.
+
+use crate::scene::sh::Scalar;
+use std::cmp::Ordering;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A number, or a number with its rate.
+pub(super) trait Real: Scalar + Div<Output = Self> + Neg<Output = Self> + PartialOrd {
+    /// The plain number.
+    type Plain: Copy;
+
+    /// A number with its rate; a plain one drops it.
+    fn with_rate(value: Self::Plain, rate: Self::Plain) -> Self;
+
+    /// The number.
+    fn value(self) -> Self::Plain;
+
+    /// Its rate; 0 for a plain one.
+    fn rate(self) -> Self::Plain;
+
+    /// The root of a positive value.
+    fn sqrt(self) -> Self;
+
+    /// A constant.
+    fn constant(value: f64) -> Self {
+        Self::nearest(value)
+    }
+
+    /// The square.
+    fn squared(self) -> Self {
+        self * self
+    }
+
+    /// The larger of the two; of equal ones the second.
+    fn at_least(self, least: Self) -> Self {
+        if self > least { self } else { least }
+    }
+}
+
+macro_rules! plain {
+    ($($t:ty)+) => {$(
+        impl Real for $t {
+            type Plain = Self;
+
+            fn with_rate(value: Self, _: Self) -> Self {
+                value
+            }
+
+            fn value(self) -> Self {
+                self
+            }
+
+            fn rate(self) -> Self {
+                0.0
+            }
+
+            fn sqrt(self) -> Self {
+                self.sqrt()
+            }
+        }
+    )+};
+}
+plain!(f32 f64);
+
+/// A value and its rate. Comparisons see the value alone.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Dual<T> {
+    pub(super) value: T,
+    pub(super) rate: T,
+}
+
+impl<T: Real<Plain = T>> Real for Dual<T> {
+    type Plain = T;
+
+    fn with_rate(value: T, rate: T) -> Self {
+        Self { value, rate }
+    }
+
+    fn value(self) -> T {
+        self.value
+    }
+
+    fn rate(self) -> T {
+        self.rate
+    }
+
+    fn sqrt(self) -> Self {
+        let value = self.value.sqrt();
+        Self { value, rate: self.rate / (value + value) }
+    }
+}
+
+impl Dual<f64> {
+    pub(super) fn exp(self) -> Self {
+        let value = libm::exp(self.value);
+        Self { value, rate: self.rate * value }
+    }
+
+    /// Within bounds; at one of them it stands still.
+    pub(super) fn clamp(self, low: f64, high: f64) -> Self {
+        let value = self.value.clamp(low, high);
+        let inside = low < self.value && self.value < high;
+        Self { value, rate: if inside { self.rate } else { 0.0 } }
+    }
+}
+
+impl<T: Real<Plain = T>> Add for Dual<T> {
+    type Output = Self;
+
+    fn add(self, o: Self) -> Self {
+        Self { value: self.value + o.value, rate: self.rate + o.rate }
+    }
+}
+
+impl<T: Real<Plain = T>> Sub for Dual<T> {
+    type Output = Self;
+
+    fn sub(self, o: Self) -> Self {
+        Self { value: self.value - o.value, rate: self.rate - o.rate }
+    }
+}
+
+impl<T: Real<Plain = T>> Mul for Dual<T> {
+    type Output = Self;
+
+    fn mul(self, o: Self) -> Self {
+        Self { value: self.value * o.value, rate: self.rate * o.value + self.value * o.rate }
+    }
+}
+
+impl<T: Real<Plain = T>> Div for Dual<T> {
+    type Output = Self;
+
+    fn div(self, o: Self) -> Self {
+        let value = self.value / o.value;
+        Self { value, rate: (self.rate - value * o.rate) / o.value }
+    }
+}
+
+impl<T: Real<Plain = T>> Neg for Dual<T> {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Self { value: -self.value, rate: -self.rate }
+    }
+}
+
+impl<T: PartialEq> PartialEq for Dual<T> {
+    fn eq(&self, o: &Self) -> bool {
+        self.value == o.value
+    }
+}
+
+impl<T: PartialOrd> PartialOrd for Dual<T> {
+    fn partial_cmp(&self, o: &Self) -> Option<Ordering> {
+        self.value.partial_cmp(&o.value)
+    }
+}
+
+impl<T: Real<Plain = T>> Scalar for Dual<T> {
+    fn nearest(x: f64) -> Self {
+        Self { value: T::nearest(x), rate: T::nearest(0.0) }
+    }
+}
+
+/// The scalar product.
+pub(super) fn dot<S: Real>(a: [S; 3], b: [S; 3]) -> S {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The vector product.
+pub(super) fn cross<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type D = Dual<f64>;
+
+    #[test]
+    fn rates_are_derivatives() {
+        let t = |f: fn(D) -> D, x: f64| {
+            let h = 1e-6;
+            let at = |x: f64| f(D { value: x, rate: 1.0 });
+            let difference = (at(x + h).value - at(x - h).value) / (2.0 * h);
+            // h^2/6 of a third derivative up to 100, and roundings of 1e-16 over h.
+            assert!((at(x).rate - difference).abs() < 1e-9 * difference.abs().max(1.0), "{x}: {:?}", at(x));
+        };
+        t(|x| x * x * x - x, 1.3);
+        t(|x| D::constant(1.0) / (x + D::constant(2.0)), 0.4);
+        t(|x| (x.squared() + D::constant(1.0)).sqrt(), -0.7);
+        t(|x| (-x.squared()).exp(), 0.9);
+        t(|x| x.clamp(0.0, 1.0) * x, 0.5);
+        t(|x| x.clamp(0.0, 1.0) * x, 1.5);
+        t(|x| x.at_least(D::constant(1.0)) * x, 0.5);
+        t(|x| x.at_least(D::constant(1.0)) * x, 1.5);
+    }
+}

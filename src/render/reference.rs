@@ -1,0 +1,169 @@
+//! The reference back end: f64, every pixel by itself, no lists, no shortcuts. Slow; what the others are judged by.
+//!
+//! The luminance's rate comes from dual numbers: the very operations that make the picture, differentiated by machine.
+
+#![expect(clippy::cast_possible_truncation, reason = "images hold 32 bits")]
+
+mod project;
+
+use super::dual::{Dual, Real};
+use super::shared::{DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
+use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use crate::image::Image;
+use crate::scene::Gaussians;
+use project::{Eye, Layer, least_alpha};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// The numerical class.
+pub const FINGERPRINT: &str = "reference/1";
+
+/// In f32 `1 - 0.99` squared is below the stop, in f64 it is not: this much more, so that both stop alike.
+const STOP_SLACK: f64 = 1.000_001;
+
+/// A value with its rate.
+type D = Dual<f64>;
+
+/// A scene to be rendered.
+#[derive(Debug)]
+pub struct Reference {
+    scene: Arc<Gaussians>,
+    style: Style,
+}
+
+impl Reference {
+    /// Takes a scene.
+    ///
+    /// # Errors
+    /// When the background is not finite.
+    pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
+        super::check_style(&style)?;
+        Ok(Self { scene, style })
+    }
+
+    /// The luminance of every pixel and its rate, row by row, in 64 bits.
+    ///
+    /// # Errors
+    /// When no image can be made of the view.
+    pub fn luminance(&self, view: &View) -> Result<Vec<[f64; 2]>, RenderError> {
+        let (pixels, _) = self.pixels(view)?;
+        Ok(pixels.iter().map(Pixel::luminance).map(|grey| [grey.value, grey.rate]).collect())
+    }
+
+    /// What is seen at every pixel, row by row, and how many layers there are.
+    fn pixels(&self, view: &View) -> Result<(Vec<Pixel>, u64), RenderError> {
+        super::check_view(view)?;
+        let eye = Eye::new(view, self.style, self.scene.origin);
+        let mut layers: Vec<Layer> =
+            (0..self.scene.len()).into_par_iter().filter_map(|i| eye.layer(&self.scene, i)).collect();
+        layers.sort_by_key(|layer| layer.order);
+        let [width, height] = [view.camera.size.width, view.camera.size.height].map(|edge| edge as usize);
+        let rows: Vec<Vec<Pixel>> =
+            (0..height).into_par_iter().map(|y| self.row(&layers, y, width)).collect();
+        Ok((rows.into_iter().flatten().collect(), layers.len() as u64))
+    }
+}
+
+impl Renderer for Reference {
+    fn fingerprint(&self) -> &str {
+        FINGERPRINT
+    }
+
+    fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+        let (pixels, drawn) = self.pixels(view)?;
+        let size = view.camera.size;
+        let image = |value: &dyn Fn(&Pixel) -> f64| {
+            Image::from_vec(size, pixels.iter().map(|pixel| value(pixel) as f32).collect())
+        };
+        out.rgb = want.rgb.then(|| {
+            Image::from_vec(size, pixels.iter().map(|p| p.colour.map(|c| c.value as f32)).collect())
+        });
+        out.luminance = want.luminance.then(|| image(&|p| p.luminance().value));
+        out.luminance_rate = want.luminance_rate.then(|| image(&|p| p.luminance().rate));
+        out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
+        let depth = (want.depth || want.flow).then(|| image(&Pixel::depth));
+        out.flow = want.flow.then_some(()).and(depth.as_ref()).map(|depth| flow::rates(depth, view));
+        out.depth = depth.filter(|_| want.depth);
+        let blended = pixels.iter().map(|p| p.blended).sum();
+        let stopped = pixels.iter().filter(|p| p.stopped).count() as u64;
+        let gaussians = self.scene.len() as u64;
+        Ok(Work { gaussians, outside: gaussians - drawn, blended, stopped, ..Work::default() })
+    }
+}
+
+/// What has been blended at a pixel.
+struct Pixel {
+    colour: [D; 3],
+    rest: D,
+    depth: f64,
+    blended: u64,
+    stopped: bool,
+}
+
+impl Pixel {
+    fn luminance(&self) -> D {
+        let [r, g, b] = self.colour;
+        let weighted = |weight: f64, c: D| D::constant(weight) * c;
+        weighted(0.299, r) + weighted(0.587, g) + weighted(0.114, b)
+    }
+
+    fn depth(&self) -> f64 {
+        let alpha = 1.0 - self.rest.value;
+        if alpha < f64::from(DEPTH_MIN_ALPHA) { f64::NAN } else { self.depth / alpha }
+    }
+}
+
+impl Reference {
+    fn row(&self, layers: &[Layer], y: usize, width: usize) -> Vec<Pixel> {
+        let here: Vec<&Layer> = layers.iter().filter(|layer| layer.rows.contains(&y)).collect();
+        (0..width).map(|x| self.pixel(&here, x, y)).collect()
+    }
+
+    fn pixel(&self, layers: &[&Layer], x: usize, y: usize) -> Pixel {
+        let nothing = D::constant(0.0);
+        let mut pixel =
+            Pixel { colour: [nothing; 3], rest: D::constant(1.0), depth: 0.0, blended: 0, stopped: false };
+        for layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
+            let Some(alpha) = self.alpha(layer, [x, y]) else { continue };
+            let after = pixel.rest * (D::constant(1.0) - alpha);
+            if self.stops(after.value) {
+                pixel.stopped = true;
+                break;
+            }
+            let weight = pixel.rest * alpha;
+            for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
+                *sum = *sum + weight * c;
+            }
+            pixel.depth += weight.value * layer.depth;
+            pixel.rest = after;
+            pixel.blended += 1;
+        }
+        for (sum, behind) in pixel.colour.iter_mut().zip(self.style.background) {
+            *sum = *sum + pixel.rest * D::constant(f64::from(behind));
+        }
+        pixel
+    }
+
+    /// The opacity of a layer at a pixel, `None` where it is skipped.
+    fn alpha(&self, layer: &Layer, pixel: [usize; 2]) -> Option<D> {
+        let [dx, dy] = [0, 1].map(|k| D::constant(pixel[k] as f64 + 0.5) - layer.mean[k]);
+        let [w1, w2, w3] = layer.w;
+        let power = D::constant(-0.5) * ((w1 * dx + w2 * dy).squared() + (w3 * dy).squared());
+        let alpha = (layer.opacity * power.exp()).clamp(0.0, f64::from(MAX_ALPHA));
+        if alpha.value < least_alpha(self.style.rules) {
+            return None;
+        }
+        Some(if self.style.rules == Rules::Soft { alpha * ramp(alpha) } else { alpha })
+    }
+
+    fn stops(&self, rest: f64) -> bool {
+        let stop = f64::from(STOP) * STOP_SLACK;
+        if self.style.rules == Rules::Gsplat { rest <= stop } else { rest < stop }
+    }
+}
+
+/// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half (`numerics.md` 3.3).
+fn ramp(alpha: D) -> D {
+    let u = (D::constant(255.0) * alpha - D::constant(0.5)).clamp(0.0, 1.0);
+    u * u * (D::constant(3.0) - D::constant(2.0) * u)
+}

@@ -1,0 +1,223 @@
+//! Every Gaussian onto the image plane, with its rates for a moving camera (`numerics.md` 7.1, 7.2, 7.5).
+
+use super::D;
+use crate::render::dual::{Real, cross, dot};
+use crate::render::shared::{
+    COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR,
+    GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
+};
+use crate::render::{Rules, Style, View};
+use crate::scene::{Gaussians, sh};
+use glam::{DMat3, DQuat, DVec3};
+use std::ops::Range;
+
+/// A Gaussian on the image plane.
+#[derive(Debug, Clone)]
+pub(super) struct Layer {
+    /// Number in the scene, and depth as it is sorted by.
+    pub(super) order: (u32, usize),
+    pub(super) mean: [D; 2],
+    /// `w1, w2, w3` of the stable form.
+    pub(super) w: [D; 3],
+    pub(super) opacity: D,
+    pub(super) colour: [D; 3],
+    pub(super) depth: f64,
+    /// Pixels that the rules let it touch.
+    pub(super) columns: Range<usize>,
+    pub(super) rows: Range<usize>,
+}
+
+/// A view in the form that every Gaussian needs it in.
+pub(super) struct Eye<'a> {
+    view: &'a View,
+    camera_from_world: DMat3,
+    origin: DVec3,
+    style: Style,
+}
+
+impl<'a> Eye<'a> {
+    pub(super) fn new(view: &'a View, style: Style, scene_origin: DVec3) -> Self {
+        let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
+        Self { view, camera_from_world, origin: scene_origin - view.world_from_camera.translation, style }
+    }
+
+    /// The layer of Gaussian `i`, or `None` where the rules leave it out.
+    pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Option<Layer> {
+        if !is_finite(scene, i) {
+            return None;
+        }
+        let from_camera = self.origin + DVec3::from_array(scene.positions[i].map(f64::from));
+        let [x, y, z] = self.moving(self.camera_from_world * from_camera, self.view.velocity.linear);
+        if !self.in_depth(z.value) {
+            return None;
+        }
+        let (u, v) = (x / z, y / z);
+        let camera = self.view.camera;
+        let mean = [
+            D::constant(camera.fx) * u + D::constant(camera.cx),
+            D::constant(camera.fy) * v + D::constant(camera.cy),
+        ];
+        let shape = self.shape(scene, i, [u, v], z);
+        let opacity = self.opacity(scene.opacity_logits[i], &shape);
+        let sound = shape.det.value.is_finite()
+            && shape.det.value > 0.0
+            && mean.iter().all(|m| m.value.is_finite())
+            && (self.style.rules == Rules::Official || opacity.value >= least_alpha(self.style.rules));
+        if !sound {
+            return None;
+        }
+        let [columns, rows] = self.extent(mean.map(|m| m.value), &shape, opacity.value);
+        (!columns.is_empty() && !rows.is_empty()).then(|| Layer {
+            order: ((z.value as f32).to_bits(), i),
+            mean,
+            w: shape.weights(),
+            opacity,
+            colour: self.colour(scene, i, from_camera),
+            depth: z.value,
+            columns,
+            rows,
+        })
+    }
+
+    /// A point in camera axes with its rate: `-v - w x point`, with `v` 0 for a direction.
+    fn moving(&self, point: DVec3, linear: DVec3) -> [D; 3] {
+        let rate = -linear - self.view.velocity.angular.cross(point);
+        [0, 1, 2].map(|k| D { value: point[k], rate: rate[k] })
+    }
+
+    fn in_depth(&self, z: f64) -> bool {
+        match self.style.rules {
+            Rules::Gsplat => (f64::from(GSPLAT_NEAR)..=f64::from(GSPLAT_FAR)).contains(&z),
+            Rules::Official | Rules::Exact | Rules::Soft => z > f64::from(NEAR),
+        }
+    }
+
+    fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [D; 2], z: D) -> Shape {
+        let axes = self.axes(scene, i);
+        let camera = self.view.camera;
+        let [uc, vc] = self.clamped([u, v]);
+        let row = |focal: f64, clamped: D, k: usize| {
+            axes.map(|axis| D::constant(focal) / z * (axis[k] - clamped * axis[2]))
+        };
+        let (a0, a1) = (row(camera.fx, uc, 0), row(camera.fy, vc, 1));
+        let n = cross(a0, a1);
+        let (aa, cc, det0) = (dot(a0, a0), dot(a1, a1), dot(n, n));
+        let d = D::constant(f64::from(DILATION));
+        let (a, b, c) = (aa + d, dot(a0, a1), cc + d);
+        Shape { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
+    }
+
+    /// The scaled axes of a Gaussian in camera axes.
+    fn axes(&self, scene: &Gaussians, i: usize) -> [[D; 3]; 3] {
+        let [w, x, y, z] = scene.rotations[i].map(f64::from);
+        let norm = (w * w + x * x + y * y + z * z).sqrt().max(1e-12);
+        let turn = DMat3::from_quat(DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm));
+        let scales = scene.log_scales[i].map(|s| libm::exp(f64::from(s)));
+        [0, 1, 2].map(|k| self.moving(self.camera_from_world * (turn.col(k) * scales[k]), DVec3::ZERO))
+    }
+
+    /// Where the projection's derivative is taken.
+    fn clamped(&self, [u, v]: [D; 2]) -> [D; 2] {
+        let camera = self.view.camera;
+        let side = |slope: D, edge: u32, focal: f64, centre: f64| {
+            let edge = f64::from(edge);
+            let slack = FRUSTUM_SLACK * edge / (2.0 * focal);
+            match self.style.rules {
+                Rules::Gsplat => {
+                    let more = GSPLAT_SLACK * edge / focal;
+                    slope.clamp(-(centre / focal + more), (edge - centre) / focal + more)
+                }
+                Rules::Official | Rules::Exact | Rules::Soft => slope.clamp(-slack, slack),
+            }
+        };
+        let size = camera.size;
+        [side(u, size.width, camera.fx, camera.cx), side(v, size.height, camera.fy, camera.cy)]
+    }
+
+    fn opacity(&self, logit: f32, shape: &Shape) -> D {
+        let opacity = D::constant(1.0 / (1.0 + libm::exp(-f64::from(logit))));
+        if !self.style.antialiased {
+            return opacity;
+        }
+        opacity * (shape.det0 / shape.det).clamp(f64::from(COMPENSATION_FLOOR), f64::INFINITY).sqrt()
+    }
+
+    fn colour(&self, scene: &Gaussians, i: usize, from_camera: DVec3) -> [D; 3] {
+        let rate = -(self.view.world_from_camera.rotation * self.view.velocity.linear);
+        let ray = [0, 1, 2].map(|k| D { value: from_camera[k], rate: rate[k] });
+        let length = dot(ray, ray).sqrt();
+        let basis = sh::basis(scene.sh_degree, ray.map(|r| r / length));
+        sh::colour(scene.sh_of(i), &basis)
+    }
+
+    /// Columns and rows that the rules let a Gaussian touch.
+    fn extent(&self, mean: [f64; 2], shape: &Shape, opacity: f64) -> [Range<usize>; 2] {
+        let size = [self.view.camera.size.width, self.view.camera.size.height].map(f64::from);
+        let (a, c) = (shape.a.value, shape.c.value);
+        let least = least_alpha(self.style.rules);
+        let reach = (2.0 * libm::log((opacity / least).max(1.0))).sqrt();
+        let tile = TILE as f64;
+        let side = |k: usize, variance: f64| match self.style.rules {
+            Rules::Official => {
+                let mid = 0.5 * (a + c);
+                let root = (mid * mid - shape.det.value).max(f64::from(EXTENT_ROOT_FLOOR)).sqrt();
+                let radius = (f64::from(EXTENT_SIGMAS) * (mid + root).sqrt()).ceil();
+                let index = mean[k] - 0.5;
+                let [first, end] = [(index - radius) / tile, (index + radius + tile - 1.0) / tile];
+                pixels(first.trunc() * tile, end.trunc() * tile, size[k])
+            }
+            Rules::Gsplat => {
+                let radius = (reach.min(f64::from(GSPLAT_SIGMAS)) * variance.sqrt()).ceil();
+                let [first, end] = [(mean[k] - radius) / tile, (mean[k] + radius) / tile];
+                pixels(first.floor() * tile, end.ceil() * tile, size[k])
+            }
+            Rules::Exact | Rules::Soft => {
+                let half = reach * (1.0 + 1e-9) * variance.sqrt() + 1.0;
+                pixels((mean[k] - half).floor(), (mean[k] + half).ceil(), size[k])
+            }
+        };
+        [side(0, a), side(1, c)]
+    }
+}
+
+/// A dilated covariance on the image, px^2.
+struct Shape {
+    a: D,
+    b: D,
+    c: D,
+    det0: D,
+    det: D,
+}
+
+impl Shape {
+    fn weights(&self) -> [D; 3] {
+        let root = self.c.sqrt();
+        [(self.c / self.det).sqrt(), -(self.b / root / self.det.sqrt()), D::constant(1.0) / root]
+    }
+}
+
+/// The opacity below which a layer is skipped, in 64 bits.
+pub(super) fn least_alpha(rules: Rules) -> f64 {
+    match rules {
+        Rules::Official | Rules::Exact | Rules::Gsplat => 1.0 / 255.0,
+        Rules::Soft => 0.5 / 255.0,
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to the image, whose edges fit"
+)]
+fn pixels(first: f64, end: f64, edge: f64) -> Range<usize> {
+    first.clamp(0.0, edge) as usize..end.clamp(0.0, edge) as usize
+}
+
+fn is_finite(scene: &Gaussians, i: usize) -> bool {
+    let all = |values: &[f32]| values.iter().all(|v| v.is_finite());
+    all(&scene.positions[i])
+        && all(&scene.log_scales[i])
+        && all(&scene.rotations[i])
+        && scene.opacity_logits[i].is_finite()
+        && all(scene.sh_of(i).as_flattened())
+}
