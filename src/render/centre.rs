@@ -48,7 +48,7 @@ mod tests {
             rotation: start.rotation * exp(turn),
             translation: start.translation + start.rotation * shift,
         };
-        let [from, to] = [start, end].map(|world_from_camera| View::still(CAMERA, world_from_camera));
+        let [from, to] = [start, end].map(|pose| View::still(CAMERA, pose));
         let moved = displacement(&Image::filled(CAMERA.size, DISTANCE), &from, &to);
         let px = centre_px(&[start, end], &CAMERA, DISTANCE.into()).unwrap();
         [px.max, moved.pixels()[15 * 41 + 20]]

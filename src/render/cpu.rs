@@ -9,11 +9,14 @@ mod activate;
 mod bin;
 mod exp2;
 mod extent;
+mod level;
 mod project;
 mod raster;
 mod resolve;
 mod sort;
 mod splat;
+
+pub use level::Instructions;
 
 use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Size;
@@ -33,6 +36,7 @@ pub struct Cpu {
     scene: Arc<Gaussians>,
     activated: Vec<Activated>,
     style: Style,
+    instructions: Instructions,
     splats: Vec<Splat>,
     rates: Vec<Rates>,
     chunks: Vec<Projected>,
@@ -69,6 +73,7 @@ impl Cpu {
             scene,
             activated,
             style,
+            instructions: Instructions::best(),
             splats: Vec::new(),
             rates: Vec::new(),
             chunks: Vec::new(),
@@ -79,37 +84,74 @@ impl Cpu {
     }
 }
 
+/// A pass over the scene or the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pass {
+    /// Every Gaussian onto the image.
+    Project,
+    /// Those that are left, by depth.
+    Sort,
+    /// Into the lists of the tiles.
+    Bin,
+    /// Each tile blended.
+    Raster,
+    /// The tiles into images.
+    Resolve,
+}
+
+impl Cpu {
+    /// Renders with this instruction set from now on: the same bits, at another speed.
+    pub fn set_instructions(&mut self, instructions: Instructions) {
+        self.instructions = instructions;
+    }
+
+    /// [`Renderer::render`] that tells when each pass is done.
+    ///
+    /// # Errors
+    /// When no image can be made of the view.
+    pub fn render_in_passes(
+        &mut self,
+        view: &View,
+        want: Channels,
+        out: &mut Rendered,
+        done: &mut dyn FnMut(Pass),
+    ) -> Result<Work, RenderError> {
+        super::check_view(view)?;
+        let asked = Channels { depth: want.depth || want.flow, ..want };
+        let eye = Eye::new(view, self.scene.origin, self.style.rules);
+        let (scene, activated) = (&self.scene, &self.activated);
+        let projection = Projection { scene, activated, style: self.style, eye, want: asked };
+        projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
+        let mut work = Work::default();
+        self.chunks.iter().for_each(|chunk| work += chunk.work);
+        done(Pass::Project);
+
+        let order = self.sorter.run(&self.splats, &self.chunks);
+        done(Pass::Sort);
+        let grid = Grid::new(view.camera.size);
+        work.tile_pairs = self.lists.run(order, &self.splats, grid);
+        done(Pass::Bin);
+        let (splats, rates, lists) = (&self.splats, &self.rates, &self.lists);
+        let (rules, level) = (self.style.rules, self.instructions.level);
+        let features = feature_count(asked);
+        let frame = Frame { splats, rates, lists, grid, rules, level };
+        work += raster(features, asked.luminance_rate, frame, &mut self.tiles);
+        done(Pass::Raster);
+        resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);
+        out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, view)) } else { None };
+        out.depth = out.depth.take().filter(|_| want.depth);
+        done(Pass::Resolve);
+        Ok(work)
+    }
+}
+
 impl Renderer for Cpu {
     fn fingerprint(&self) -> &str {
         FINGERPRINT
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-        super::check_view(view)?;
-        let asked = Channels { depth: want.depth || want.flow, ..want };
-        let eye = Eye::new(view, self.scene.origin, self.style.rules);
-        let projection = Projection {
-            scene: &self.scene,
-            activated: &self.activated,
-            style: self.style,
-            eye,
-            want: asked,
-        };
-        projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
-        let mut work = Work::default();
-        self.chunks.iter().for_each(|chunk| work += chunk.work);
-
-        let order = self.sorter.run(&self.splats, &self.chunks);
-        let grid = Grid::new(view.camera.size);
-        work.tile_pairs = self.lists.run(order, &self.splats, grid);
-        let features = feature_count(asked);
-        let rules = self.style.rules;
-        let frame = Frame { splats: &self.splats, rates: &self.rates, lists: &self.lists, grid, rules };
-        work += raster(features, asked.luminance_rate, frame, &mut self.tiles);
-        resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);
-        out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, view)) } else { None };
-        out.depth = out.depth.take().filter(|_| want.depth);
-        Ok(work)
+        self.render_in_passes(view, want, out, &mut |_| ())
     }
 }
 

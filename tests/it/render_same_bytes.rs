@@ -4,8 +4,8 @@
 use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, render, scene};
 use glam::{DQuat, DVec3};
 use gs2e::image::luminance;
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, View, Work};
+use gs2e::render::cpu::{Cpu, Instructions};
+use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, Velocity, View, Work};
 use std::sync::Arc;
 
 const GAUSSIANS: usize = 6000;
@@ -39,6 +39,30 @@ fn the_number_of_threads() {
     let (one, four) = (on_threads(1), on_threads(4));
     assert!(one.1.blended > 100_000 && one.1.stopped > 1000, "the scene is a test: {:?}", one.1);
     assert_eq!(one, four);
+}
+
+/// Every channel of a moving camera under all rules, by every instruction set of this machine.
+#[test]
+fn the_instruction_set() {
+    let scene = Arc::new(scene(&crowd(GAUSSIANS, 1)));
+    let velocity = Velocity { linear: DVec3::new(0.3, -0.1, 0.5), angular: DVec3::new(0.1, 0.4, -0.2) };
+    let view = View { velocity, ..askew() };
+    let sets = Instructions::all();
+    println!("{:?}", sets.iter().map(Instructions::name).collect::<Vec<_>>());
+    for rules in [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft] {
+        let by = |set: &Instructions| {
+            let mut cpu = Cpu::new(scene.clone(), Style { rules, ..OFFICIAL }).unwrap();
+            cpu.set_instructions(*set);
+            let mut out = Rendered::default();
+            let want = Channels { flow: true, luminance_rate: true, ..ALL };
+            let work = cpu.render(&view, want, &mut out).unwrap();
+            let rate: Vec<u32> =
+                out.luminance_rate.as_ref().unwrap().pixels().iter().map(|v| v.to_bits()).collect();
+            (bits(&out), rate, work)
+        };
+        let first = by(&sets[0]);
+        assert!(sets[1..].iter().all(|set| by(set) == first), "{rules:?}");
+    }
 }
 
 #[test]

@@ -5,24 +5,62 @@ use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::Size;
-use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Rendered, Renderer as _, Rules, Style, View};
+use gs2e::render::cpu::{Cpu, Instructions, Pass};
+use gs2e::render::{Channels, Rendered, Renderer as _, Rules, Style, Velocity, View};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{self, Gaussians};
 use gs2e::se3::Se3;
 use std::sync::Arc;
+use std::time::Instant;
 
 const STYLE: Style = Style { rules: Rules::Official, antialiased: false, background: [0.0; 3] };
 
 pub(super) fn workloads() -> Vec<Workload> {
     let luminance = Channels { luminance: true, ..Channels::default() };
     let rgb = Channels { rgb: true, ..Channels::default() };
+    let rate = Channels { luminance_rate: true, ..luminance };
     let mut all = Vec::new();
     for (name, scene, view) in [Some(still_life()), playbot()].into_iter().flatten() {
         all.push(workload(&format!("{name}, luminance"), &scene, view, luminance));
         all.push(workload(&format!("{name}, rgb"), &scene, view, rgb));
+        all.push(workload(&format!("{name}, luminance and its rate"), &scene, view, rate));
+        eprintln!("{name}: {}", split(&scene, view, luminance));
     }
     all
+}
+
+/// Where the time of a frame goes: the fastest of several, pass by pass, and the raster over every instruction set.
+fn split(scene: &Arc<Gaussians>, view: View, want: Channels) -> String {
+    const FRAMES: usize = 5;
+    let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
+    let mut out = Rendered::default();
+    let mut words = Vec::new();
+    for set in Instructions::all() {
+        renderer.set_instructions(set);
+        let mut fastest = [f64::INFINITY; 5];
+        let mut blended = 0;
+        for _ in 0..FRAMES {
+            let mut start = Instant::now();
+            let mut done = |pass: Pass| {
+                let now = Instant::now();
+                let least = &mut fastest[pass as usize];
+                *least = least.min(now.duration_since(start).as_secs_f64());
+                start = now;
+            };
+            let work =
+                renderer.render_in_passes(&view, want, &mut out, &mut done).expect("it can be rendered");
+            blended = work.blended;
+        }
+        let cores = rayon::current_num_threads() as f64;
+        let [project, sort, bin, raster, resolve] = fastest.map(|seconds| seconds * 1e3);
+        let each = raster * 1e6 * cores / blended as f64;
+        if words.is_empty() {
+            words
+                .push(format!("project {project:.1} ms, sort {sort:.1}, bin {bin:.1}, resolve {resolve:.1}"));
+        }
+        words.push(format!("raster by {} {raster:.1} ms, {each:.2} core-ns a blended pair", set.name()));
+    }
+    words.join("; ")
 }
 
 /// The demo's scene from the middle of its capture.
@@ -44,6 +82,8 @@ fn playbot() -> Option<(&'static str, Arc<Gaussians>, View)> {
 fn workload(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> Workload {
     let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
     let mut out = Rendered::default();
+    let velocity = Velocity { linear: DVec3::new(0.5, 0.0, 0.2), angular: DVec3::new(0.0, 0.5, 0.0) };
+    let view = View { velocity, ..view };
     let work = renderer.render(&view, want, &mut out).expect("the view can be rendered");
     let (gaussians, size) = (scene.len(), view.camera.size);
     let each = work.blended as f64 / size.pixels() as f64;

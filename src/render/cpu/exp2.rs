@@ -14,7 +14,7 @@ const LARGEST: f32 = 125.0;
 
 /// `2^-q` for `q >= 0`, relative error at most 2e-7 (tested) up to `q = 125`, and `2^-125` beyond and for NaN.
 /// `q = 0` gives exactly 1.
-#[inline]
+#[inline(always)]
 pub(super) fn exp2_neg(q: f32) -> f32 {
     let y = if q < LARGEST { -q } else { -LARGEST };
     let shifted = y + ROUNDER;

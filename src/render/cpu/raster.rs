@@ -7,6 +7,7 @@ use super::exp2::exp2_neg;
 use super::splat::{Rates, Splat};
 use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
 use crate::render::{Rules, Work};
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 use std::f32::consts::LN_2;
 
@@ -35,6 +36,8 @@ pub(super) struct Frame<'a> {
     pub(super) grid: Grid,
     /// The rules.
     pub(super) rules: Rules,
+    /// The instruction set.
+    pub(super) level: Level,
 }
 
 /// Planes of a tile with so many features, and the rates of luminance and of the light behind, or without.
@@ -53,15 +56,23 @@ pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
     out.resize(frame.grid.len() * stride, 0.0);
     out.par_chunks_mut(stride)
         .enumerate()
-        .map(|(index, out)| {
-            let mut tile = Tile::<N>::new(frame.grid, index, frame.rules);
-            tile.blend_all::<SOFT, RATE>(frame, frame.lists.of(index));
-            tile.store::<RATE>(out)
-        })
+        .map(|(index, out)| dispatch!(frame.level, _simd => one::<N, SOFT, RATE>(frame, index, out)))
         .reduce(Work::default, |mut a, b| {
             a += b;
             a
         })
+}
+
+/// One tile. Inlined, as is all below, into a function for each instruction set.
+#[inline(always)]
+fn one<const N: usize, const SOFT: bool, const RATE: bool>(
+    frame: Frame<'_>,
+    index: usize,
+    out: &mut [f32],
+) -> Work {
+    let mut tile = Tile::<N>::new(frame.grid, index, frame.rules);
+    tile.blend_all::<SOFT, RATE>(frame, frame.lists.of(index));
+    tile.store::<RATE>(out)
 }
 
 /// The pixels of one tile while they are blended.
@@ -119,6 +130,7 @@ struct LineRates {
 }
 
 impl<const N: usize> Tile<N> {
+    #[inline(always)]
     fn new(grid: Grid, index: usize, rules: Rules) -> Self {
         let stop = if rules == Rules::Gsplat { STOP.next_up() } else { STOP };
         let first_row = index / grid.columns * TILE;
@@ -141,6 +153,7 @@ impl<const N: usize> Tile<N> {
         }
     }
 
+    #[inline(always)]
     fn blend_all<'a, const SOFT: bool, const RATE: bool>(
         &mut self,
         frame: Frame<'_>,
@@ -170,6 +183,7 @@ impl<const N: usize> Tile<N> {
     }
 
     /// Notes which rows have a pixel left to blend, and whether any has.
+    #[inline(always)]
     fn look(&mut self) -> bool {
         for (open, row) in self.open.iter_mut().zip(&self.rows) {
             *open = *open && row.least.iter().any(|&v| v < FINISHED);
@@ -177,6 +191,7 @@ impl<const N: usize> Tile<N> {
         self.open.contains(&true)
     }
 
+    #[inline(always)]
     fn blend<const SOFT: bool, const RATE: bool>(&mut self, splat: &Splat, rates: &Rates) {
         let [first, end] = splat.rows.map(|y| usize::from(y).saturating_sub(self.first_row).min(TILE));
         for y in first..end {
@@ -186,10 +201,10 @@ impl<const N: usize> Tile<N> {
         }
     }
 
+    #[inline(always)]
     fn blend_row<const SOFT: bool, const RATE: bool>(&mut self, splat: &Splat, rates: &Rates, y: usize) {
         let dy = (self.first_row + y) as f32 + 0.5 - splat.mean[1];
-        let Some([low, high]) = splat.chord(dy) else { return };
-        if high < self.centres[0] || low > self.centres[TILE - 1] {
+        if splat.misses(dy, [self.centres[0], self.centres[TILE - 1]]) {
             return;
         }
         let [w1, w2, w3] = splat.w;
@@ -214,6 +229,7 @@ impl<const N: usize> Tile<N> {
     }
 
     /// Writes the planes and counts.
+    #[inline(always)]
     fn store<const RATE: bool>(&self, out: &mut [f32]) -> Work {
         for (n, plane) in out.chunks_exact_mut(PIXELS).enumerate() {
             for (to, row) in plane.chunks_exact_mut(TILE).zip(&self.rows) {
@@ -235,7 +251,7 @@ impl<const N: usize> Tile<N> {
 impl<const N: usize> Row<N> {
     /// One layer over the row. Written on copies and without a branch, so that the compiler does several pixels at
     /// once.
-    #[inline]
+    #[inline(always)]
     fn blend<const SOFT: bool>(&mut self, line: &Line<N>, centres: &Lane, blended: &mut [u32; TILE]) {
         let (rest, least) = (self.rest, self.least);
         let mut weights = [0.0; TILE];
@@ -269,7 +285,7 @@ impl<const N: usize> Row<N> {
 impl<const N: usize> Row<N> {
     /// The rates of one layer over the row, before [`Self::blend`] takes the layer in; the same skips and the same
     /// stop (`numerics.md` 7.5).
-    #[inline]
+    #[inline(always)]
     fn blend_rate<const SOFT: bool>(&mut self, line: &Line<N>, moving: &LineRates, centres: &Lane) {
         let (rest, least, rest_rate) = (self.rest, self.least, self.rest_rate);
         for i in 0..TILE {
@@ -295,14 +311,14 @@ impl<const N: usize> Row<N> {
 }
 
 /// The derivative of [`ramp`].
-#[inline]
+#[inline(always)]
 fn ramp_slope(alpha: f32) -> f32 {
     let u = (255.0 * alpha - 0.5).clamp(0.0, 1.0);
     (6.0 * 255.0) * u * (1.0 - u)
 }
 
 /// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half (`numerics.md` 3.3).
-#[inline]
+#[inline(always)]
 fn ramp(alpha: f32) -> f32 {
     let u = (255.0 * alpha - 0.5).clamp(0.0, 1.0);
     u * u * (3.0 - 2.0 * u)

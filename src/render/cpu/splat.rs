@@ -64,7 +64,7 @@ pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
 impl Splat {
     /// Where the ellipse `q <= reach` begins and ends in x on the line `dy` px below the mean, or `None` where the
     /// line misses it.
-    #[inline]
+    #[inline(always)]
     pub(super) fn chord(&self, dy: f32) -> Option<[f32; 2]> {
         let [w1, w2, w3] = self.w;
         let e2 = w3 * dy;
@@ -77,6 +77,20 @@ impl Splat {
         let middle = self.mean[0] + shift;
         let wide = half + edge_margin(half + shift.abs());
         Some([middle - wide, middle + wide])
+    }
+
+    /// Whether none of the pixels between two centres in x, on the line `dy` px below the mean, has `q <= reach`. Along
+    /// the line `w1 dx + w2 dy` grows, so that its least size is at an end or 0.
+    #[inline(always)]
+    pub(super) fn misses(&self, dy: f32, [first, last]: [f32; 2]) -> bool {
+        /// Several roundings of 2^-24 of the terms.
+        const ROUNDING: f32 = 1e-6;
+        let [w1, w2, w3] = self.w;
+        let (e2, skew) = (w3 * dy, w2 * dy);
+        let [left, right] = [first, last].map(|x| w1 * (x - self.mean[0]));
+        let slack = ROUNDING * (left.abs().max(right.abs()) + skew.abs());
+        let least = ((left + skew).max(-(right + skew)) - slack).max(0.0);
+        least * least + e2 * e2 > self.reach
     }
 
     /// The columns that may be touched in rows `first..end`, which lie within the splat's own.
@@ -173,6 +187,8 @@ mod tests {
                     let [low, high] = splat.chord(dy).expect("the line of a pixel that counts");
                     let centre = f32::from(x) + 0.5;
                     prop_assert!(low <= centre && centre <= high, "chord {low}..{high} at ({x}, {y})");
+                    let tile = f32::from(x / TILE as u16 * TILE as u16);
+                    prop_assert!(!splat.misses(dy, [tile + 0.5, tile + 15.5]), "row of ({x}, {y})");
                     let rows = [band[0].max(splat.rows[0]), band[1].min(splat.rows[1])];
                     let columns = splat.columns_in(rows[0], rows[1]);
                     prop_assert!(inside(columns, x), "band {columns:?} of ({x}, {y})");

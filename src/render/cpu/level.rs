@@ -1,0 +1,51 @@
+//! Instruction sets: the one that the machine has, or a lesser one.
+//!
+//! The raster's arithmetic is written once, in plain loops that the compiler turns into the widest vectors of each set.
+//! No set fuses a multiplication with an addition, so that every one gives the same bits.
+
+use fearless_simd::Level;
+
+/// An instruction set that this machine has.
+#[derive(Debug, Clone, Copy)]
+pub struct Instructions {
+    pub(super) level: Level,
+    name: &'static str,
+}
+
+impl Instructions {
+    /// The widest.
+    ///
+    /// # Panics
+    /// Never: every machine has one.
+    #[must_use]
+    pub fn best() -> Self {
+        *Self::all().last().expect("every machine has a set of instructions")
+    }
+
+    /// All that this machine has, the widest last.
+    #[must_use]
+    pub fn all() -> Vec<Self> {
+        let best = Level::new();
+        let mut all = Vec::new();
+        let mut add = |name, level: Option<Level>| all.extend(level.map(|level| Self { level, name }));
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            add("SSE2", best.as_sse2().map(Level::Sse2));
+            add("SSE4.2", best.as_sse4_2().map(Level::Sse4_2));
+            add("AVX2", best.as_avx2().map(Level::Avx2));
+            add("AVX-512", best.as_avx512().map(Level::Avx512));
+        }
+        #[cfg(target_arch = "aarch64")]
+        add("NEON", best.as_neon().map(Level::Neon));
+        if all.is_empty() {
+            all.push(Self { level: best, name: "the target's own" });
+        }
+        all
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+}
