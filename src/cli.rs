@@ -11,6 +11,7 @@ mod console;
 mod diff;
 mod failure;
 mod gc;
+mod input;
 mod machine;
 mod message;
 mod output;
@@ -18,6 +19,7 @@ mod plan;
 mod problem;
 mod progress;
 mod release;
+mod render;
 mod trajectory;
 mod why;
 
@@ -58,6 +60,8 @@ enum Verb {
     Diff(diff::Diff),
     /// Delete what no recipe and no release refers to any more
     Gc(gc::Gc),
+    /// Render one view of your own scene
+    Render(render::Render),
     /// Make the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::Trajectory),
 }
@@ -97,6 +101,24 @@ struct Common {
 impl Common {
     /// Where built things are kept unless the user says otherwise.
     const STORE: &'static str = ".gs2e";
+
+    /// Keeps a single step to the cores that it may use.
+    fn limit_cores(&self) {
+        if let Some(jobs) = self.jobs {
+            // It fails where threads are at work already, and none are.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+        }
+    }
+}
+
+impl Verb {
+    /// The back ends that the verb can do its work with.
+    fn backends(&self) -> &'static [Backend] {
+        match self {
+            Self::Render(_) => &[Backend::Auto, Backend::Cpu, Backend::Reference],
+            _ => &[Backend::Auto, Backend::Cpu],
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -108,13 +130,12 @@ enum Backend {
 }
 
 impl Backend {
-    /// Refuses what this program does not have.
-    fn screen(self) -> Result<(), Problem> {
-        let name = match self {
-            Self::Auto | Self::Cpu => return Ok(()),
-            Self::Gpu => "gpu",
-            Self::Reference => "reference",
-        };
+    /// Refuses a back end that the verb does not have.
+    fn screen(self, of_the_verb: &[Self]) -> Result<(), Problem> {
+        if of_the_verb.contains(&self) {
+            return Ok(());
+        }
+        let name = self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
         let message = format!("the back end `{name}` is not built into this gs2e: it renders on the CPU");
         Err(Problem::usage("no-adapter", message).help("--backend cpu, or leave it out"))
     }
@@ -171,7 +192,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
             Problem::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
         })?;
     }
-    cli.common.backend.screen()?;
+    cli.common.backend.screen(cli.verb.backends())?;
     let common = &cli.common;
     match cli.verb {
         Verb::Build(verb) => verb.run(common, console),
@@ -182,6 +203,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Audit(verb) => verb.run(console),
         Verb::Diff(verb) => verb.run(console),
         Verb::Gc(verb) => verb.run(common, console),
+        Verb::Render(verb) => verb.run(common, console),
         Verb::Trajectory(verb) => verb.run(common, console),
     }
 }

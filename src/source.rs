@@ -12,6 +12,7 @@ pub mod natural;
 pub mod nerfstudio;
 mod node;
 mod photo;
+pub mod view;
 
 use crate::camera::Camera;
 use crate::image::Size;
@@ -123,9 +124,9 @@ fn differs(a: &Camera, b: &Camera) -> bool {
 /// Something about a source that its user should know, and that does not stop a build.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Warning {
-    /// Lens distortion that trajectories do not have.
+    /// Lens distortion that renderings do not have.
     #[error(
-        "the photos are distorted by up to {most_px:.1} px, which trajectories leave out: the scene must have been \
+        "the photos are distorted by up to {most_px:.1} px, which renderings leave out: the scene must have been \
          trained on undistorted photos"
     )]
     DistortionIgnored {

@@ -2,17 +2,17 @@
 
 mod account;
 
-use super::Common;
 use super::console::Console;
 use super::message::{Level, Message};
 use super::output::{self, Output};
 use super::problem::{Exit, Problem};
+use super::{Common, input};
 use crate::camera::{self, Camera};
 use crate::recipe::{self, Fragment, TrajectoryRecipe};
 use crate::render::cpu::Cpu;
 use crate::render::flow::Meter;
+use crate::source::Capture;
 use crate::source::kind::Kind;
-use crate::source::{Capture, SourceError};
 use crate::speed::Speed;
 use crate::trajectory::flow::FlowMeter;
 use crate::trajectory::novel::Base;
@@ -57,10 +57,7 @@ impl Trajectory {
         let inputs = [Some(&self.recipe), self.capture.as_ref(), self.scene.as_ref()];
         let inputs = inputs.into_iter().flatten().map(PathBuf::as_path);
         output::screen(self.files().map(|(_, path)| path), inputs, console.json)?;
-        if let Some(jobs) = common.jobs {
-            // It fails where threads are at work already, and none are.
-            let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
-        }
+        common.limit_cores();
         let fragment = recipe::read_fragment(&self.recipe)?;
         let chosen = find(&fragment, &self.name)?;
         let chain = chain(&fragment, chosen)?;
@@ -121,8 +118,8 @@ impl Trajectory {
                 }
             };
         };
-        let kind = Kind::find(place).map_err(|e| not_found(&e, place))?;
-        let (capture, told) = kind.read(place).map_err(|e| unreadable("the capture", &e))?;
+        let kind = Kind::find(place).map_err(|e| input::no_source("capture", &e, place))?;
+        let (capture, told) = kind.read(place).map_err(|e| input::unreadable("capture", &e))?;
         warnings.extend(told.iter().map(ToString::to_string));
         Ok(Some(Captured { kind, capture }))
     }
@@ -148,12 +145,9 @@ impl Trajectory {
             missing("there is no camera", help)
         })?;
         if !scene.exists() {
-            return Err(Problem::usage(
-                "input-missing",
-                format!("the scene {} is not there", scene.display()),
-            ));
+            return Err(input::missing("scene", scene));
         }
-        let gaussians = crate::scene::read(scene).map_err(|e| unreadable("the scene", &e))?;
+        let gaussians = crate::scene::read(scene).map_err(|e| input::unreadable("scene", &e))?;
         let style = fragment.render.resolve(gaussians.antialiased);
         let renderer = Cpu::new(Arc::new(gaussians), style);
         let renderer =
@@ -166,25 +160,6 @@ impl Trajectory {
 struct Captured {
     kind: Kind,
     capture: Capture,
-}
-
-fn not_found(error: &SourceError, place: &Path) -> Problem {
-    match error {
-        SourceError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
-            Problem::usage("input-missing", format!("the capture {} is not there", place.display()))
-        }
-        SourceError::Absent { dir, because } => {
-            let message =
-                Message::new(Level::Error, "input-missing", "the capture is not known by its files");
-            Problem::of(Exit::Usage, message.path(dir).because(because))
-        }
-        error => unreadable("the capture", error),
-    }
-}
-
-fn unreadable(what: &str, error: &dyn std::error::Error) -> Problem {
-    let message = Message::new(Level::Error, "input-unreadable", format!("failed to read {what}"));
-    Problem::of(Exit::Failed, message.because(error.to_string()))
 }
 
 /// The path of a trajectory, and the name of the one that it is drawn from.

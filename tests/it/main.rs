@@ -29,6 +29,7 @@ mod render_golden;
 mod render_rates;
 mod render_rules;
 mod render_same_bytes;
+mod render_verb;
 mod scenes;
 mod sources;
 mod staleness;

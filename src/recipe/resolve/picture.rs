@@ -59,12 +59,17 @@ impl Resolver<'_> {
     pub(super) fn render(&self, field: &Field<schema::Render>) -> Option<RenderChoice> {
         let absent = schema::Render::default();
         let raw = self.section(field, &absent)?;
-        self.later(&raw.order, "this gs2e has no soft rules, and so no order of theirs");
-        let rules = self.rules(&raw.rules);
+        self.later(&raw.order, "this gs2e blends in the order of depth, without a blended order");
+        let rules = self.or(&raw.rules, schema::Rules::Official);
         let antialiased = self.or(&raw.antialiased, schema::Antialiased::Auto);
         let background = self.background(&raw.background);
         Some(RenderChoice {
-            rules: rules?,
+            rules: match rules? {
+                schema::Rules::Official => Rules::Official,
+                schema::Rules::Exact => Rules::Exact,
+                schema::Rules::Gsplat => Rules::Gsplat,
+                schema::Rules::Soft => Rules::Soft,
+            },
             antialiased: match antialiased? {
                 schema::Antialiased::Auto => Antialiased::Auto,
                 schema::Antialiased::On => Antialiased::On,
@@ -72,21 +77,6 @@ impl Resolver<'_> {
             },
             background: background?,
         })
-    }
-
-    fn rules(&self, field: &Field<schema::Rules>) -> Option<Rules> {
-        let (rules, place) = match field {
-            Field::Absent => return Some(Rules::Official),
-            Field::Bad => return None,
-            Field::Given(rules, place) => (rules, *place),
-        };
-        let help = "this gs2e renders with the rules official and exact";
-        match rules {
-            schema::Rules::Official => Some(Rules::Official),
-            schema::Rules::Exact => Some(Rules::Exact),
-            schema::Rules::Gsplat => self.word_later("gsplat", place, help),
-            schema::Rules::Soft => self.word_later("soft", place, help),
-        }
     }
 
     fn background(&self, field: &Field<[Field<f64>; 3]>) -> Option<[f64; 3]> {

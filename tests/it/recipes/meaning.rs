@@ -2,6 +2,7 @@
 
 use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{Output, Reconstruct, Source};
+use gs2e::render::Rules;
 use gs2e::sensor::Sensor;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
 use gs2e::trajectory::path::Path;
@@ -174,6 +175,22 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
             .unwrap_or_else(|faults| panic!("{}", faults.render_text()));
         assert_eq!(said(again), said(first));
     }
+}
+
+#[test]
+fn all_rules_of_rendering_are_read() {
+    for (word, wanted) in [
+        ("official", Rules::Official),
+        ("exact", Rules::Exact),
+        ("gsplat", Rules::Gsplat),
+        ("soft", Rules::Soft),
+    ] {
+        let found = sound(&format!("render: {{ rules: {word} }}"));
+        assert_eq!((found.render.rules, &found.merged["render"]["rules"]), (wanted, &word.into()));
+        let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
+        assert_eq!(said(again), said(found), "{word}");
+    }
+    assert_eq!(sound("").render.rules, Rules::Official);
 }
 
 #[test]

@@ -1,0 +1,197 @@
+//! `gs2e render`: one channel of one view of the user's own scene.
+
+mod account;
+mod numbers;
+mod picture;
+
+use super::console::Console;
+use super::message::{Level, Message};
+use super::output::{self, Output};
+use super::problem::{Exit, Problem};
+use super::{Backend, Common, input};
+use crate::render::cpu::Cpu;
+use crate::render::reference::Reference;
+use crate::render::{
+    Antialiased, RenderChoice, RenderError, Rendered, Renderer, Rules, Style, Velocity, View,
+};
+use crate::scene::{self, Gaussians};
+use crate::source::{self, view};
+use account::Account;
+use clap::ValueEnum;
+use numbers::Colour;
+use picture::{Channel, Format, Picture};
+use serde_json::json;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Most pixels of a picture: as many as a recipe may ask for, 16,384 on both sides.
+const MOST_PIXELS: usize = 1 << 28;
+
+/// Arguments of `render`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Render {
+    /// The scene: .ply, .spz or .splat
+    #[arg(long, value_name = "FILE")]
+    scene: PathBuf,
+    /// A camera JSON { W, H, fx, fy, cx, cy, R, t } (world to camera), a transforms.json, or a folder with a capture
+    #[arg(long, value_name = "FILE or DIR")]
+    view: PathBuf,
+    /// Which view of a capture, from 0 in natural order of the images' names
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    index: usize,
+    /// Whose conventions decide extents, culling and stops
+    #[arg(long, value_enum, default_value_t = Conventions::Official)]
+    rules: Conventions,
+    /// Compensate opacity for the screen-space dilation [default: as the scene file says, else off]
+    #[arg(long)]
+    antialiased: bool,
+    /// Colour behind the scene, each channel 0..1
+    #[arg(long, value_name = "R,G,B", default_value = "0,0,0", value_parser = numbers::colour, allow_hyphen_values = true)]
+    background: Colour,
+    /// What is rendered
+    #[arg(long, value_enum, default_value_t = Channel::Rgb)]
+    channel: Channel,
+    /// The camera's own linear (units/s) and angular (rad/s) velocity in camera axes, for luminance-rate and flow
+    #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::velocity, allow_hyphen_values = true)]
+    velocity: Option<Velocity>,
+    /// Where the picture goes: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`: .npy to stdout
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// The renderers whose conventions there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Conventions {
+    /// The published CUDA rasteriser: 3-sigma extents, rounded out to tiles
+    Official,
+    /// Every pixel where a layer's opacity reaches 1/255
+    Exact,
+    /// gsplat's
+    Gsplat,
+    /// As exact, but layers fade in: opacity is a continuous function of the view
+    Soft,
+}
+
+impl From<Conventions> for Rules {
+    fn from(conventions: Conventions) -> Self {
+        match conventions {
+            Conventions::Official => Self::Official,
+            Conventions::Exact => Self::Exact,
+            Conventions::Gsplat => Self::Gsplat,
+            Conventions::Soft => Self::Soft,
+        }
+    }
+}
+
+impl Render {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        output::screen([self.out.as_path()], [self.scene.as_path(), self.view.as_path()], console.json)?;
+        let format = Format::of(&self.out, self.channel)?;
+        let (velocity, mut warnings) = self.motion()?;
+        common.limit_cores();
+
+        let started = Instant::now();
+        let (chosen, told) = self.chosen()?;
+        warnings.extend(told.iter().map(ToString::to_string));
+        let gaussians = self.gaussians()?;
+        let (screening, reading) = (gaussians.screening, started.elapsed());
+
+        let started = Instant::now();
+        let style = self.style(&gaussians);
+        let view = View { camera: chosen.camera, world_from_camera: chosen.world_from_camera, velocity };
+        let mut renderer = renderer(common.backend, gaussians, style).map_err(failed)?;
+        let mut rendered = Rendered::default();
+        let work = renderer.render(&view, self.channel.wanted(), &mut rendered).map_err(failed)?;
+        let rendering = started.elapsed();
+
+        let picture = Picture::take(self.channel, rendered).expect("the channel was asked for");
+        let fill = |out: &mut dyn io::Write| picture.write(format, out);
+        output::write(&[Output { path: &self.out, fill: &fill }])?;
+        let account = Account {
+            channel: self.channel.name(),
+            backend: renderer.fingerprint().to_owned(),
+            view: chosen.name,
+            size: chosen.camera.size,
+            work,
+            screening,
+            reading,
+            rendering,
+            warnings,
+        };
+        self.tell(&account, style, console);
+        Ok(Exit::Done)
+    }
+
+    fn tell(&self, account: &Account, style: Style, console: &Console) {
+        account.tell(console);
+        if console.json {
+            let mut value = account.to_json();
+            value["file"] = json!(self.out);
+            value["style"] = json!(style);
+            console.result(&value);
+        }
+    }
+
+    /// How the camera moves, and what is to be told of that; an error where the channel needs it and it is not said.
+    fn motion(&self) -> Result<(Velocity, Vec<String>), Problem> {
+        let name = self.channel.name();
+        match self.velocity {
+            None if self.channel.moves() => {
+                let what = format!("{name} is of a camera that moves, and how is not said");
+                let help = "--velocity vx,vy,vz,wx,wy,wz, in camera axes; 0,0,0,0,0,0 is a camera at rest";
+                Err(Problem::usage("velocity-missing", what).help(help))
+            }
+            Some(_) if !self.channel.moves() => {
+                Ok((Velocity::default(), vec![format!("{name} does not depend on --velocity")]))
+            }
+            velocity => Ok((velocity.unwrap_or_default(), Vec::new())),
+        }
+    }
+
+    /// The view of that index, and what is to be told of it.
+    fn chosen(&self) -> Result<(source::View, Vec<source::Warning>), Problem> {
+        let read = view::read(&self.view).map_err(|e| input::no_source("view", &e, &self.view))?;
+        let count = read.0.views.len();
+        let chosen = view::choose(read, self.index).ok_or_else(|| {
+            let views = if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
+            let what = format!("{} has {views}, and none of index {}", self.view.display(), self.index);
+            Problem::usage("no-view", what).help(&format!("--index: from 0 to {}", count.saturating_sub(1)))
+        })?;
+        let size = chosen.0.camera.size;
+        if size.pixels() > MOST_PIXELS {
+            let because = format!("a picture of {size}, wanted at most {MOST_PIXELS} pixels");
+            return Err(failed(RenderError::View(because)));
+        }
+        Ok(chosen)
+    }
+
+    fn gaussians(&self) -> Result<Gaussians, Problem> {
+        if !self.scene.exists() {
+            return Err(input::missing("scene", &self.scene));
+        }
+        scene::read(&self.scene).map_err(|e| input::unreadable("scene", &e))
+    }
+
+    fn style(&self, gaussians: &Gaussians) -> Style {
+        let antialiased = if self.antialiased { Antialiased::On } else { Antialiased::Auto };
+        let choice = RenderChoice { rules: self.rules.into(), antialiased, background: self.background.0 };
+        choice.resolve(gaussians.antialiased)
+    }
+}
+
+/// The back end that was asked for, with the scene.
+fn renderer(backend: Backend, gaussians: Gaussians, style: Style) -> Result<Box<dyn Renderer>, RenderError> {
+    let scene = Arc::new(gaussians);
+    Ok(match backend {
+        Backend::Reference => Box::new(Reference::new(scene, style)?),
+        Backend::Auto | Backend::Cpu | Backend::Gpu => Box::new(Cpu::new(scene, style)?),
+    })
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
+fn failed(error: RenderError) -> Problem {
+    let message = Message::new(Level::Error, "step-failed", "failed to render");
+    Problem::of(Exit::Failed, message.because(error.to_string()))
+}

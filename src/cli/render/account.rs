@@ -1,0 +1,96 @@
+//! What is told of a rendering: what was drawn, what was left out, and how long it took.
+
+use crate::cli::console::Console;
+use crate::image::Size;
+use crate::render::Work;
+use crate::scene::Screening;
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// The share of the drawn Gaussians above which an invalid approximation is worth a word: a few near the camera are in
+/// every scene.
+const MANY: f64 = 0.01;
+
+/// A rendering and all that is told of it.
+pub(super) struct Account {
+    pub(super) channel: String,
+    /// Class of the back end.
+    pub(super) backend: String,
+    /// Name of the view within its source.
+    pub(super) view: String,
+    pub(super) size: Size,
+    pub(super) work: Work,
+    pub(super) screening: Screening,
+    pub(super) reading: Duration,
+    pub(super) rendering: Duration,
+    /// Of the command line and of the view.
+    pub(super) warnings: Vec<String>,
+}
+
+impl Account {
+    /// Tells people.
+    pub(super) fn tell(&self, console: &Console) {
+        let Self { channel, backend, view, size, work, .. } = self;
+        let [reading, rendering] = [self.reading, self.rendering].map(|time| time.as_secs_f64());
+        console.say(&format!(
+            "{channel} of {view}, {size}, by {backend} in {rendering:.3} s; read in {reading:.3} s"
+        ));
+        let pairs = if work.tile_pairs > 0 {
+            format!("{} pairs with tiles, ", work.tile_pairs)
+        } else {
+            String::new()
+        };
+        let a_pixel = work.blended as f64 / size.pixels() as f64;
+        let drawn = self.drawn();
+        console.say(&format!(
+            "{drawn} of {} Gaussians drawn, {pairs}{a_pixel:.2} blended a pixel",
+            work.gaussians
+        ));
+        self.warnings().iter().for_each(|warning| console.say(&format!("warning: {warning}")));
+    }
+
+    fn drawn(&self) -> u64 {
+        let Work { gaussians, behind, degenerate, outside, .. } = self.work;
+        gaussians - behind - degenerate - outside
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let Screening { read, non_finite, zero_quaternions } = self.screening;
+        let Work { gaussians, degenerate, affine_invalid, .. } = self.work;
+        let drawn = self.drawn();
+        let counted = [
+            (non_finite > 0).then(|| {
+                format!("{non_finite} of {read} Gaussians in the file hold a NaN or an infinity and are left out")
+            }),
+            (zero_quaternions > 0)
+                .then(|| format!("{zero_quaternions} of {read} rotations in the file are zero: the identity is taken")),
+            (degenerate > 0).then(|| {
+                format!("{degenerate} of {gaussians} Gaussians project to what is not finite and are left out")
+            }),
+            (affine_invalid as f64 > MANY * drawn as f64).then(|| {
+                let share = 100.0 * affine_invalid as f64 / drawn as f64;
+                format!(
+                    "{affine_invalid} of {drawn} Gaussians drawn ({share:.1} %) are so deep for their distance that \
+                     their projection is not sound"
+                )
+            }),
+            (drawn == 0).then(|| "no Gaussian is in the picture: it shows the background alone".to_owned()),
+        ];
+        self.warnings.iter().cloned().chain(counted.into_iter().flatten()).collect()
+    }
+
+    /// For programs.
+    pub(super) fn to_json(&self) -> Value {
+        json!({
+            "channel": self.channel,
+            "backend": self.backend,
+            "view": self.view,
+            "width": self.size.width,
+            "height": self.size.height,
+            "work": self.work,
+            "screening": self.screening,
+            "seconds": { "read": self.reading.as_secs_f64(), "render": self.rendering.as_secs_f64() },
+            "warnings": self.warnings(),
+        })
+    }
+}

@@ -1,0 +1,55 @@
+//! Options that are several numbers: `1,2,3`.
+
+use crate::render::Velocity;
+use glam::DVec3;
+
+/// A colour, each channel 0..1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Colour(pub(super) [f64; 3]);
+
+/// Reads `R,G,B`.
+pub(super) fn colour(text: &str) -> Result<Colour, String> {
+    let rgb = numbers(text)?;
+    match rgb.iter().find(|v| !(0.0..=1.0).contains(*v)) {
+        Some(bad) => Err(format!("{bad} is not from 0 to 1")),
+        None => Ok(Colour(rgb)),
+    }
+}
+
+/// Reads `vx,vy,vz,wx,wy,wz`.
+pub(super) fn velocity(text: &str) -> Result<Velocity, String> {
+    let [vx, vy, vz, wx, wy, wz] = numbers(text)?;
+    Ok(Velocity { linear: DVec3::new(vx, vy, vz), angular: DVec3::new(wx, wy, wz) })
+}
+
+/// So many finite numbers.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let number = |part: &str| {
+        let value = part.trim().parse().ok().filter(|v: &f64| v.is_finite());
+        value.ok_or_else(|| format!("`{part}` is no finite number"))
+    };
+    let values: Vec<f64> = text.split(',').map(number).collect::<Result<_, _>>()?;
+    let found = values.len();
+    values.try_into().map_err(|_| format!("{found} numbers, wanted {N} with commas between them"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_as_many_as_are_wanted() {
+        assert_eq!(colour("0, .5,1"), Ok(Colour([0.0, 0.5, 1.0])));
+        let wanted = Velocity { linear: DVec3::new(-1.0, 2e3, 0.0), angular: DVec3::new(0.5, -0.0, 7.0) };
+        assert_eq!(velocity("-1,2e3,0,.5,-0,7"), Ok(wanted));
+        let t = |text: &str, wanted: &str| assert_eq!(colour(text).unwrap_err(), wanted, "{text}");
+        t("", "`` is no finite number");
+        t("1,2", "2 numbers, wanted 3 with commas between them");
+        t("1,0,0,1", "4 numbers, wanted 3 with commas between them");
+        t("1,,0", "`` is no finite number");
+        t("1,nan,0", "`nan` is no finite number");
+        t("1,0,1e999", "`1e999` is no finite number");
+        t("255,0,0", "255 is not from 0 to 1");
+        t("0,-0.1,0", "-0.1 is not from 0 to 1");
+    }
+}

@@ -1,0 +1,127 @@
+//! The channels that can be asked for, and the files that each can be written to.
+
+use crate::cli::problem::Problem;
+use crate::image::{Image, npy, png, to_byte};
+use crate::render::{Channels, Rendered};
+use clap::ValueEnum;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// What is rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Channel {
+    /// Colour as the scene was trained, nominally 0..1
+    Rgb,
+    /// Accumulated opacity
+    Alpha,
+    /// 0.299 R + 0.587 G + 0.114 B of the unclamped colour
+    Luminance,
+    /// How fast luminance changes while the camera moves, 1/s
+    LuminanceRate,
+    /// Mean depth along the optical axis, scene units; NaN where alpha is below 0.5
+    Depth,
+    /// How fast the point at each pixel moves on the image, px/s; NaN where depth is
+    Flow,
+}
+
+impl Channel {
+    /// As it is written on the command line.
+    pub(super) fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
+    /// What the renderer is asked for.
+    pub(super) fn wanted(self) -> Channels {
+        Channels {
+            rgb: self == Self::Rgb,
+            alpha: self == Self::Alpha,
+            luminance: self == Self::Luminance,
+            luminance_rate: self == Self::LuminanceRate,
+            depth: self == Self::Depth,
+            flow: self == Self::Flow,
+        }
+    }
+
+    /// Whether it is of a camera that moves.
+    pub(super) fn moves(self) -> bool {
+        matches!(self, Self::LuminanceRate | Self::Flow)
+    }
+
+    /// Whether it is on the scale 0..1 that bytes are made of.
+    fn fits_bytes(self) -> bool {
+        matches!(self, Self::Rgb | Self::Alpha | Self::Luminance)
+    }
+}
+
+/// The kind of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Format {
+    /// 32-bit numbers as they are.
+    Npy,
+    /// 8 bits a channel.
+    Png,
+}
+
+impl Format {
+    /// What a channel is written as to `path`, by its extension; stdout gets numbers.
+    pub(super) fn of(path: &Path, channel: Channel) -> Result<Self, Problem> {
+        let is = |wanted: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(wanted));
+        let shown = path.display();
+        if is("npy") || path.as_os_str() == "-" {
+            return Ok(Self::Npy);
+        }
+        if !is("png") {
+            let what = format!("{shown} is neither .npy nor .png");
+            let help =
+                "--out: a .npy (32-bit numbers as they are), a .png (8 bits), or `-` for a .npy to stdout";
+            return Err(Problem::usage("output-format", what).help(help));
+        }
+        if !channel.fits_bytes() {
+            let what = format!("{shown} has 8 bits, and {} is not on a scale from 0 to 1", channel.name());
+            return Err(Problem::usage("output-format", what).help("write it to a .npy"));
+        }
+        Ok(Self::Png)
+    }
+}
+
+/// The image of one channel.
+#[derive(Debug)]
+pub(super) enum Picture {
+    /// Red, green and blue.
+    Colour(Image<[f32; 3]>),
+    /// One number a pixel.
+    Plane(Image<f32>),
+    /// x and y.
+    Vectors(Image<[f32; 2]>),
+}
+
+impl Picture {
+    /// The image that was rendered for `channel`, if it was.
+    pub(super) fn take(channel: Channel, rendered: Rendered) -> Option<Self> {
+        match channel {
+            Channel::Rgb => rendered.rgb.map(Self::Colour),
+            Channel::Alpha => rendered.alpha.map(Self::Plane),
+            Channel::Luminance => rendered.luminance.map(Self::Plane),
+            Channel::LuminanceRate => rendered.luminance_rate.map(Self::Plane),
+            Channel::Depth => rendered.depth.map(Self::Plane),
+            Channel::Flow => rendered.flow.map(Self::Vectors),
+        }
+    }
+
+    /// Writes it.
+    pub(super) fn write(&self, format: Format, out: &mut dyn Write) -> io::Result<()> {
+        match (self, format) {
+            (Self::Colour(image), Format::Npy) => npy::write(image, out),
+            (Self::Plane(image), Format::Npy) => npy::write(image, out),
+            (Self::Vectors(image), Format::Npy) => npy::write(image, out),
+            (Self::Colour(image), Format::Png) => png::write(&png::to_bytes(image), out),
+            (Self::Plane(image), Format::Png) => {
+                let grey = image.pixels().iter().copied().map(to_byte).collect();
+                png::write(&Image::from_vec(image.size(), grey), out)
+            }
+            (Self::Vectors(_), Format::Png) => {
+                Err(io::Error::new(io::ErrorKind::Unsupported, "a .png has no vectors"))
+            }
+        }
+    }
+}

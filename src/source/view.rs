@@ -1,0 +1,146 @@
+//! One view out of what a user names: a capture's, or that of a camera JSON.
+//!
+//! A camera JSON is an object `{"W", "H", "fx", "fy", "cx", "cy", "R", "t"}`: size, intrinsics in pixels, and the
+//! motion from world to camera axes, `x_camera = R x_world + t`, `R` row by row. Axes and pixels are the program's own.
+//! Other fields are not read.
+
+use super::kind::Kind;
+use super::node::{Node, load};
+use super::{Capture, Lens, SourceError, View, Warning, model, nerfstudio, screen_camera};
+use crate::camera::Camera;
+use crate::image::Size;
+use crate::se3::{self, Se3};
+use glam::{DMat3, DVec3};
+use std::path::Path;
+
+/// Reads the views at `path`: a camera JSON, which is one, a `transforms.json`, or a folder that holds a capture of any
+/// kind. Files are told apart by what is in them.
+///
+/// # Errors
+/// As the reader of each kind, and when a folder holds no capture or two.
+pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+    if std::fs::metadata(path).map_err(SourceError::io(path))?.is_dir() {
+        return Kind::find(path)?.read(path);
+    }
+    let document = load(path)?;
+    let top = Node::top(path, &document);
+    if document.is_array() {
+        return model::read(path);
+    }
+    if top.find("frames").is_some() {
+        return nerfstudio::read(path);
+    }
+    let (view, warning) = read_camera(&top)?;
+    Ok((Capture { views: vec![view] }, warning.into_iter().collect()))
+}
+
+/// One view of those at a place, and what its user should know about it.
+///
+/// `None` where there are not so many.
+#[must_use]
+pub fn choose((capture, warnings): (Capture, Vec<Warning>), index: usize) -> Option<(View, Vec<Warning>)> {
+    let view = capture.views.into_iter().nth(index)?;
+    let concerns = |warning: &Warning| match warning {
+        Warning::Projected { image, .. } | Warning::PhotoSize { image, .. } => *image == view.name,
+        // Told of all views together; of this one below.
+        Warning::DistortionIgnored { .. } | Warning::CamerasDiffer { .. } => false,
+        Warning::CountsDiffer { .. } | Warning::Exposure { .. } => true,
+    };
+    let mut told: Vec<Warning> = warnings.into_iter().filter(concerns).collect();
+    let alone = Capture { views: vec![view.clone()] };
+    told.extend(alone.distortion());
+    Some((view, told))
+}
+
+fn read_camera(top: &Node<'_>) -> Result<(View, Option<Warning>), SourceError> {
+    let size = Size { width: top.get("W")?.side()?, height: top.get("H")?.side()? };
+    let [fx, fy, cx, cy] = ["fx", "fy", "cx", "cy"].map(|key| top.get(key)?.number());
+    let camera = Camera { size, fx: fx?, fy: fy?, cx: cx?, cy: cy? };
+    screen_camera(&camera, &Lens::Pinhole).map_err(|e| top.fault(e))?;
+    let rows = top.get("R")?;
+    let screened = se3::rotation_from_matrix(&DMat3::from_cols_array_2d(&rows.matrix()?).transpose())
+        .map_err(|e| rows.fault(e.to_string()))?;
+    let translation = DVec3::from_array(top.get("t")?.numbers()?);
+    let camera_from_world = Se3 { rotation: screened.rotation, translation };
+    let file = top.path().file_name().unwrap_or_default();
+    let name = file.to_string_lossy().into_owned();
+    let deviation = screened.deviation;
+    let warning = screened.projected.then(|| Warning::Projected { image: name.clone(), deviation });
+    let world_from_camera = camera_from_world.inverse();
+    Ok((View { name, world_from_camera, camera, lens: Lens::Pinhole, sha256: None }, warning))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    /// A turn by 90 degrees about y, world to camera: the world's x is the camera's -z.
+    fn planted() -> Value {
+        json!({ "W": 64, "H": 48.0, "fx": 60, "fy": 61.5, "cx": 31.5, "cy": 24,
+            "R": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], "t": [1, 2, 3], "note": "not read" })
+    }
+
+    fn written(file: &str, value: &Value) -> (tempfile::TempDir, std::path::PathBuf) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(file);
+        std::fs::write(&path, value.to_string()).unwrap();
+        (dir, path)
+    }
+
+    #[test]
+    fn a_camera_json_is_one_view() {
+        let (_dir, path) = written("camera.json", &planted());
+        let (view, told) = choose(read(&path).unwrap(), 0).unwrap();
+        let size = Size { width: 64, height: 48 };
+        assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0 });
+        assert_eq!((view.name.as_str(), view.lens, told), ("camera.json", Lens::Pinhole, Vec::new()));
+        // What the file says of three points, world to camera, by hand: (z + 1, y + 2, -x + 3). Entries of 1 and 0
+        // pass through a quaternion with roundings of 1e-16 each.
+        let camera_from_world = view.world_from_camera.inverse();
+        for ([x, y, z], wanted) in [
+            ([0.0, 0.0, 0.0], [1.0, 2.0, 3.0]),
+            ([1.0, 0.0, 0.0], [1.0, 2.0, 2.0]),
+            ([0.0, 5.0, -4.0], [-3.0, 7.0, 3.0]),
+        ] {
+            let found = camera_from_world.rotation * DVec3::new(x, y, z) + camera_from_world.translation;
+            assert!((found - DVec3::from_array(wanted)).length() < 1e-14, "{found}");
+        }
+        assert!(choose(read(&path).unwrap(), 1).is_none());
+    }
+
+    #[test]
+    fn a_rotation_that_is_none_by_little_is_told() {
+        let mut camera = planted();
+        camera["R"][1][1] = json!(1.0001);
+        let (_dir, path) = written("camera.json", &camera);
+        let told = choose(read(&path).unwrap(), 0).unwrap().1;
+        assert!(
+            matches!(&told[..], [Warning::Projected { image, .. }] if image == "camera.json"),
+            "{told:?}"
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_field() {
+        let t = |key: &str, value: Value, wanted: &str| {
+            let mut camera = planted();
+            camera[key] = value;
+            let (_dir, path) = written("camera.json", &camera);
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{key}: {error}");
+        };
+        t("W", json!(null), "`W`: it is missing");
+        t("W", json!(0), "`W`: 0, wanted a whole number of pixels");
+        t("H", json!(1.5), "`H`: 1.5, wanted a whole number of pixels");
+        t("H", json!(200_000), "the image size is 64x200000");
+        t("fx", json!("60"), "`fx`: \"60\", wanted a number");
+        t("fy", json!(-1), "the focal length is -1");
+        t("cx", json!(null), "`cx`: it is missing");
+        t("R", json!([[1, 0, 0], [0, 1, 0]]), "`R`: [[1,0,0],[0,1,0]], wanted 3 rows of 3 numbers");
+        t("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, 2]]), "`R`: a rotation is not orthonormal");
+        t("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]]), "`R`: a rotation mirrors");
+        t("t", json!([1, 2]), "`t`: [1,2], wanted 3 numbers");
+        t("frames", json!([]), "it holds no view");
+    }
+}

@@ -1,0 +1,185 @@
+//! Every mistake ends with its exit code, says what it is, and leaves all files as they were.
+
+use super::{RIGHT, camera, ply_bytes, transforms, workspace};
+use crate::support::gaussians::scene;
+use crate::support::workspace::{Ended, TINY, Workspace, tree};
+use serde_json::{Value, json};
+
+/// The right workspace, with all that is wrong beside it.
+fn wrong() -> Workspace {
+    let place = workspace();
+    let whole = std::fs::read(place.path("one.ply")).unwrap();
+    let spoilt = |key: &str, value: Value| {
+        let mut camera = camera();
+        camera[key] = value;
+        camera.to_string()
+    };
+    place.write("new.npy", "as it was");
+    place.write("cut.ply", &whole[..whole.len() - 3]);
+    place.write("none.ply", ply_bytes(&scene(&[])));
+    place.write("text.ply", "no scene");
+    place.write("empty/a.txt", "");
+    place.write("both/transforms.json", "{}");
+    place.write("both/cameras.json", "[]");
+    place.write("broken.json", "{ \"W\": [");
+    place.write("number.json", "7");
+    place.write("bytes.json", b"\xff\xfe");
+    place.write("part.json", "{ \"W\": 5 }");
+    place.write("mirror.json", spoilt("R", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]])));
+    place.write("sheared.json", spoilt("R", json!([[1, 0, 0], [0.1, 1, 0], [0, 0, 1]])));
+    place.write("flat.json", spoilt("fx", json!(0)));
+    // A turn of 120 degrees about the diagonal, along which the camera's centre is out of range.
+    let turned = spoilt("R", json!([[0, 0, 1], [1, 0, 0], [0, 1, 0]]));
+    assert!(turned.contains("[1,2,3]"));
+    place.write("endless.json", turned.replace("[1,2,3]", "[1.7e308,1.7e308,1.7e308]"));
+    place.write("infinite.json", camera().to_string().replace("50.5", "1e999"));
+    place.write("huge.json", spoilt("W", json!(60_000)).replace("\"H\":81", "\"H\":60000"));
+    place.write("wide.json", spoilt("W", json!(70_000)));
+    place.write("nameless.json", transforms().to_string().replace("view 9.jpg", ""));
+    place
+}
+
+/// What [`RIGHT`] comes to with a change: its exit code, parts of what it says, and no file touched.
+fn check() -> impl Fn([&str; 2], i32, &[&str]) {
+    let place = wrong();
+    let before = tree(&place.path(""));
+    move |change, code, parts| {
+        assert!(RIGHT.contains(change[0]), "{}", change[0]);
+        let args = RIGHT.replace(change[0], change[1]);
+        let ended = place.gs2e(&args);
+        assert_eq!((ended.code, ended.stdout.as_str()), (code, ""), "gs2e {args}\n{}", ended.stderr);
+        assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
+        for part in parts {
+            assert!(ended.stderr.contains(part), "gs2e {args}: `{part}` is not in\n{}", ended.stderr);
+        }
+        assert!(tree(&place.path("")) == before, "gs2e {args}: files were changed");
+    }
+}
+
+#[test]
+fn a_command_line_that_is_wrong_renders_nothing() {
+    let t = check();
+    let more = |options: &str, parts: &[&str]| t(["render", &format!("render {options}")], 2, parts);
+    let background = "--background 0.2,0.4,0.75";
+    t(["--out new.npy", ""], 2, &["--out"]);
+    t(["--scene one.ply", ""], 2, &["--scene"]);
+    t(["--view camera.json", ""], 2, &["--view"]);
+    t([background, "--background 1,2"], 2, &["--background", "2 numbers, wanted 3"]);
+    t([background, "--background 255,0,0"], 2, &["255 is not from 0 to 1"]);
+    t([background, "--background -1,0,0"], 2, &["-1 is not from 0 to 1"]);
+    t([background, "--background red"], 2, &["`red` is no finite number"]);
+    more("--rules fancy", &["fancy", "official", "exact", "gsplat", "soft"]);
+    more("--channel red", &["red", "luminance-rate"]);
+    more("--index -1", &["'-1'"]);
+    more("--velocity 1,2,3", &["3 numbers, wanted 6"]);
+    more("--velocity 1,2,3,4,5,inf", &["`inf` is no finite number"]);
+    more("--channel flow", &["flow is of a camera that moves", "help: --velocity vx,vy,vz,wx,wy,wz"]);
+    more("--channel luminance-rate", &["luminance-rate is of a camera that moves", "help: --velocity"]);
+    more("--backend gpu", &["the back end `gpu` is not built into this gs2e", "help: --backend cpu"]);
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_told() {
+    let t = check();
+    for channel in ["depth", "flow", "luminance-rate"] {
+        let out = format!("new.png --channel {channel} --velocity 0,0,0,0,0,0");
+        t(["new.npy", &out], 2, &["new.png has 8 bits", channel, "help: write it to a .npy"]);
+    }
+    t(["new.npy", "new.tif"], 2, &["new.tif is neither .npy nor .png", "help: --out: a .npy"]);
+    t(["new.npy", "new"], 2, &["new is neither .npy nor .png"]);
+    t(["--out new.npy", "--out empty"], 2, &["empty is a folder, wanted a file"]);
+    t(["new.npy", "no/new.npy"], 2, &["no/new.npy lies in a folder that is not there"]);
+    t(["--out new.npy", "--out ./one.ply"], 2, &["./one.ply is read, and would be written over"]);
+    t(["--out new.npy", "--out capture/../camera.json"], 2, &["is read, and would be written over"]);
+}
+
+#[test]
+fn scenes_and_views_that_are_absent_or_damaged_are_told() {
+    let t = check();
+    t(["one.ply", "gone.ply"], 2, &["the scene gone.ply is not there"]);
+    t(["one.ply", "cut.ply"], 1, &["failed to read the scene", "cut.ply", "at byte"]);
+    t(["one.ply", "none.ply"], 1, &["failed to read the scene", "none.ply"]);
+    t(["one.ply", "text.ply"], 1, &["failed to read the scene", "text.ply", "at byte 0"]);
+    t(["one.ply", "empty"], 1, &["failed to read the scene", "empty"]);
+    t(["camera.json", "gone.json"], 2, &["the view gone.json is not there"]);
+    t(["camera.json", "empty"], 2, &["the view is not known by its files", "nothing of a capture"]);
+    t(["camera.json", "both"], 2, &["the view is not known", "a transforms.json and a cameras.json"]);
+    t(["camera.json", "capture --index 2"], 2, &["capture has 2 views, and none of index 2", "from 0 to 1"]);
+    t(["camera.json", "camera.json --index 1"], 2, &["camera.json has 1 view, and none of index 1"]);
+    let view = "failed to read the view";
+    t(["camera.json", "broken.json"], 1, &[view, "broken.json: line 1"]);
+    t(["camera.json", "bytes.json"], 1, &[view, "bytes.json", "UTF-8"]);
+    t(["camera.json", "one.ply"], 1, &[view, "one.ply"]);
+    t(["camera.json", "number.json"], 1, &[view, "`W`: it is missing"]);
+    t(["camera.json", "part.json"], 1, &[view, "part.json: `H`: it is missing"]);
+    t(["camera.json", "mirror.json"], 1, &[view, "`R`: a rotation mirrors"]);
+    t(["camera.json", "sheared.json"], 1, &[view, "`R`: a rotation is not orthonormal"]);
+    t(["camera.json", "flat.json"], 1, &[view, "the focal length is 0"]);
+    t(["camera.json", "infinite.json"], 1, &[view, "infinite.json: line 1", "out of range"]);
+    t(["camera.json", "nameless.json"], 1, &[view, "`frames[1].file_path`"]);
+    t(["camera.json", "endless.json"], 1, &["failed to render", "is not finite"]);
+    t(["camera.json", "huge.json"], 1, &["failed to render", "60000x60000, wanted at most 268435456 pixels"]);
+    t(["camera.json", "wide.json"], 1, &["failed to render", "70000x81, wanted 1 to 65535 px"]);
+}
+
+#[test]
+fn a_picture_that_cannot_be_written_whole_is_not_there() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    let place = workspace();
+    std::os::unix::fs::symlink("/dev/full", place.path("full.npy")).unwrap();
+    let before = tree(&place.path("")).into_keys().collect::<Vec<_>>();
+    let ended = place.gs2e(&RIGHT.replace("new.npy", "full.npy"));
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    assert!(ended.stderr.contains("failed to write full.npy: No space"), "{}", ended.stderr);
+    assert_eq!(tree(&place.path("")).into_keys().collect::<Vec<_>>(), before);
+}
+
+#[test]
+fn mistakes_are_objects_for_programs() {
+    let place = wrong();
+    let t = |change: [&str; 2], code: &str| {
+        let ended: Ended = place.gs2e(&format!("{} --json", RIGHT.replace(change[0], change[1])));
+        let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+        let found = (told["level"].as_str(), told["code"].as_str());
+        assert_eq!(found, (Some("error"), Some(code)), "{}", ended.stderr);
+    };
+    t(["one.ply", "gone.ply"], "input-missing");
+    t(["one.ply", "cut.ply"], "input-unreadable");
+    t(["camera.json", "camera.json --index 1"], "no-view");
+    t(["camera.json", "wide.json"], "step-failed");
+    t(["new.npy", "-"], "output-unwritable");
+    t(["new.npy", "new.tif"], "output-format");
+    t(["new.npy", "new.npy --channel flow"], "velocity-missing");
+    t(["new.npy", "new.npy --backend gpu"], "no-adapter");
+}
+
+/// The reference is for single pictures: what is built never comes from it.
+#[test]
+fn other_verbs_refuse_the_reference() {
+    let place = Workspace::with_tiny();
+    assert!(TINY.contains("scene: tiny"));
+    for verb in ["build tiny.yaml", "plan tiny.yaml", "release --to out tiny.yaml", "check"] {
+        let ended = place.gs2e(&format!("{verb} --backend reference"));
+        assert_eq!(ended.code, 2, "{verb}");
+        let wanted = "the back end `reference` is not built into this gs2e: it renders on the CPU";
+        assert!(ended.stderr.contains(wanted), "{verb}: {}", ended.stderr);
+        assert!(!place.path(".gs2e").exists() && !place.path("out").exists(), "nothing ran");
+    }
+}
+
+#[test]
+fn a_finished_file_takes_the_place_of_another() {
+    let place = workspace();
+    place.write("new.npy", "as it was");
+    place.ok(RIGHT);
+    let whole = std::fs::read(place.path("new.npy")).unwrap();
+    assert!(whole.starts_with(b"\x93NUMPY"));
+    std::os::unix::fs::symlink("new.npy", place.path("link.npy")).unwrap();
+    place.write("new.npy", "as it was");
+    place.ok(&RIGHT.replace("new.npy", "link.npy"));
+    assert!(place.path("link.npy").is_symlink(), "a link is followed");
+    assert!(std::fs::read(place.path("new.npy")).unwrap() == whole);
+    assert!(!tree(&place.path("")).keys().any(|name| name.contains(".part")));
+}
