@@ -95,7 +95,8 @@ impl<T: Real<Plain = T>> Real for Dual<T> {
 }
 
 impl Dual<f64> {
-    pub(super) fn exp(self) -> Self {
+    /// `e` to its power.
+    pub(super) fn exponential(self) -> Self {
         let value = libm::exp(self.value);
         Self { value, rate: self.rate * value }
     }
@@ -195,7 +196,7 @@ mod tests {
         t(|x| x * x * x - x, 1.3);
         t(|x| D::constant(1.0) / (x + D::constant(2.0)), 0.4);
         t(|x| (x.squared() + D::constant(1.0)).sqrt(), -0.7);
-        t(|x| (-x.squared()).exp(), 0.9);
+        t(|x| (-x.squared()).exponential(), 0.9);
         t(|x| x.clamp(0.0, 1.0) * x, 0.5);
         t(|x| x.clamp(0.0, 1.0) * x, 1.5);
         t(|x| x.at_least(D::constant(1.0)) * x, 0.5);

@@ -86,7 +86,7 @@ impl FlowMeter for Meter {
         let want = Channels { flow: true, ..Channels::default() };
         self.renderer.render(&view, want, &mut self.rendered).map_err(|e| e.to_string())?;
         let flow = self.rendered.flow.as_ref().expect("flow was asked for").pixels();
-        let speeds = flow.iter().map(|[x, y]| x.hypot(*y)).collect();
+        let speeds = flow.iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
         Ok(nearest_ranks(speeds, [50]).map(|[median]| f64::from(median) * self.pixels))
     }
 }

@@ -149,7 +149,7 @@ impl Reference {
         let [dx, dy] = [0, 1].map(|k| D::constant(pixel[k] as f64 + 0.5) - layer.mean[k]);
         let [w1, w2, w3] = layer.w;
         let power = D::constant(-0.5) * ((w1 * dx + w2 * dy).squared() + (w3 * dy).squared());
-        let alpha = (layer.opacity * power.exp()).clamp(0.0, f64::from(MAX_ALPHA));
+        let alpha = (layer.opacity * power.exponential()).clamp(0.0, f64::from(MAX_ALPHA));
         if alpha.value < least_alpha(self.style.rules) {
             return None;
         }
