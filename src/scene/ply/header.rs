@@ -79,6 +79,12 @@ impl Element {
         self.properties.iter().map(|p| if let Kind::One(n) = p.kind { Some(n.size()) } else { None }).sum()
     }
 
+    /// Bytes of a row; an error where rows differ.
+    pub(super) fn flat_stride(&self, at: &Cursor) -> Result<usize, SceneError> {
+        let what = format!("a list among the properties of `{}`", self.name);
+        self.stride().ok_or_else(|| at.unsupported(what, "remove that property"))
+    }
+
     pub(super) fn has(&self, property: &str) -> bool {
         self.properties.iter().any(|p| p.name == property)
     }
@@ -115,6 +121,12 @@ impl Header {
             }
             header.take_line(&line, &at)?;
         }
+    }
+
+    /// The element of this name.
+    pub(super) fn element(&self, name: &str, at: &Cursor) -> Result<&Element, SceneError> {
+        let found = self.elements.iter().find(|e| e.name == name);
+        found.ok_or_else(|| at.malformed(format!("no element `{name}`"), format!("an element `{name}`")))
     }
 
     fn take_line(&mut self, line: &str, at: &Cursor) -> Result<(), SceneError> {
