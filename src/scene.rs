@@ -10,6 +10,7 @@ mod opacity;
 pub mod ply;
 pub mod procedural;
 pub mod sh;
+pub mod sog;
 pub mod splat;
 pub mod spz;
 
@@ -133,7 +134,8 @@ pub enum SceneError {
     },
 }
 
-/// Reads a scene file: `.splat`, which has no signature, by its extension, and `.ply` and `.spz` by their content.
+/// Reads a scene of one file: `.splat`, which has no signature, by its extension, and `.ply` (plain and compressed),
+/// `.spz` and `.sog` by their content.
 ///
 /// # Errors
 /// [`SceneError::File`] or [`SceneError::Content`].
@@ -144,18 +146,38 @@ pub fn read(path: &Path) -> Result<Gaussians, SceneError> {
     scene.map_err(|because| SceneError::Content { path: path.to_owned(), because: Box::new(because) })
 }
 
+/// Reads a scene of one file, as [`read`] does, or of several: a folder that holds a SOG, or the `meta.json` in it.
+///
+/// # Errors
+/// [`SceneError::File`] or [`SceneError::Content`].
+pub fn read_any(path: &Path) -> Result<Gaussians, SceneError> {
+    let folder = if path.is_dir() {
+        path
+    } else if path.file_name().is_some_and(|name| name == sog::META) {
+        path.parent().unwrap_or(Path::new(""))
+    } else {
+        return read(path);
+    };
+    sog::read_sog_folder(folder).map_err(|error| match error {
+        file @ SceneError::File { .. } => file,
+        because => SceneError::Content { path: folder.to_owned(), because: Box::new(because) },
+    })
+}
+
 fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let starts = |magic: &[u8]| bytes.starts_with(magic);
     if starts(b"ply\n") || starts(b"ply\r\n") {
         ply::read_ply(bytes)
     } else if starts(&spz::MAGIC) || starts(&spz::GZIP_MAGIC) {
         spz::read_spz(bytes)
-    } else if starts(b"PK\x03\x04") {
+    } else if starts(&sog::ZIP_MAGIC) {
+        sog::read_sog(bytes)
+    } else if bytes.trim_ascii_start().starts_with(b"{") {
         Err(SceneError::Unsupported {
             format: "scene",
             offset: 0,
-            what: "a zip archive (SOG?)".into(),
-            hint: "convert it to .ply or .spz",
+            what: "a file beside others (the `meta.json` of a SOG?)".into(),
+            hint: "zip the folder's files into one .sog",
         })
     } else {
         let head = &bytes[..bytes.len().min(4)];
@@ -163,7 +185,7 @@ fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
             format: "scene",
             offset: 0,
             found: format!("the bytes {head:02x?}"),
-            wanted: "`ply`, `NGSP` or gzip (a .splat file is told by its extension)".into(),
+            wanted: "`ply`, `NGSP`, gzip or zip (a .splat file is told by its extension)".into(),
         })
     }
 }
@@ -180,11 +202,12 @@ mod tests {
         t(
             b"",
             "read scene at byte 0: found the bytes [], \
-             wanted `ply`, `NGSP` or gzip (a .splat file is told by its extension)",
+             wanted `ply`, `NGSP`, gzip or zip (a .splat file is told by its extension)",
         );
         t(
-            b"PK\x03\x04....",
-            "read scene at byte 0: a zip archive (SOG?) is not supported; convert it to .ply or .spz",
+            b" {}",
+            "read scene at byte 0: a file beside others (the `meta.json` of a SOG?) is not supported; \
+             zip the folder's files into one .sog",
         );
         t(b"NGSP", "read .spz at byte 4: found the end of the data, wanted 4 bytes of version");
         t(b"ply\n", "read .ply at byte 4: found the end of the data, wanted a header line");
