@@ -6,9 +6,11 @@
 
 mod collector;
 mod cursor;
+pub mod form;
 mod opacity;
 pub mod ply;
 pub mod procedural;
+mod rotation;
 pub mod sh;
 pub mod sog;
 pub mod splat;
@@ -65,6 +67,12 @@ impl Gaussians {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
+    }
+
+    /// Mean of Gaussian `i` in the world.
+    #[must_use]
+    pub fn position(&self, i: usize) -> DVec3 {
+        self.origin + DVec3::from_array(self.positions[i].map(f64::from))
     }
 
     /// Basis functions a Gaussian: `(sh_degree + 1)^2`.
@@ -132,6 +140,41 @@ pub enum SceneError {
         /// Those that were dropped.
         non_finite: u64,
     },
+}
+
+/// Why a scene could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// A position is beyond the format's fixed-point numbers.
+    #[error("write .spz: found a coordinate of {farthest:e}, wanted less than 2^23")]
+    TooFar {
+        /// Its distance from zero along an axis.
+        farthest: f64,
+    },
+    /// More Gaussians than the format counts.
+    #[error("write .spz: found {count} Gaussians, wanted less than 2^32")]
+    TooMany {
+        /// How many.
+        count: usize,
+    },
+    /// The format's numbers overflow.
+    #[error("write the scene: {count} Gaussians have a position or a scale beyond the form's numbers")]
+    Overflow {
+        /// How many.
+        count: usize,
+    },
+    /// What was written is no scene any more.
+    #[error("read what was written: {0}")]
+    Unreadable(Box<SceneError>),
+    /// The system's reason.
+    #[error("write the scene: {0}")]
+    Io(#[from] io::Error),
+}
+
+/// The byte nearest to `x`.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+fn nearest_byte(x: f64) -> u8 {
+    x.round().clamp(0.0, 255.0) as u8
 }
 
 /// Reads a scene of one file: `.splat`, which has no signature, by its extension, and `.ply` (plain and compressed),

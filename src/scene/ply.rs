@@ -50,6 +50,31 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     Ok(scene)
 }
 
+/// Bytes that a header may have.
+pub const MAX_HEADER: usize = header::MAX_LEN;
+
+/// What a file holds that [`read_ply`] passes over: properties of its vertices, but for normals, which scenes have as
+/// zeros, and elements. Of a file that begins with no header, nothing.
+#[must_use]
+pub fn left_out(bytes: &[u8]) -> Vec<String> {
+    let Ok(header) = Header::read(&mut Cursor::new(".ply", bytes)) else { return Vec::new() };
+    let packed = header.elements.iter().any(packed::is_packed);
+    let known = |name: &str| if packed { packed::knows(name) } else { knows(name) };
+    let mut names = Vec::new();
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" => names.extend(element.properties.iter().map(|p| p.name.clone()).filter(|n| !known(n))),
+            "chunk" | "sh" if packed => {}
+            other => names.push(format!("element {other}")),
+        }
+    }
+    names
+}
+
+fn knows(name: &str) -> bool {
+    property_names(sh::MAX_DEGREE).iter().any(|known| known == name)
+}
+
 /// Where a Gaussian's numbers lie in a row.
 #[derive(Debug)]
 struct Columns {
@@ -223,6 +248,15 @@ mod tests {
             assert_eq!(scene.sh_of(1)[3..], [[102.0, 105.0, 108.0]]);
             assert_eq!((scene.antialiased, scene.screening.read), (None, 2));
         }
+    }
+
+    #[test]
+    fn what_is_passed_over_is_named() {
+        assert_eq!(left_out(&shuffled("ascii", "float")), ["element camera", "label", "element tail"]);
+        let mut own = Vec::new();
+        write_ply(&read_ply(&shuffled("ascii", "float")).unwrap(), &mut own).unwrap();
+        assert_eq!(left_out(&own), [""; 0]);
+        assert_eq!(left_out(b"NGSP"), [""; 0]);
     }
 
     #[test]

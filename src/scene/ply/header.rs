@@ -91,7 +91,7 @@ impl Element {
 }
 
 /// Bytes that a header may have: ours has 1,600. A bound keeps the search for repeated names short.
-const MAX_LEN: usize = 1 << 16;
+pub(super) const MAX_LEN: usize = 1 << 16;
 
 #[derive(Debug)]
 pub(super) struct Header {

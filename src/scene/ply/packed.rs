@@ -19,8 +19,16 @@ const CHUNK: usize = 256;
 
 /// Whether a file with these vertices is a compressed one.
 pub(super) fn is_packed(vertices: &Element) -> bool {
-    vertices.has("packed_position")
+    vertices.has(WORDS[0])
 }
+
+/// Whether the vertices' property of this name is read.
+pub(super) fn knows(name: &str) -> bool {
+    WORDS.contains(&name)
+}
+
+/// The vertices' properties.
+const WORDS: [&str; 4] = ["packed_position", "packed_scale", "packed_rotation", "packed_color"];
 
 /// Reads the body of a compressed file.
 pub(super) fn read(header: &Header, cursor: Cursor) -> Result<Gaussians, SceneError> {
@@ -85,12 +93,7 @@ impl Layout {
             chunks: Table::of(chunk, header.encoding, at)?,
             bounds: bounds(chunk, at)?,
             vertices: Table::of(vertex, header.encoding, at)?,
-            words: [
-                word("packed_position")?,
-                word("packed_scale")?,
-                word("packed_rotation")?,
-                word("packed_color")?,
-            ],
+            words: [word(WORDS[0])?, word(WORDS[1])?, word(WORDS[2])?, word(WORDS[3])?],
             harmonics: harmonics.map_or(Ok(Table::default()), |sh| Table::of(sh, header.encoding, at))?,
             rest,
             sh_degree: degree_of(rest_len, at)?,
