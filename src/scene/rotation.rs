@@ -8,6 +8,7 @@ pub(super) fn unit(stored: [f32; 4]) -> [f64; 4] {
 }
 
 /// The angle between two rotations, radians; zero only where the same quaternion, or its negative, is stored.
+#[expect(clippy::float_cmp, reason = "whether they are the same numbers is asked")]
 pub(super) fn angle(a: [f32; 4], b: [f32; 4]) -> f64 {
     if a == b || a == b.map(|c| -c) {
         return 0.0;

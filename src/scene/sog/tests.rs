@@ -4,6 +4,7 @@ use super::*;
 use image_webp::{ColorType, WebPEncoder};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::f32::consts::FRAC_1_SQRT_2;
 use std::io::Write as _;
 use zip::write::SimpleFileOptions;
 
@@ -85,9 +86,9 @@ fn what_was_planted_is_read() {
         near(&scene.positions[2], &[-1.718_281_8, 0.0, 0.648_721_3]);
         assert_eq!(scene.log_scales, [[0.0, 0.125, -8.0], [-7.9375, -7.875, -7.8125], [7.9375; 3]]);
         // 128/255*2 - 1 = 1/255, over the root of 2: 0.0027730; the largest is the rest of the unit
-        near(&scene.rotations[0], &[0.0, 0.707_106_8, -0.707_106_8, 0.002_773_0]);
-        near(&scene.rotations[1], &[0.002_773_0, 0.002_773_0, 0.707_106_8, 0.707_095_9]);
-        near(&scene.rotations[2], &[-0.707_106_8, 0.0, 0.707_106_8, -0.707_106_8]);
+        near(&scene.rotations[0], &[0.0, FRAC_1_SQRT_2, -FRAC_1_SQRT_2, 0.002_773_0]);
+        near(&scene.rotations[1], &[0.002_773_0, 0.002_773_0, FRAC_1_SQRT_2, 0.707_095_9]);
+        near(&scene.rotations[2], &[-FRAC_1_SQRT_2, 0.0, FRAC_1_SQRT_2, -FRAC_1_SQRT_2]);
         // ln 1/4, ln 1/509, ln 509
         near(&scene.opacity_logits, &[-1.386_294_4, -6.232_448, 6.232_448]);
         assert_eq!(scene.sh_of(0)[0], [0.0, -64.0, 63.5]);

@@ -91,6 +91,7 @@ fn packed(rotation: [f64; 4]) -> u32 {
 /// The difference of two numbers that a component may have.
 const STEP: f64 = FRAC_1_SQRT_2 / 511.0;
 
+#[expect(clippy::cast_possible_truncation, reason = "an index of four")]
 fn packed_without(rotation: [f64; 4], left_out: usize) -> u32 {
     let others = (0..4_usize).filter(|&k| k != left_out).map(|k| rotation[k] * rotation[left_out].signum());
     others.fold(left_out as u32, |word, c| {
