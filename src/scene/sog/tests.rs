@@ -91,7 +91,7 @@ fn what_was_planted_is_read() {
         near(&scene.rotations[2], &[-FRAC_1_SQRT_2, 0.0, FRAC_1_SQRT_2, -FRAC_1_SQRT_2]);
         // ln 1/4, ln 1/509, ln 509
         near(&scene.opacity_logits, &[-1.386_294_4, -6.232_448, 6.232_448]);
-        assert_eq!(scene.sh_of(0)[0], [0.0, -64.0, 63.5]);
+        assert_eq!(scene.sh_of(0)[..1], [[0.0, -64.0, 63.5]]);
         assert_eq!(scene.sh_of(0)[1..], [[-32.0, 31.75, 0.0], [-31.75, -31.5, -31.25], [-0.25; 3]]);
         assert_eq!(scene.sh_of(1)[1..], [[0.25, 0.5, 0.75], [1.0, 1.25, 1.5], [1.75, 2.0, 2.25]]);
         assert_eq!((scene.sh_degree, scene.antialiased, scene.screening.read), (1, Some(true), 3));
@@ -129,19 +129,19 @@ fn antialiasing_is_read_from_both_spellings() {
     t(Value::Null, json!("default"), Some(false));
 }
 
+/// Reading what `change` makes of the sound scene is an error with these words.
+#[track_caller]
+fn broken(change: &dyn Fn(&mut Scene), message: &str) {
+    let mut scene = sound();
+    change(&mut scene);
+    let error = scene.read().unwrap_err().to_string();
+    assert!(error.contains(message), "{error}");
+}
+
 #[test]
-fn errors_name_the_part_and_the_place() {
-    let t = |change: &dyn Fn(&mut Scene), message: &str| {
-        let mut scene = sound();
-        change(&mut scene);
-        let error = scene.read().unwrap_err().to_string();
-        assert!(error.contains(message), "{error}");
-    };
+fn errors_in_the_meta_file_name_their_place() {
     let meta = |path: &str, value: Value, message: &str| {
-        t(&|scene| *scene.meta.pointer_mut(path).unwrap() = value.clone(), message);
-    };
-    let image = |name: &'static str, pixels: &[u8], size: (u32, u32), color, message: &str| {
-        t(&|scene| drop(scene.images.insert(name, webp(pixels, size, color))), message);
+        broken(&|scene| *scene.meta.pointer_mut(path).unwrap() = value.clone(), message);
     };
     meta("/version", json!(3), "read .sog (meta.json) at byte 0: found version 3, wanted version 2");
     meta("/scales/codebook", json!([1, 2]), "found a codebook of 2 entries, wanted 256");
@@ -170,12 +170,19 @@ fn errors_name_the_part_and_the_place() {
     );
     meta("/count", json!(-1), "found invalid value: integer `-1`");
     meta("/count", json!(0), "find a Gaussian to render: of 0 in the scene");
-    t(&|scene| scene.meta["model"] = json!("2dgs"), "the model `2dgs` is not supported");
-    t(
+    broken(&|scene| scene.meta["model"] = json!("2dgs"), "the model `2dgs` is not supported");
+    broken(
         &|scene| drop(scene.meta.as_object_mut().unwrap().remove("version")),
         "SOG of version 1 is not supported; convert it with a current splat-transform",
     );
-    t(&|scene| drop(scene.meta.as_object_mut().unwrap().remove("quats")), "found missing field `quats`");
+    broken(&|scene| drop(scene.meta.as_object_mut().unwrap().remove("quats")), "found missing field `quats`");
+}
+
+#[test]
+fn errors_in_images_name_their_part_and_place() {
+    let image = |name: &'static str, pixels: &[u8], size: (u32, u32), color, message: &str| {
+        broken(&|scene| drop(scene.images.insert(name, webp(pixels, size, color))), message);
+    };
     image(
         "scales.webp",
         &[0; 6],
@@ -198,7 +205,7 @@ fn errors_name_the_part_and_the_place() {
         ColorType::Rgb8,
         "at byte 3: found the label 64 of Gaussian 1, wanted one of 64 in the palette",
     );
-    t(
+    broken(
         &|scene| drop(scene.images.insert("sh0.webp", b"RIFF".to_vec())),
         "read .sog (colours) at byte 0: found a broken image",
     );
