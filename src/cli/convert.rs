@@ -1,6 +1,7 @@
 //! `gs2e convert`: a scene in another file format.
 
 use super::console::Console;
+use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use crate::scene::form::{Form, Loss};
 use crate::scene::{self, Gaussians, SceneError, ply};
@@ -86,9 +87,10 @@ impl Convert {
     }
 
     fn refused(&self, losses: &[Loss]) -> Problem {
-        let lines: Vec<String> = losses.iter().map(|l| format!(" {}: {}", l.field, l.what)).collect();
-        let what = format!("{} would lose something\n{}", self.output.display(), lines.join("\n"));
-        Problem::usage("lossy", what).help("--lossy writes it all the same")
+        let what = format!("{} would lose something", self.output.display());
+        let message = Message::new(Level::Error, "lossy", what).help("--lossy writes it all the same");
+        let told = losses.iter().fold(message, |m, loss| m.detail(format!("{}: {}", loss.field, loss.what)));
+        Problem::of(Exit::Usage, told)
     }
 
     fn tell(&self, scene: &Gaussians, bytes: usize, losses: &[Loss], console: &Console) {

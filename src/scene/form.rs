@@ -1,6 +1,6 @@
 //! The forms that a scene is written in, and what each of them loses of it.
 
-use super::{Gaussians, WriteError, ply, rotation, sh, splat, spz};
+use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, splat, spz};
 use std::path::Path;
 
 /// A file format that can be written.
@@ -68,7 +68,10 @@ impl Form {
                 splat::read_splat(&bytes)
             }
         };
-        let back = back.map_err(|e| WriteError::Unreadable(Box::new(e)))?;
+        let back = back.map_err(|e| match e {
+            SceneError::Empty { .. } if !scene.is_empty() => WriteError::Overflow { count: scene.len() },
+            other => WriteError::Unreadable(Box::new(other)),
+        })?;
         if back.len() != scene.len() {
             return Err(WriteError::Overflow { count: scene.len() - back.len() });
         }

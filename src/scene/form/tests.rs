@@ -153,7 +153,7 @@ fn losses_are_named_with_their_size() {
     assert_eq!(back.log_scales, [[-4.0, 5.9375, -10.0]]);
     // A function that is odd in y turns its sign on the way, and 1 lies beyond 127/128.
     assert_eq!(back.sh[1..], [[0.5, -0.25, 1.0], [0.5; 3], [0.5; 3]]);
-    assert_eq!(back.rotations, [[0.0, -1.0, 0.0, 0.0]]);
+    assert_eq!(back.rotations, [[0.0, 1.0, 0.0, 0.0]]);
     let told: Vec<(&str, &str)> = losses.iter().map(|l| (l.field, l.what.as_str())).collect();
     assert_eq!(told[0], ("log scales", "rounded to steps of 1/16 from -10 to 5.9375, at most 2.41e1 off"));
     // A colour of 1/2 lies between two bytes, an opacity of 1 beyond 254.5/255.
