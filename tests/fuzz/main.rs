@@ -19,7 +19,8 @@ use arguments::Arguments;
 use child::Tally;
 use readers::READERS;
 use std::io::Write as _;
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
 
 fn main() -> ExitCode {
     let mut args = std::env::args().skip(1).peekable();
@@ -50,6 +51,8 @@ fn main() -> ExitCode {
 /// Sends a reader through its runs, in a child that may die of one: what is left goes on in the next.
 fn fuzz(name: &str, arguments: &Arguments) -> Tally {
     let progress = tempfile::NamedTempFile::new().unwrap();
+    // No disk shall slow the readers of files down, where there is such a place.
+    let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     let mut all = Tally::default();
     let mut first = arguments.first;
     while all.failures < MAX_FAILURES {
@@ -60,13 +63,14 @@ fn fuzz(name: &str, arguments: &Arguments) -> Tally {
         }
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args([child::MARK, "--only", name, "--seed", &arguments.seed.to_string()]);
-        command.args(["--first", &first.to_string(), "--seconds", &(left.ceil() as u64).to_string()]);
-        command.env("RUST_BACKTRACE", "0");
+        command.args(["--first", &first.to_string(), "--seconds", &format!("{:.0}", left.ceil())]);
+        command.env("RUST_BACKTRACE", "0").current_dir(folder.path());
         if let Some(runs) = runs_left {
             command.args(["--runs", &runs.to_string()]);
         }
-        let begin = std::time::Instant::now();
-        let status = command.arg("--progress").arg(progress.path()).stdin(Stdio::null()).status().unwrap();
+        let begin = Instant::now();
+        let mut child = command.arg("--progress").arg(progress.path()).stdin(Stdio::null()).spawn().unwrap();
+        let status = ended(&mut child, Duration::from_secs_f64(left) + PATIENCE);
         let mut tally = child::progress(progress.path());
         tally.seconds = begin.elapsed().as_secs_f64();
         first += tally.runs;
@@ -85,6 +89,22 @@ fn fuzz(name: &str, arguments: &Arguments) -> Tally {
         }
     }
     all
+}
+
+/// What a child may take beyond its time; then it hangs in the run that it has begun, and is ended.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+fn ended(child: &mut Child, within: Duration) -> ExitStatus {
+    let end = Instant::now() + within;
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status;
+        }
+        if Instant::now() >= end {
+            child.kill().unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 /// Failures of a reader after which it is left alone.

@@ -6,7 +6,6 @@ use gs2e::event::{self, EventSource};
 use gs2e::recipe::{RecipeFile, read_files};
 use gs2e::scene::{ply, sog, splat, spz};
 use gs2e::source::{colmap, nerfstudio};
-use std::cell::RefCell;
 use std::io::Write as _;
 use std::path::Path;
 use zip::CompressionMethod;
@@ -125,23 +124,11 @@ fn read_as_every_image(image: &[u8]) -> bool {
     })
 }
 
-thread_local! {
-    static FOLDER: RefCell<Option<tempfile::TempDir>> = const { RefCell::new(None) };
-}
-
-/// Reads the file from a folder of our own.
+/// Reads the file from the folder that the process works in, which is its own.
 fn on_disk(file: &[u8], name: &str, read: impl Fn(&Path) -> bool) -> bool {
-    FOLDER.with_borrow_mut(|folder| {
-        let folder = folder.get_or_insert_with(in_memory);
-        let path = folder.path().join(name);
-        std::fs::write(&path, file).unwrap();
-        read(&path)
-    })
-}
-
-/// A folder that no disk slows down, where there is such a place.
-fn in_memory() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
+    let path = std::env::current_dir().unwrap().join(name);
+    std::fs::write(&path, file).unwrap();
+    read(&path)
 }
 
 /// Reads the file as each of the three of a model.
