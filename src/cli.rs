@@ -8,6 +8,7 @@ mod build;
 mod check;
 mod clock;
 mod console;
+mod convert;
 mod diff;
 mod failure;
 mod gc;
@@ -58,6 +59,8 @@ enum Verb {
     Audit(audit::Audit),
     /// Show what differs between two release trees, and why
     Diff(diff::Diff),
+    /// Write a scene in another file format
+    Convert(convert::Convert),
     /// Delete what no recipe and no release refers to any more
     Gc(gc::Gc),
     /// Render one view of your own scene
@@ -202,6 +205,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Release(verb) => verb.run(common, console),
         Verb::Audit(verb) => verb.run(console),
         Verb::Diff(verb) => verb.run(console),
+        Verb::Convert(verb) => verb.run(console),
         Verb::Gc(verb) => verb.run(common, console),
         Verb::Render(verb) => verb.run(common, console),
         Verb::Trajectory(verb) => verb.run(common, console),

@@ -6,10 +6,13 @@
 
 mod collector;
 mod cursor;
+pub mod form;
 mod opacity;
 pub mod ply;
 pub mod procedural;
+mod rotation;
 pub mod sh;
+pub mod sog;
 pub mod splat;
 pub mod spz;
 
@@ -64,6 +67,12 @@ impl Gaussians {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
+    }
+
+    /// Mean of Gaussian `i` in the world.
+    #[must_use]
+    pub fn position(&self, i: usize) -> DVec3 {
+        self.origin + DVec3::from_array(self.positions[i].map(f64::from))
     }
 
     /// Basis functions a Gaussian: `(sh_degree + 1)^2`.
@@ -133,7 +142,43 @@ pub enum SceneError {
     },
 }
 
-/// Reads a scene file: `.splat`, which has no signature, by its extension, and `.ply` and `.spz` by their content.
+/// Why a scene could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// A position is beyond the format's fixed-point numbers.
+    #[error("write .spz: found a coordinate of {farthest:e}, wanted less than 2^23")]
+    TooFar {
+        /// Its distance from zero along an axis.
+        farthest: f64,
+    },
+    /// More Gaussians than the format counts.
+    #[error("write .spz: found {count} Gaussians, wanted less than 2^32")]
+    TooMany {
+        /// How many.
+        count: usize,
+    },
+    /// The format's numbers overflow.
+    #[error("write the scene: {count} Gaussians have a position or a scale beyond the form's numbers")]
+    Overflow {
+        /// How many.
+        count: usize,
+    },
+    /// What was written is no scene any more.
+    #[error("read what was written: {0}")]
+    Unreadable(Box<SceneError>),
+    /// The system's reason.
+    #[error("write the scene: {0}")]
+    Io(#[from] io::Error),
+}
+
+/// The byte nearest to `x`.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+fn nearest_byte(x: f64) -> u8 {
+    x.round().clamp(0.0, 255.0) as u8
+}
+
+/// Reads a scene of one file: `.splat`, which has no signature, by its extension, and `.ply` (plain and compressed),
+/// `.spz` and `.sog` by their content.
 ///
 /// # Errors
 /// [`SceneError::File`] or [`SceneError::Content`].
@@ -144,18 +189,38 @@ pub fn read(path: &Path) -> Result<Gaussians, SceneError> {
     scene.map_err(|because| SceneError::Content { path: path.to_owned(), because: Box::new(because) })
 }
 
+/// Reads a scene of one file, as [`read`] does, or of several: a folder that holds a SOG, or the `meta.json` in it.
+///
+/// # Errors
+/// [`SceneError::File`] or [`SceneError::Content`].
+pub fn read_any(path: &Path) -> Result<Gaussians, SceneError> {
+    let folder = if path.is_dir() {
+        path
+    } else if path.file_name().is_some_and(|name| name == sog::META) {
+        path.parent().unwrap_or(Path::new(""))
+    } else {
+        return read(path);
+    };
+    sog::read_sog_folder(folder).map_err(|error| match error {
+        file @ SceneError::File { .. } => file,
+        because => SceneError::Content { path: folder.to_owned(), because: Box::new(because) },
+    })
+}
+
 fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let starts = |magic: &[u8]| bytes.starts_with(magic);
     if starts(b"ply\n") || starts(b"ply\r\n") {
         ply::read_ply(bytes)
     } else if starts(&spz::MAGIC) || starts(&spz::GZIP_MAGIC) {
         spz::read_spz(bytes)
-    } else if starts(b"PK\x03\x04") {
+    } else if starts(&sog::ZIP_MAGIC) {
+        sog::read_sog(bytes)
+    } else if bytes.trim_ascii_start().starts_with(b"{") {
         Err(SceneError::Unsupported {
             format: "scene",
             offset: 0,
-            what: "a zip archive (SOG?)".into(),
-            hint: "convert it to .ply or .spz",
+            what: "a file beside others (the `meta.json` of a SOG?)".into(),
+            hint: "zip the folder's files into one .sog",
         })
     } else {
         let head = &bytes[..bytes.len().min(4)];
@@ -163,7 +228,7 @@ fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
             format: "scene",
             offset: 0,
             found: format!("the bytes {head:02x?}"),
-            wanted: "`ply`, `NGSP` or gzip (a .splat file is told by its extension)".into(),
+            wanted: "`ply`, `NGSP`, gzip or zip (a .splat file is told by its extension)".into(),
         })
     }
 }
@@ -180,11 +245,12 @@ mod tests {
         t(
             b"",
             "read scene at byte 0: found the bytes [], \
-             wanted `ply`, `NGSP` or gzip (a .splat file is told by its extension)",
+             wanted `ply`, `NGSP`, gzip or zip (a .splat file is told by its extension)",
         );
         t(
-            b"PK\x03\x04....",
-            "read scene at byte 0: a zip archive (SOG?) is not supported; convert it to .ply or .spz",
+            b" {}",
+            "read scene at byte 0: a file beside others (the `meta.json` of a SOG?) is not supported; \
+             zip the folder's files into one .sog",
         );
         t(b"NGSP", "read .spz at byte 4: found the end of the data, wanted 4 bytes of version");
         t(b"ply\n", "read .ply at byte 4: found the end of the data, wanted a header line");

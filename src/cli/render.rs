@@ -32,7 +32,7 @@ const MOST_PIXELS: usize = 1 << 28;
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Render {
-    /// The scene: .ply, .spz or .splat
+    /// The scene: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
     /// A camera JSON { W, H, fx, fy, cx, cy, R, t } (world to camera), a transforms.json, or a folder with a capture

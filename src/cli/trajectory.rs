@@ -47,7 +47,7 @@ pub(super) struct Trajectory {
     /// Where the time stamps go, one a line
     #[arg(long, value_name = "FILE")]
     stamps: Option<PathBuf>,
-    /// The scene, for a speed in pixels: .ply, .spz or .splat
+    /// The scene, for a speed in pixels: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
 }
@@ -139,7 +139,7 @@ impl Trajectory {
             Problem::usage("input-missing", what).help(help)
         };
         let scene = self.scene.as_ref();
-        let scene = scene.ok_or_else(|| missing("no scene is given", "--scene: a .ply, .spz or .splat"))?;
+        let scene = scene.ok_or_else(|| missing("no scene is given", "--scene: a .ply, .splat, .spz or .sog"))?;
         let camera = camera.ok_or_else(|| {
             let help = "--capture, or in the recipe camera: { width, height, fx, fy, cx, cy }";
             missing("there is no camera", help)

@@ -22,6 +22,11 @@ impl<'a> Cursor<'a> {
         self.offset
     }
 
+    /// The same bytes from `offset` on, which lies within them: for an error about what stands there.
+    pub(super) fn at(&self, offset: usize) -> Self {
+        Self { offset, ..self.clone() }
+    }
+
     /// What is still to be read.
     pub(super) fn rest(&self) -> &'a [u8] {
         &self.bytes[self.offset..]

@@ -3,17 +3,19 @@
 //! Properties are found by name, in any order: `x y z`, `f_dc_0..2`, `f_rest_0..` (0, 9, 24 or 45 of them; all of
 //! red, then green, then blue), `opacity`, `scale_0..2`, `rot_0..3`, each float or double. Other properties and other
 //! elements are skipped. The body is binary of either byte order, or ascii. The format does not record antialiasing.
+//! Compressed files, told by their elements, are read as well.
 
 mod body;
 mod header;
 mod notes;
+mod packed;
 mod position;
 mod write;
 
 use super::collector::{Collector, Gaussian};
 use super::cursor::Cursor;
 use super::{Gaussians, SceneError, Screening, sh};
-use body::Column;
+use body::{Column, Rows};
 use glam::DVec3;
 use header::{Element, Encoding, Header};
 pub use write::write_ply;
@@ -26,14 +28,14 @@ pub use write::write_ply;
 pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = Cursor::new(".ply", bytes);
     let header = Header::read(&mut cursor)?;
-    let vertices = vertices(&header, &cursor)?;
-    let columns = Columns::find(vertices, header.encoding, &cursor)?;
-    let binary;
-    if header.encoding == Encoding::Ascii {
-        binary = body::binary_from_ascii(&header, &mut cursor)?;
-        cursor = Cursor::new(".ply (as binary)", &binary);
+    let vertices = header.element("vertex", &cursor)?;
+    if packed::is_packed(vertices) {
+        return packed::read(&header, cursor);
     }
-    let rows = body::rows(&header, &vertices.name, &mut cursor)?;
+    let columns = Columns::find(vertices, header.encoding, &cursor)?;
+    let mut buffer = Vec::new();
+    let mut cursor = body::binary(&header, cursor, &mut buffer)?;
+    let [Rows { bytes: rows, .. }] = body::rows(&header, ["vertex"], &mut cursor)?;
     let origin = columns.origin(rows, header.notes.origin);
     let mut collector = Collector::new(columns.sh_degree, rows.len() / columns.stride);
     let mut harmonics = vec![[0.0; 3]; sh::len(columns.sh_degree)];
@@ -42,22 +44,35 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     }
     let mut scene = collector.finish(origin, header.notes.antialiased)?;
     if let Some(noted) = header.notes.screening {
-        let non_finite = noted.non_finite + scene.screening.non_finite;
+        let non_finite = noted.non_finite.saturating_add(scene.screening.non_finite);
         scene.screening = Screening { non_finite, ..noted };
     }
     Ok(scene)
 }
 
-fn vertices<'a>(header: &'a Header, at: &Cursor) -> Result<&'a Element, SceneError> {
-    let vertices = header.elements.iter().find(|e| e.name == "vertex");
-    let vertices = vertices.ok_or_else(|| at.malformed("no element `vertex`", "an element `vertex`"))?;
-    if vertices.has("packed_position") {
-        return Err(at.unsupported("compressed .ply", "convert it to a plain .ply"));
+/// Bytes that a header may have.
+pub const MAX_HEADER: usize = header::MAX_LEN;
+
+/// What a file holds that [`read_ply`] passes over: properties of its vertices, but for normals, which scenes have as
+/// zeros, and elements. Of a file that begins with no header, nothing.
+#[must_use]
+pub fn left_out(bytes: &[u8]) -> Vec<String> {
+    let Ok(header) = Header::read(&mut Cursor::new(".ply", bytes)) else { return Vec::new() };
+    let packed = header.elements.iter().any(packed::is_packed);
+    let known = |name: &str| if packed { packed::knows(name) } else { knows(name) };
+    let mut names = Vec::new();
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" => names.extend(element.properties.iter().map(|p| p.name.clone()).filter(|n| !known(n))),
+            "chunk" | "sh" if packed => {}
+            other => names.push(format!("element {other}")),
+        }
     }
-    if vertices.stride().is_none() {
-        return Err(at.unsupported("a list among the vertices' properties", "remove that property"));
-    }
-    Ok(vertices)
+    names
+}
+
+fn knows(name: &str) -> bool {
+    property_names(sh::MAX_DEGREE).iter().any(|known| known == name)
 }
 
 /// Where a Gaussian's numbers lie in a row.
@@ -75,6 +90,7 @@ struct Columns {
 
 impl Columns {
     fn find(vertices: &Element, encoding: Encoding, at: &Cursor) -> Result<Self, SceneError> {
+        let stride = vertices.flat_stride(at)?;
         let optional = |name: &str| Column::find(vertices, name, encoding, at);
         let column = |name: &str| {
             optional(name)?.ok_or_else(|| {
@@ -91,7 +107,7 @@ impl Columns {
             harmonics.push([of(0)?, of(1)?, of(2)?]);
         }
         Ok(Self {
-            stride: vertices.stride().unwrap_or_default(),
+            stride,
             position: [column("x")?, column("y")?, column("z")?],
             log_scale: [column("scale_0")?, column("scale_1")?, column("scale_2")?],
             rotation: [column("rot_0")?, column("rot_1")?, column("rot_2")?, column("rot_3")?],
@@ -235,6 +251,15 @@ mod tests {
     }
 
     #[test]
+    fn what_is_passed_over_is_named() {
+        assert_eq!(left_out(&shuffled("ascii", "float")), ["element camera", "label", "element tail"]);
+        let mut own = Vec::new();
+        write_ply(&read_ply(&shuffled("ascii", "float")).unwrap(), &mut own).unwrap();
+        assert_eq!(left_out(&own), [""; 0]);
+        assert_eq!(left_out(b"NGSP"), [""; 0]);
+    }
+
+    #[test]
     fn double_positions_are_taken_about_their_median() {
         let scene = read_ply(&shuffled("binary_big_endian", "double")).unwrap();
         assert_eq!(scene.origin, DVec3::new(10.0, 20.0, 30.5));
@@ -338,12 +363,12 @@ mod tests {
         t("vertex 2", "face 2", "found no element `vertex`");
         t("property float x", "property half x", "found the type `half`");
         t("property float x", "property uchar x", "property `x` as One(U8), wanted float or double");
-        t("property float x", "property list uchar float x", "a list among the vertices' properties");
+        t("property float x", "property list uchar float x", "a list among the properties of `vertex`");
         t("property float x", "property float y", "found a second property `y`");
         t("property float opacity", "property float alpha", "found no property `opacity`");
         t("property float f_rest_8", "property float f_rest_9", "found no property `f_rest_8`");
         t("property float f_rest_8", "property float g_rest_8", "found 8 properties `f_rest_*`");
-        t("property uchar label", "property uchar packed_position", "compressed .ply is not supported");
+        t("property uchar label", "property uchar packed_position", "found no element `chunk`");
         t("comment by hand", "commentary", "found the line `commentary`");
         t("comment by hand", "comment gs2e antialiased perhaps", "found the note `antialiased perhaps`");
         t("comment by hand", &format!("comment {}", "x".repeat(70_000)), "wanted its end by byte 65536");

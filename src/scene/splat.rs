@@ -5,9 +5,11 @@
 
 use super::collector::{Collector, Gaussian};
 use super::cursor::Cursor;
-use super::opacity::logit_of_byte;
-use super::{Gaussians, SceneError, sh};
+use super::opacity::{byte_of_logit, logit_of_byte};
+use super::rotation::unit;
+use super::{Gaussians, SceneError, nearest_byte, sh};
 use glam::DVec3;
+use std::io::{self, BufWriter, Write};
 
 const RECORD_LEN: usize = 32;
 
@@ -27,6 +29,34 @@ pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
         cursor.take(RECORD_LEN, "a record")?;
     }
     collector.finish(DVec3::ZERO, None)
+}
+
+/// Writes `scene` as `.splat`, every number rounded to the nearest that the format has. Harmonics above degree 0 are left
+/// out, and so is whether the scene is antialiased.
+///
+/// # Errors
+/// What `out` answers.
+pub fn write_splat(scene: &Gaussians, out: impl Write) -> io::Result<()> {
+    let mut out = BufWriter::new(out);
+    for i in 0..scene.len() {
+        out.write_all(&record(scene, i))?;
+    }
+    out.flush()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits of the format")]
+fn record(scene: &Gaussians, i: usize) -> [u8; RECORD_LEN] {
+    let mut record = [0; RECORD_LEN];
+    let position = scene.position(i).to_array().map(|x| x as f32);
+    let floats = position.into_iter().chain(scene.log_scales[i].map(libm::expf));
+    for (place, x) in record.chunks_exact_mut(4).zip(floats) {
+        place.copy_from_slice(&x.to_le_bytes());
+    }
+    let colour = scene.sh_of(i)[0].map(|c| nearest_byte((0.5 + sh::C0 * f64::from(c)) * 255.0));
+    record[24..27].copy_from_slice(&colour);
+    record[27] = byte_of_logit(scene.opacity_logits[i]);
+    record[28..].copy_from_slice(&unit(scene.rotations[i]).map(|c| nearest_byte(c * 128.0 + 128.0)));
+    record
 }
 
 fn push(record: [u8; RECORD_LEN], collector: &mut Collector) {

@@ -1,4 +1,4 @@
-//! Scenes as `.spz` files (nianticlabs/spz), versions 2, 3 and 4.
+//! Scenes as `.spz` files (nianticlabs/spz): versions 2, 3 and 4 are read, version 3 is written.
 //!
 //! Versions 2 and 3 are one gzip stream of a header and the planes (positions, opacities, colours, scales, rotations,
 //! harmonics); version 4 is a plain header, a table of sizes, and one zstd stream a plane. Everything is quantised
@@ -7,12 +7,15 @@
 mod axes;
 mod container;
 mod planes;
+mod write;
 
 use super::collector::Collector;
 use super::cursor::Cursor;
 use super::{Gaussians, SceneError, sh};
 use axes::Flip;
 use glam::DVec3;
+pub(super) use write::fractional_bits;
+pub use write::write_spz;
 
 /// First bytes of a version 4 file, and of the gzipped content of the versions before it.
 pub const MAGIC: [u8; 4] = *b"NGSP";
@@ -26,6 +29,9 @@ pub const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 pub fn read_spz(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     if bytes.starts_with(&GZIP_MAGIC) { container::read_gzip(bytes) } else { container::read_zstd(bytes) }
 }
+
+/// Bits of a position that may lie behind the point.
+const MAX_FRACTIONAL_BITS: u8 = 24;
 
 /// What all versions say first.
 #[derive(Debug, Clone, Copy)]
@@ -90,8 +96,8 @@ fn read_layout(cursor: &mut Cursor) -> Result<(u8, u8), SceneError> {
     }
     let at = cursor.clone();
     let [bits] = cursor.array("fractional bits")?;
-    if bits > 24 {
-        return Err(at.malformed(format!("{bits} fractional bits"), "at most 24"));
+    if bits > MAX_FRACTIONAL_BITS {
+        return Err(at.malformed(format!("{bits} fractional bits"), format!("at most {MAX_FRACTIONAL_BITS}")));
     }
     Ok((sh_degree, bits))
 }

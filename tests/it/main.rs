@@ -7,6 +7,7 @@ mod behaviour;
 mod checks;
 mod cli;
 mod codecs;
+mod convert;
 mod cutoff;
 mod determinism;
 mod diff;

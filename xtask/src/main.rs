@@ -1,4 +1,4 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | bench | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bench | manifest`.
 //!
 //! The standard library only, so that building it costs a second and never a second copy of the crate's dependencies.
 
@@ -6,6 +6,7 @@ mod ci;
 mod command;
 mod demo;
 mod faults;
+mod fuzz;
 mod suite;
 
 use std::process::ExitCode;
@@ -16,6 +17,7 @@ usage: cargo xtask <task>
   ci                 what CI runs: formatting, clippy, tests, faults, documentation, the README's first command
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--minutes N`, `--only NAME`, `--seed N`)
+  fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`)
   bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, names of workloads)
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
@@ -30,6 +32,7 @@ fn main() -> ExitCode {
         (Some("ci"), []) => ci::run(),
         (Some("test"), args) => suite::run(args),
         (Some("faults"), args) => faults::run(args),
+        (Some("fuzz"), args) => fuzz::run(args),
         (Some("bench"), [part, args @ ..]) if part == "build" => {
             command::cargo(&["bench", "--quiet", "--bench", "build", "--"]).args(args).run()
         }

@@ -2,8 +2,10 @@
 
 use super::{amount, shared};
 use crate::measure::{Workload, timed};
+use gs2e::scene::form::Form;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{Gaussians, SceneError, ply, spz};
+use std::path::Path;
 
 type Reader = fn(&[u8]) -> Result<Gaussians, SceneError>;
 
@@ -16,12 +18,26 @@ pub(super) fn workloads() -> Vec<Workload> {
         let file = std::fs::read(path).expect("the scene can be read");
         workload("playbot.spz", file, spz::read_spz)
     });
-    [Some(own), real].into_iter().flatten().collect()
+    [Some(own), real, shared("playbot.spz").map(|path| written(&path))].into_iter().flatten().collect()
 }
 
 fn workload(name: &str, bytes: Vec<u8>, read: Reader) -> Workload {
     let scene = read(&bytes).expect("the scene is sound");
     let what = format!("read {name}: {} Gaussians, SH degree {}", scene.len(), scene.sh_degree);
     let run = move || timed(|| vec![amount(read(&bytes).expect("it was sound").len(), "MGaussian")]);
+    Workload { part: "scene", what, rival: false, run: Box::new(run) }
+}
+
+/// Writing as `.spz`, what is lost included.
+fn written(path: &Path) -> Workload {
+    let file = std::fs::read(path).expect("the scene can be read");
+    let scene = spz::read_spz(&file).expect("the scene is sound");
+    let what = format!("write playbot.spz as .spz and compare: {} Gaussians", scene.len());
+    let run = move || {
+        timed(|| {
+            Form::Spz.write(&scene).expect("it fits");
+            vec![amount(scene.len(), "MGaussian")]
+        })
+    };
     Workload { part: "scene", what, rival: false, run: Box::new(run) }
 }

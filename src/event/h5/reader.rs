@@ -39,6 +39,9 @@ impl std::fmt::Debug for Reader {
     }
 }
 
+/// Entries of an index up to the last time that 32 bits hold, and one past it.
+const MOST_ENTRIES: usize = u32::MAX as usize / 1000 + 2;
+
 impl Reader {
     /// Opens a file and reads what it says about the stream.
     ///
@@ -88,12 +91,13 @@ impl Reader {
     /// # Errors
     /// At the first entry that is wrong, or when the times are not sorted, so that no index can be right.
     pub fn verify_index(&self) -> Result<(), EventFileError> {
-        let mut stored = Stored {
-            dataset: &self.ms_to_idx,
-            len: self.ms_to_idx.total_elements(),
-            at: 0,
-            held: Vec::new(),
-        };
+        let entries = self.ms_to_idx.total_elements();
+        if entries > MOST_ENTRIES {
+            let because =
+                format!("{entries} entries, at most {MOST_ENTRIES} for times of 32 bits were wanted");
+            return Err(EventFileError::Dataset { dataset: MS_TO_IDX, because });
+        }
+        let mut stored = Stored { dataset: &self.ms_to_idx, len: entries, at: 0, held: Vec::new() };
         let (mut index, mut last) = (MsIndex::default(), 0);
         for start in (0..self.count).step_by(self.step) {
             let times: Vec<u32> = read(&self.t, T, start, self.step.min(self.count - start))?;

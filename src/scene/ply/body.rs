@@ -64,25 +64,34 @@ impl Column {
     }
 }
 
-fn bytes<const N: usize>(row: &[u8], offset: usize) -> [u8; N] {
+pub(super) fn bytes<const N: usize>(row: &[u8], offset: usize) -> [u8; N] {
     let mut array = [0; N];
     array.copy_from_slice(&row[offset..offset + N]);
     array
 }
 
-/// The rows of element `wanted`, in binary; every element of the file is walked, so that a file that ends too
-/// early or too late is told.
-pub(super) fn rows<'a>(
+/// The rows of one element, in binary.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rows<'a> {
+    pub(super) bytes: &'a [u8],
+    /// Where they begin.
+    pub(super) offset: usize,
+}
+
+/// The rows of the elements of these names, empty where there is none; every element of the file is walked, so that a
+/// file that ends too early or too late is told.
+pub(super) fn rows<'a, const N: usize>(
     header: &Header,
-    wanted: &str,
+    wanted: [&str; N],
     cursor: &mut Cursor<'a>,
-) -> Result<&'a [u8], SceneError> {
-    let mut rows: &[u8] = &[];
+) -> Result<[Rows<'a>; N], SceneError> {
+    let mut rows = [Rows { bytes: &[], offset: cursor.offset() }; N];
     for element in &header.elements {
-        let before = cursor.rest();
+        let before = cursor.clone();
         skip(element, header.encoding, cursor)?;
-        if element.name == wanted {
-            rows = &before[..before.len() - cursor.rest().len()];
+        if let Some(k) = wanted.iter().position(|name| element.name == *name) {
+            let len = cursor.offset() - before.offset();
+            rows[k] = Rows { bytes: &before.rest()[..len], offset: before.offset() };
         }
     }
     cursor.end()?;
@@ -126,8 +135,21 @@ fn read_length(number: Number, encoding: Encoding, cursor: &mut Cursor) -> Resul
     Ok(u32::from_le_bytes(wide) as usize)
 }
 
+/// The body at `cursor` in binary: as it is, or in `buffer` what an ascii body stands for.
+pub(super) fn binary<'a>(
+    header: &Header,
+    mut cursor: Cursor<'a>,
+    buffer: &'a mut Vec<u8>,
+) -> Result<Cursor<'a>, SceneError> {
+    if header.encoding != Encoding::Ascii {
+        return Ok(cursor);
+    }
+    *buffer = binary_from_ascii(header, &mut cursor)?;
+    Ok(Cursor::new(".ply (as binary)", buffer))
+}
+
 /// Turns the words of an ascii body into the little-endian body that they stand for.
-pub(super) fn binary_from_ascii(header: &Header, text: &mut Cursor) -> Result<Vec<u8>, SceneError> {
+fn binary_from_ascii(header: &Header, text: &mut Cursor) -> Result<Vec<u8>, SceneError> {
     let mut out = Vec::new();
     for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
         for _ in 0..element.count {

@@ -79,13 +79,19 @@ impl Element {
         self.properties.iter().map(|p| if let Kind::One(n) = p.kind { Some(n.size()) } else { None }).sum()
     }
 
+    /// Bytes of a row; an error where rows differ.
+    pub(super) fn flat_stride(&self, at: &Cursor) -> Result<usize, SceneError> {
+        let what = format!("a list among the properties of `{}`", self.name);
+        self.stride().ok_or_else(|| at.unsupported(what, "remove that property"))
+    }
+
     pub(super) fn has(&self, property: &str) -> bool {
         self.properties.iter().any(|p| p.name == property)
     }
 }
 
 /// Bytes that a header may have: ours has 1,600. A bound keeps the search for repeated names short.
-const MAX_LEN: usize = 1 << 16;
+pub(super) const MAX_LEN: usize = 1 << 16;
 
 #[derive(Debug)]
 pub(super) struct Header {
@@ -115,6 +121,12 @@ impl Header {
             }
             header.take_line(&line, &at)?;
         }
+    }
+
+    /// The element of this name.
+    pub(super) fn element(&self, name: &str, at: &Cursor) -> Result<&Element, SceneError> {
+        let found = self.elements.iter().find(|e| e.name == name);
+        found.ok_or_else(|| at.malformed(format!("no element `{name}`"), format!("an element `{name}`")))
     }
 
     fn take_line(&mut self, line: &str, at: &Cursor) -> Result<(), SceneError> {

@@ -44,7 +44,7 @@ impl Planes {
 }
 
 /// Colours are stored as `0.5 + COLOUR_SCALE * coefficient`, so that some leave room beyond black and white.
-const COLOUR_SCALE: f32 = 0.15;
+pub(super) const COLOUR_SCALE: f32 = 0.15;
 
 struct Signs {
     position: [f32; 3],
@@ -89,7 +89,7 @@ fn first_three(xyz: [u8; 3]) -> [f32; 4] {
 
 /// From the lowest bits up: the components `w, z, y, x` without the largest, each nine bits of magnitude in
 /// `sqrt(1/2) / 511` and a sign; then two bits, which is the largest, counted in `x y z w`.
-fn smallest_three(mut packed: u32) -> [f32; 4] {
+pub(super) fn smallest_three(mut packed: u32) -> [f32; 4] {
     let largest = (packed >> 30) as usize;
     let mut components = [0.0; 4];
     let mut squares = 0.0;

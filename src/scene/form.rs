@@ -1,0 +1,168 @@
+//! The forms that a scene is written in, and what each of them loses of it.
+
+use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, splat, spz};
+use std::path::Path;
+
+/// A file format that can be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Floats: loses nothing.
+    Ply,
+    /// Bytes and fixed-point numbers, with harmonics.
+    Spz,
+    /// Floats and bytes, without harmonics.
+    Splat,
+}
+
+/// Something of a scene that a file of a form does not hold.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Loss {
+    /// The field.
+    pub field: &'static str,
+    /// What happens to it.
+    pub what: String,
+    /// The largest change, in the field's own unit, where its numbers are rounded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub largest: Option<f64>,
+}
+
+impl Form {
+    /// All forms.
+    pub const ALL: [Self; 3] = [Self::Ply, Self::Spz, Self::Splat];
+
+    /// The form that a file's name asks for.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|form| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(form.extension())))
+    }
+
+    /// The end of such a file's name, without the point.
+    #[must_use]
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Ply => "ply",
+            Self::Spz => "spz",
+            Self::Splat => "splat",
+        }
+    }
+
+    /// The file's content, and what it loses of `scene`: it is read back and held against it.
+    ///
+    /// # Errors
+    /// [`WriteError`] where the form cannot hold the scene at all.
+    pub fn write(self, scene: &Gaussians) -> Result<(Vec<u8>, Vec<Loss>), WriteError> {
+        let mut bytes = Vec::new();
+        let back = match self {
+            Self::Ply => {
+                ply::write_ply(scene, &mut bytes)?;
+                return Ok((bytes, Vec::new()));
+            }
+            Self::Spz => {
+                spz::write_spz(scene, &mut bytes)?;
+                spz::read_spz(&bytes)
+            }
+            Self::Splat => {
+                splat::write_splat(scene, &mut bytes)?;
+                splat::read_splat(&bytes)
+            }
+        };
+        let back = back.map_err(|e| match e {
+            SceneError::Empty { .. } if !scene.is_empty() => WriteError::Overflow { count: scene.len() },
+            other => WriteError::Unreadable(Box::new(other)),
+        })?;
+        if back.len() != scene.len() {
+            return Err(WriteError::Overflow { count: scene.len() - back.len() });
+        }
+        let losses = self.losses(scene, &back)?;
+        Ok((bytes, losses))
+    }
+
+    fn losses(self, scene: &Gaussians, back: &Gaussians) -> Result<Vec<Loss>, WriteError> {
+        let all = 0..scene.len();
+        let largest = |of: &dyn Fn(usize) -> f64| all.clone().map(of).fold(0.0, f64::max);
+        let [position, scale, turn, opacity, colour, harmonic] = self.steps(scene)?;
+        let kept = scene.sh_len().min(back.sh_len());
+        let opacity_of = |logit: f32| 1.0 / (1.0 + libm::exp(-f64::from(logit)));
+        let rounded = [
+            ("positions", position, largest(&|i| (scene.position(i) - back.position(i)).abs().max_element())),
+            ("log scales", scale, largest(&|i| apart(&scene.log_scales[i], &back.log_scales[i]))),
+            ("rotations", turn, largest(&|i| rotation::angle(scene.rotations[i], back.rotations[i]))),
+            (
+                "opacities",
+                opacity,
+                largest(&|i| {
+                    (opacity_of(scene.opacity_logits[i]) - opacity_of(back.opacity_logits[i])).abs()
+                }),
+            ),
+            ("colours", colour, largest(&|i| sh::C0 * apart(&scene.sh_of(i)[0], &back.sh_of(i)[0]))),
+            (
+                "harmonics",
+                harmonic,
+                largest(&|i| {
+                    apart(scene.sh_of(i)[1..kept].as_flattened(), back.sh_of(i)[1..kept].as_flattened())
+                }),
+            ),
+        ];
+        let rounded =
+            rounded.into_iter().filter(|(.., largest)| *largest > 0.0).map(|(field, step, largest)| Loss {
+                field,
+                what: format!("rounded to {step}, at most {largest:.2e} off"),
+                largest: Some(largest),
+            });
+        Ok(rounded.chain(dropped(scene, back)).collect())
+    }
+
+    /// What each field is rounded to: positions, log scales, rotations, opacities, colours, harmonics.
+    fn steps(self, scene: &Gaussians) -> Result<[String; 6], WriteError> {
+        let floats = "32 bits";
+        Ok(match self {
+            Self::Ply => [floats; 6].map(String::from),
+            Self::Spz => {
+                let bits = spz::fractional_bits(scene)?;
+                let position = format!("steps of 2^-{bits} units");
+                let others = [
+                    "steps of 1/16 from -10 to 5.9375",
+                    "unit quaternions in steps of sqrt(1/2)/511",
+                    "steps of 1/255",
+                    "steps of 0.0074",
+                    "steps of 1/128 within 127/128",
+                ];
+                let [a, b, c, d, e] = others.map(String::from);
+                [position, a, b, c, d, e]
+            }
+            Self::Splat => [
+                floats,
+                floats,
+                "unit quaternions in steps of 1/128",
+                "steps of 1/255",
+                "steps of 1/255 from 0 to 1",
+                floats,
+            ]
+            .map(String::from),
+        })
+    }
+}
+
+/// The largest difference of two numbers in the same place.
+fn apart(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).fold(0.0, f64::max)
+}
+
+/// Fields that are not there at all any more.
+fn dropped(scene: &Gaussians, back: &Gaussians) -> Vec<Loss> {
+    let loss = |field, what: String| Loss { field, what, largest: None };
+    let mut losses = Vec::new();
+    if back.sh_degree < scene.sh_degree {
+        let what = format!("dropped above degree {}, which was {}", back.sh_degree, scene.sh_degree);
+        losses.push(loss("harmonics", what));
+    }
+    if scene.antialiased == Some(true) && back.antialiased != Some(true) {
+        losses.push(loss("antialiased", "dropped: a reader has to be told".into()));
+    }
+    losses
+}
+
+#[cfg(test)]
+mod tests;

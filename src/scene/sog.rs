@@ -1,0 +1,224 @@
+//! Scenes as SOG, version 2 (playcanvas/splat-transform, `read-sog.ts`): `meta.json` and lossless WebP images in which
+//! a Gaussian is a pixel, in a zip archive (`.sog`) or in a folder.
+//!
+//! Positions have 16 bits on a logarithmic scale, in two images; scales, colours and harmonics are entries of
+//! codebooks, the harmonics by way of a palette; rotations are three bytes and the largest component's index.
+//! Axes are those of `.ply`. In errors, offsets count bytes of the part that they name, of images as decoded.
+
+mod meta;
+mod parts;
+mod pixels;
+
+use super::collector::{Collector, Gaussian};
+use super::cursor::Cursor;
+use super::opacity::logit_of_byte;
+use super::{Gaussians, SceneError, sh};
+use glam::DVec3;
+use meta::{Codebook, Meta};
+use parts::{Archive, Folder, Parts};
+use pixels::Pixels;
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::path::Path;
+
+/// First bytes of a zip archive.
+pub const ZIP_MAGIC: [u8; 4] = *b"PK\x03\x04";
+/// The file of a folder that says what the others are.
+pub const META: &str = "meta.json";
+
+/// Reads a `.sog` archive.
+///
+/// # Errors
+/// [`SceneError`] where the bytes are no such file.
+pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
+    read(&mut Archive::open(bytes)?)
+}
+
+/// Reads a folder of `meta.json` and images.
+///
+/// # Errors
+/// [`SceneError`] where a file of it cannot be read or is not as it should be.
+pub fn read_sog_folder(folder: &Path) -> Result<Gaussians, SceneError> {
+    read(&mut Folder(folder))
+}
+
+fn read(parts: &mut impl Parts) -> Result<Gaussians, SceneError> {
+    let meta = Meta::parse(&parts.part(META, meta::PART)?)?;
+    let files = Files::read(&meta, parts)?;
+    let images = Images::decode(&meta, &files)?;
+    let sh_degree = images.palette.as_ref().map_or(0, |palette| palette.sh_degree);
+    let mut collector = Collector::new(sh_degree, meta.count);
+    let mut coefficients = vec![[0.0; 3]; sh::len(sh_degree)];
+    for i in 0..meta.count {
+        let [r, g, b, alpha] = images.sh0.rgba(i);
+        coefficients[0] = meta.sh0.codebook.of([r, g, b]);
+        if let Some(palette) = &images.palette {
+            palette.copy(i, &mut coefficients[1..])?;
+        }
+        collector.push(&Gaussian {
+            position: images.position(i, &meta.means),
+            log_scale: meta.scales.codebook.of(images.scales.rgb(i)),
+            rotation: images.rotation(i)?,
+            opacity_logit: logit_of_byte(alpha),
+            sh: &coefficients,
+        });
+    }
+    collector.finish(DVec3::ZERO, meta.antialiased())
+}
+
+/// The images as they are stored.
+struct Files {
+    means: [Vec<u8>; 2],
+    scales: Vec<u8>,
+    quats: Vec<u8>,
+    sh0: Vec<u8>,
+    palette: Option<[Vec<u8>; 2]>,
+}
+
+impl Files {
+    fn read(meta: &Meta, parts: &mut impl Parts) -> Result<Self, SceneError> {
+        let [low, high] = &meta.means.files;
+        let palette = match &meta.palette {
+            None => None,
+            Some(meta::Palette { files: [centroids, labels], .. }) => Some([
+                parts.part(centroids, ".sog (palette of harmonics)")?,
+                parts.part(labels, ".sog (labels of harmonics)")?,
+            ]),
+        };
+        Ok(Self {
+            means: [
+                parts.part(low, ".sog (positions, low bytes)")?,
+                parts.part(high, ".sog (positions, high bytes)")?,
+            ],
+            scales: parts.part(&meta.scales.files[0], ".sog (scales)")?,
+            quats: parts.part(&meta.quats.files[0], ROTATIONS)?,
+            sh0: parts.part(&meta.sh0.files[0], ".sog (colours)")?,
+            palette,
+        })
+    }
+
+    /// Bytes of all images.
+    fn len(&self) -> usize {
+        let palette = self.palette.iter().flatten();
+        let all = self.means.iter().chain([&self.scales, &self.quats, &self.sh0]).chain(palette);
+        all.map(Vec::len).sum()
+    }
+}
+
+const ROTATIONS: &str = ".sog (rotations)";
+
+/// The images as pixels, each but the palette with one for every Gaussian.
+struct Images {
+    means: [Pixels; 2],
+    scales: Pixels,
+    quats: Pixels,
+    sh0: Pixels,
+    palette: Option<Palette>,
+}
+
+impl Images {
+    fn decode(meta: &Meta, files: &Files) -> Result<Self, SceneError> {
+        let limit = pixels::limit(files.len());
+        let decode = |bytes: &[u8], part: &'static str| Pixels::decode(bytes, part, limit)?.hold(meta.count);
+        let palette = match (&meta.palette, &files.palette) {
+            (Some(meta), Some([centroids, labels])) => Some(Palette::new(
+                meta,
+                Pixels::decode(centroids, ".sog (palette of harmonics)", limit)?,
+                decode(labels, ".sog (labels of harmonics)")?,
+            )?),
+            _ => None,
+        };
+        let [low, high] = &files.means;
+        Ok(Self {
+            means: [
+                decode(low, ".sog (positions, low bytes)")?,
+                decode(high, ".sog (positions, high bytes)")?,
+            ],
+            scales: decode(&files.scales, ".sog (scales)")?,
+            quats: decode(&files.quats, ROTATIONS)?,
+            sh0: decode(&files.sh0, ".sog (colours)")?,
+            palette,
+        })
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
+    fn position(&self, i: usize, means: &meta::Means) -> [f32; 3] {
+        let [low, high] = self.means.each_ref().map(|image| image.rgb(i));
+        [0, 1, 2].map(|k| {
+            let share = f64::from(u16::from_le_bytes([low[k], high[k]])) / 65535.0;
+            let folded = means.mins[k] * (1.0 - share) + means.maxs[k] * share;
+            libm::expm1(folded.abs()).copysign(folded) as f32
+        })
+    }
+
+    /// The quaternion `w x y z`.
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
+    fn rotation(&self, i: usize) -> Result<[f32; 4], SceneError> {
+        let [a, b, c, tag] = self.quats.rgba(i);
+        let Some(largest) = tag.checked_sub(252).map(usize::from) else {
+            let at = Cursor::new(ROTATIONS, &[]).at(4 * i + 3);
+            let found = format!("{tag} as the largest component of Gaussian {i}");
+            return Err(at.malformed(found, "252 to 255"));
+        };
+        let mut components = [0.0; 4];
+        for (k, byte) in (0..4).filter(|&k| k != largest).zip([a, b, c]) {
+            components[k] = (f64::from(byte) / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2;
+        }
+        let squares: f64 = components.iter().map(|c| c * c).sum();
+        components[largest] = (1.0 - squares).max(0.0).sqrt();
+        Ok(components.map(|c| c as f32))
+    }
+}
+
+/// Entries of the palette that stand side by side.
+const PALETTE_WIDTH: usize = 64;
+
+/// Sets of harmonics, and which of them each Gaussian has.
+struct Palette {
+    sh_degree: u8,
+    /// Functions above degree 0.
+    functions: usize,
+    count: usize,
+    codebook: Codebook,
+    /// A row holds [`PALETTE_WIDTH`] sets, a set a pixel for each function.
+    centroids: Pixels,
+    /// 16 bits a Gaussian, the low ones in red.
+    labels: Pixels,
+}
+
+impl Palette {
+    fn new(meta: &meta::Palette, centroids: Pixels, labels: Pixels) -> Result<Self, SceneError> {
+        let functions = sh::len(meta.bands) - 1;
+        let wanted = PALETTE_WIDTH * functions;
+        if centroids.width != wanted {
+            let found = format!("an image {} pixels wide", centroids.width);
+            return Err(centroids.at(0).malformed(found, format!("{wanted}, for {} bands", meta.bands)));
+        }
+        // Writers round the stated count up; what is not in the image cannot be referred to.
+        let count = meta.count.min(PALETTE_WIDTH * centroids.height);
+        Ok(Self {
+            sh_degree: meta.bands,
+            functions,
+            count,
+            codebook: meta.codebook.clone(),
+            centroids,
+            labels,
+        })
+    }
+
+    /// The harmonics of Gaussian `i` above degree 0.
+    fn copy(&self, i: usize, coefficients: &mut [[f32; 3]]) -> Result<(), SceneError> {
+        let [low, high, _] = self.labels.rgb(i);
+        let label = usize::from(u16::from_le_bytes([low, high]));
+        if label >= self.count {
+            let found = format!("the label {label} of Gaussian {i}");
+            return Err(self.labels.at(i).malformed(found, format!("one of {} in the palette", self.count)));
+        }
+        for (k, coefficient) in coefficients.iter_mut().enumerate() {
+            *coefficient = self.codebook.of(self.centroids.rgb(label * self.functions + k));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

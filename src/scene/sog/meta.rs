@@ -1,0 +1,155 @@
+//! `meta.json`: what the images are, and the numbers that their bytes stand for.
+
+use crate::scene::SceneError;
+use crate::scene::cursor::Cursor;
+use crate::scene::sh;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
+use serde_json::Value;
+
+/// What errors call it.
+pub(super) const PART: &str = ".sog (meta.json)";
+
+/// Version 2. Other fields are not read.
+#[derive(Debug, Deserialize)]
+pub(super) struct Meta {
+    pub(super) count: usize,
+    /// Older files tell antialiasing here,
+    antialias: Option<bool>,
+    /// newer ones here.
+    model: Option<Model>,
+    pub(super) means: Means,
+    pub(super) scales: Coded,
+    pub(super) quats: Quats,
+    pub(super) sh0: Coded,
+    #[serde(rename = "shN")]
+    pub(super) palette: Option<Palette>,
+}
+
+/// How the scene was trained.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Model {
+    Default,
+    Antialiased,
+    #[serde(rename = "2dgs")]
+    Surfels,
+}
+
+/// Positions: the ends of the 16 bits, in `sign(x) ln(1 + |x|)`.
+#[derive(Debug, Deserialize)]
+pub(super) struct Means {
+    pub(super) mins: [f64; 3],
+    pub(super) maxs: [f64; 3],
+    /// Low bytes, high bytes.
+    #[serde(deserialize_with = "names")]
+    pub(super) files: [String; 2],
+}
+
+/// Bytes that are entries of a codebook.
+#[derive(Debug, Deserialize)]
+pub(super) struct Coded {
+    pub(super) codebook: Codebook,
+    #[serde(deserialize_with = "names")]
+    pub(super) files: [String; 1],
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Quats {
+    #[serde(deserialize_with = "names")]
+    pub(super) files: [String; 1],
+}
+
+/// Sets of harmonics.
+#[derive(Debug, Deserialize)]
+pub(super) struct Palette {
+    pub(super) count: usize,
+    #[serde(deserialize_with = "bands")]
+    pub(super) bands: u8,
+    pub(super) codebook: Codebook,
+    /// Sets, labels.
+    #[serde(deserialize_with = "names")]
+    pub(super) files: [String; 2],
+}
+
+/// What each of 256 bytes stands for: finite, since JSON has no other numbers.
+#[derive(Debug, Clone)]
+pub(super) struct Codebook(Vec<f32>);
+
+impl Codebook {
+    /// The numbers of three bytes.
+    pub(super) fn of(&self, bytes: [u8; 3]) -> [f32; 3] {
+        bytes.map(|byte| self.0[usize::from(byte)])
+    }
+}
+
+impl<'de> Deserialize<'de> for Codebook {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        const LEN: usize = 1 << u8::BITS;
+        let entries = Vec::<f32>::deserialize(from)?;
+        if entries.len() != LEN {
+            return Err(D::Error::custom(format!("a codebook of {} entries, wanted {LEN}", entries.len())));
+        }
+        Ok(Self(entries))
+    }
+}
+
+/// Names of files beside `meta.json`, and nowhere else.
+fn names<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[String; N], D::Error> {
+    let found = Vec::<String>::deserialize(from)?;
+    let foreign =
+        |name: &&String| name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0']);
+    if let Some(name) = found.iter().find(foreign) {
+        return Err(D::Error::custom(format!("the file `{name}`, wanted a name without folders")));
+    }
+    <[String; N]>::try_from(found)
+        .map_err(|found| D::Error::custom(format!("{} files, wanted {N}", found.len())))
+}
+
+fn bands<'de, D: Deserializer<'de>>(from: D) -> Result<u8, D::Error> {
+    let bands = u8::deserialize(from)?;
+    if (1..=sh::MAX_DEGREE).contains(&bands) {
+        return Ok(bands);
+    }
+    Err(D::Error::custom(format!("{bands} bands of harmonics, wanted 1 to {}", sh::MAX_DEGREE)))
+}
+
+impl Meta {
+    /// Reads the file's content.
+    pub(super) fn parse(json: &[u8]) -> Result<Self, SceneError> {
+        let start = Cursor::new(PART, json);
+        let value: Value = serde_json::from_slice(json).map_err(|e| fault(json, &e))?;
+        match value.get("version") {
+            Some(version) if *version == 2 => {}
+            None => {
+                let hint = "convert it with a current splat-transform, which reads version 1 and writes 2";
+                return Err(start.unsupported("SOG of version 1", hint));
+            }
+            Some(version) => return Err(start.malformed(format!("version {version}"), "version 2")),
+        }
+        let meta: Self = serde_json::from_slice(json).map_err(|e| fault(json, &e))?;
+        if meta.model == Some(Model::Surfels) {
+            return Err(start.unsupported("the model `2dgs`", "only Gaussians of three axes are drawn"));
+        }
+        let Means { mins, maxs, .. } = &meta.means;
+        if let Some(k) = (0..3).find(|&k| mins[k] > maxs[k]) {
+            let found = format!("positions from {} to {}", mins[k], maxs[k]);
+            return Err(start.malformed(found, "`mins` below `maxs`"));
+        }
+        Ok(meta)
+    }
+
+    /// Whether the scene was trained with the antialiased rule; `None` where the file does not say.
+    pub(super) fn antialiased(&self) -> Option<bool> {
+        self.model.map(|model| model == Model::Antialiased).or(self.antialias)
+    }
+}
+
+/// The error with its place in bytes.
+fn fault(json: &[u8], because: &serde_json::Error) -> SceneError {
+    let before = json.split_inclusive(|&b| b == b'\n').take(because.line().saturating_sub(1));
+    let offset = before.map(<[u8]>::len).sum::<usize>() + because.column().saturating_sub(1);
+    let text = because.to_string();
+    let found = text.split(" at line ").next().unwrap_or_default().to_owned();
+    Cursor::new(PART, json).at(offset.min(json.len())).malformed(found, "`meta.json` of version 2")
+}

@@ -1,0 +1,124 @@
+//! The readers under fire: mutated files of a committed corpus, for a given time, and no reader may panic, die, take more
+//! than its share of memory or a second of time.
+//!
+//! `cargo xtask fuzz [--seconds N] [--only READER]... [--seed N] [--first N] [--runs N]` runs it, every reader in a
+//! process of its own. A run is its reader, its seed and its number, so that a failure is repeated by what is printed
+//! with it. A table ends it: runs, how many were read as sound, failures. Any failure makes the exit code 1.
+#![expect(clippy::unwrap_used, reason = "a harness that cannot go on panics")]
+
+mod arguments;
+mod child;
+mod corpus;
+mod mutate;
+#[path = "../faults/random.rs"]
+#[expect(dead_code, reason = "the fault tests draw more kinds of numbers")]
+mod random;
+mod readers;
+
+use arguments::Arguments;
+use child::Tally;
+use readers::READERS;
+use std::io::Write as _;
+use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+fn main() -> ExitCode {
+    let mut args = std::env::args().skip(1).peekable();
+    let is_child = args.next_if(|arg| arg == child::MARK).is_some();
+    let names: Vec<&str> = READERS.iter().map(|reader| reader.name).collect();
+    let arguments = match Arguments::parse(args, &names) {
+        Ok(arguments) => arguments,
+        Err(why) => {
+            say(&format!("error: {why}"));
+            return ExitCode::from(2);
+        }
+    };
+    if is_child {
+        return child::run(&arguments);
+    }
+    let chosen = READERS.iter().filter(|reader| arguments.has(reader.name));
+    let lines: Vec<(&str, Tally)> =
+        chosen.map(|reader| (reader.name, fuzz(reader.name, &arguments))).collect();
+    say(&format!("\n{:16} {:>10} {:>10} {:>9} {:>8}", "reader", "runs", "read", "failures", "seconds"));
+    for (name, Tally { runs, sound, failures, seconds }) in &lines {
+        say(&format!("{name:16} {runs:>10} {sound:>10} {failures:>9} {seconds:>8.1}"));
+    }
+    let failures: u64 = lines.iter().map(|(_, tally)| tally.failures).sum();
+    say(&format!("{} readers, {failures} failures", lines.len()));
+    if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Sends a reader through its runs, in a child that may die of one: what is left goes on in the next.
+fn fuzz(name: &str, arguments: &Arguments) -> Tally {
+    let progress = tempfile::NamedTempFile::new().unwrap();
+    // No disk shall slow the readers of files down, where there is such a place.
+    let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
+    let mut all = Tally::default();
+    let mut first = arguments.first;
+    while all.failures < MAX_FAILURES {
+        let left = arguments.seconds as f64 - all.seconds;
+        let runs_left = arguments.runs.map(|runs| (arguments.first + runs).saturating_sub(first));
+        if left <= 0.0 || runs_left == Some(0) {
+            break;
+        }
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args([child::MARK, "--only", name, "--seed", &arguments.seed.to_string()]);
+        command.args(["--first", &first.to_string(), "--seconds", &format!("{:.0}", left.ceil())]);
+        command.env("RUST_BACKTRACE", "0").current_dir(folder.path());
+        if let Some(runs) = runs_left {
+            command.args(["--runs", &runs.to_string()]);
+        }
+        let begin = Instant::now();
+        let mut child = command.arg("--progress").arg(progress.path()).stdin(Stdio::null()).spawn().unwrap();
+        let status = ended(&mut child, Duration::from_secs_f64(left) + PATIENCE);
+        let mut tally = child::progress(progress.path());
+        tally.seconds = begin.elapsed().as_secs_f64();
+        first += tally.runs;
+        if !status.success() {
+            tally.failures += 1;
+            say(&failed(
+                name,
+                arguments.seed,
+                first.saturating_sub(1),
+                &format!("the process ended with {status}"),
+            ));
+        }
+        all = all + tally;
+        if tally.runs == 0 {
+            break;
+        }
+    }
+    all
+}
+
+/// What a child may take beyond its time; then it hangs in the run that it has begun, and is ended.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+fn ended(child: &mut Child, within: Duration) -> ExitStatus {
+    let end = Instant::now() + within;
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status;
+        }
+        if Instant::now() >= end {
+            child.kill().unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Failures of a reader after which it is left alone.
+const MAX_FAILURES: u64 = 20;
+
+/// What is told of a failure: what, and how to have it again.
+fn failed(reader: &str, seed: u64, run: u64, what: &str) -> String {
+    format!(
+        "{reader}: {what}\n  again: cargo xtask fuzz --only {reader} --seed {seed} --first {run} --runs 1"
+    )
+}
+
+/// A line for people, on stdout: the figures are the result.
+fn say(line: &str) {
+    // A reader that went away is no reason to stop.
+    let _ = writeln!(std::io::stdout(), "{line}");
+}

@@ -1,0 +1,162 @@
+//! The readers, each with the files that it starts from. A container that guards its content with checksums is opened
+//! first and closed again around what has been changed: else nothing would pass it.
+
+use crate::corpus::{Corpus, files, h5, inflated, npz, zipped};
+use gs2e::event::{self, EventSource};
+use gs2e::recipe::{RecipeFile, read_files};
+use gs2e::scene::{ply, sog, splat, spz};
+use gs2e::source::{colmap, nerfstudio};
+use std::io::Write as _;
+use std::path::Path;
+use zip::CompressionMethod;
+use zip::write::SimpleFileOptions;
+
+/// A reader.
+pub(crate) struct Reader {
+    pub(crate) name: &'static str,
+    pub(crate) corpus: fn() -> Corpus,
+    /// Whether the file is sound.
+    pub(crate) read: fn(&[u8]) -> bool,
+}
+
+const PLY: [&str; 4] = [
+    "tests/golden/scenes/packed-plain.expected.ply",
+    "tests/fuzz/corpus/ascii.ply",
+    "tests/fuzz/corpus/far.ply",
+    "tests/fuzz/corpus/lists.ply",
+];
+const PACKED: [&str; 3] = [
+    "tests/golden/scenes/packed-plain.ply",
+    "tests/golden/scenes/packed-third-degree.ply",
+    "tests/fuzz/corpus/packed-ascii.ply",
+];
+const SPZ: [&str; 3] =
+    ["tests/fuzz/corpus/v2.spz", "tests/fuzz/corpus/v3.spz", "tests/fuzz/corpus/extension.spz"];
+const SOG: &str = "tests/golden/scenes/flat.sog";
+const PALETTE: &str = "tests/golden/scenes/palette.sog";
+
+pub(crate) const READERS: [Reader; 14] = [
+    Reader { name: "ply", corpus: || files(&PLY), read: |file| ply::read_ply(file).is_ok() },
+    Reader { name: "packed", corpus: || files(&PACKED), read: |file| ply::read_ply(file).is_ok() },
+    Reader {
+        name: "splat",
+        corpus: || files(&["tests/fuzz/corpus/three.splat"]),
+        read: |file| splat::read_splat(file).is_ok(),
+    },
+    Reader { name: "spz", corpus: || files(&SPZ), read: |file| spz::read_spz(file).is_ok() },
+    Reader {
+        name: "spz-4",
+        corpus: || files(&["tests/fuzz/corpus/v4.spz"]),
+        read: |file| spz::read_spz(file).is_ok(),
+    },
+    Reader {
+        name: "spz-content",
+        corpus: || inflated(&SPZ),
+        read: |content| spz::read_spz(&gzip(content)).is_ok(),
+    },
+    Reader { name: "sog", corpus: || files(&[SOG]), read: |file| sog::read_sog(file).is_ok() },
+    Reader {
+        name: "sog-meta",
+        corpus: || [zipped(PALETTE, "json"), zipped(SOG, "json")].concat(),
+        read: |json| read_parts(&zipped(PALETTE, ".webp"), json),
+    },
+    Reader { name: "sog-image", corpus: || zipped(PALETTE, ".webp"), read: read_as_every_image },
+    Reader { name: "colmap", corpus: || model("bin"), read: |file| read_model(file, "bin") },
+    Reader { name: "colmap-text", corpus: || model("txt"), read: |file| read_model(file, "txt") },
+    Reader {
+        name: "transforms",
+        corpus: || files(&["tests/fuzz/corpus/transforms.json"]),
+        read: |file| on_disk(file, "transforms.json", |path| nerfstudio::read(path).is_ok()),
+    },
+    Reader {
+        name: "recipe",
+        corpus: || files(&["recipes/demo.yaml", "tests/fuzz/corpus/recipe.yaml"]),
+        read: |file| {
+            on_disk(file, "recipe.yaml", |path| {
+                read_files(&[RecipeFile { path: path.to_owned(), defaults: None }]).is_ok()
+            })
+        },
+    },
+    Reader {
+        name: "events",
+        corpus: || [h5(), npz()].concat(),
+        read: |file| on_disk(file, "events", read_events),
+    },
+];
+
+/// The three files of a model.
+fn model(extension: &str) -> Corpus {
+    let paths = ["cameras", "images", "points3D"].map(|name| format!("tests/fuzz/corpus/{name}.{extension}"));
+    files(&paths.each_ref().map(String::as_str))
+}
+
+fn gzip(content: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(content).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// Reads a SOG of these images.
+fn read_parts(images: &Corpus, json: &[u8]) -> bool {
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    let meta = (sog::META.to_owned(), json.to_owned());
+    for (name, content) in images.iter().chain([&meta]) {
+        archive.start_file(name.as_str(), stored).unwrap();
+        archive.write_all(content).unwrap();
+    }
+    sog::read_sog(&archive.finish().unwrap().into_inner()).is_ok()
+}
+
+/// Puts the image in the place of each of a SOG in turn.
+fn read_as_every_image(image: &[u8]) -> bool {
+    thread_local! {
+        static SOUND: (Corpus, Vec<u8>) = (zipped(PALETTE, ".webp"), zipped(PALETTE, "json").remove(0).1);
+    }
+    SOUND.with(|(images, json)| {
+        let read = |k: usize| {
+            let mut images = images.clone();
+            images[k].1 = image.to_vec();
+            read_parts(&images, json)
+        };
+        // All are read, so that any is a place where it may fail.
+        (0..images.len()).filter(|&k| read(k)).count() > 0
+    })
+}
+
+/// Reads the file from the folder that the process works in, which is its own.
+fn on_disk(file: &[u8], name: &str, read: impl Fn(&Path) -> bool) -> bool {
+    let path = std::env::current_dir().unwrap().join(name);
+    std::fs::write(&path, file).unwrap();
+    read(&path)
+}
+
+/// Reads the file as each of the three of a model.
+fn read_model(file: &[u8], extension: &str) -> bool {
+    for name in ["cameras", "images"] {
+        on_disk(file, &format!("{name}.{extension}"), |_| true);
+    }
+    on_disk(file, &format!("points3D.{extension}"), |path| {
+        let Ok(model) = colmap::Model::find(path.parent().unwrap()) else { return false };
+        [model.cameras().is_ok(), model.images().is_ok(), model.points().is_ok()].contains(&true)
+    })
+}
+
+/// Reads the file as both kinds of event stream, to its end.
+fn read_events(path: &Path) -> bool {
+    fn drain(mut source: impl EventSource) -> bool {
+        let mut chunk = Vec::new();
+        loop {
+            match source.next_chunk(&mut chunk) {
+                Ok(true) => {}
+                Ok(false) => return true,
+                Err(_) => return false,
+            }
+        }
+    }
+    let h5 = event::h5::Reader::open(path).is_ok_and(|reader| {
+        let indexed = reader.verify_index().is_ok();
+        drain(reader) && indexed
+    });
+    h5 || event::npz::Reader::open(path).is_ok_and(drain)
+}
