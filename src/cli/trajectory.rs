@@ -139,7 +139,8 @@ impl Trajectory {
             Problem::usage("input-missing", what).help(help)
         };
         let scene = self.scene.as_ref();
-        let scene = scene.ok_or_else(|| missing("no scene is given", "--scene: a .ply, .splat, .spz or .sog"))?;
+        let scene =
+            scene.ok_or_else(|| missing("no scene is given", "--scene: a .ply, .splat, .spz or .sog"))?;
         let camera = camera.ok_or_else(|| {
             let help = "--capture, or in the recipe camera: { width, height, fx, fy, cx, cy }";
             missing("there is no camera", help)

@@ -17,7 +17,8 @@ pub fn exp(r: DVec3) -> DQuat {
     let t2 = r.length_squared();
     let (w, k) = if t2 < 1.0 {
         let y = t2 / 4.0;
-        (series(y, &COSINE), series(y, &HALF_SINE))
+        // The leading terms by themselves, so that the sums are rounded once.
+        (1.0 + y * series(y, &COSINE), 0.5 + y * series(y, &HALF_SINE))
     } else {
         let t = t2.sqrt();
         (cos(t / 2.0), sin(t / 2.0) / t)
@@ -34,10 +35,10 @@ pub fn unit(q: DQuat) -> DQuat {
     q * (1.5 - 0.5 * q.length_squared())
 }
 
-/// `(-1)^k / (2k)!`
-const COSINE: [f64; 8] = alternating(0, &[1.0; 8]);
-/// `(-1)^k / (2 (2k+1)!)`
-const HALF_SINE: [f64; 8] = alternating(1, &[0.5; 8]);
+/// `-(-1)^k / (2k+2)!`
+const COSINE: [f64; 7] = alternating(2, &[-1.0; 7]);
+/// `-(-1)^k / (2 (2k+3)!)`
+const HALF_SINE: [f64; 7] = alternating(3, &[-0.5; 7]);
 
 /// The rotation vector of the unit quaternion `q`, of length at most pi.
 ///

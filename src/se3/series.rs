@@ -1,8 +1,18 @@
 //! Polynomials, and the power series of sines and cosines.
 
-/// `sum c[k] x^k`
-pub(super) fn series(x: f64, coefficients: &[f64]) -> f64 {
-    coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c)
+/// `sum c[k] x^k`, even and odd powers apart: two chains of operations that do not wait for each other.
+#[inline]
+pub(super) fn series<const N: usize>(x: f64, coefficients: &[f64; N]) -> f64 {
+    let x2 = x * x;
+    let (mut even, mut odd) = (0.0, 0.0);
+    for k in (0..N).rev() {
+        if k % 2 == 0 {
+            even = even * x2 + coefficients[k];
+        } else {
+            odd = odd * x2 + coefficients[k];
+        }
+    }
+    even + x * odd
 }
 
 /// `(-1)^k numerators[k] / (2k + first)!`: the coefficients of a sine, a cosine or what is made of them.
