@@ -1,8 +1,8 @@
 //! Steps between poses: no jump among neighbours. Gate.
 //!
-//! A step is judged against the median of the three steps before and the three after it, all divided by the shares
-//! of the path that the law asks of them. A speed that changes for good, however abruptly, stays below 2 by this measure (half
-//! of the neighbours are as fast, so the median is at least half of it), and a smooth path stays near 1; what is
+//! A step is judged against the median of the three steps before and the three after it, all divided by the shares of
+//! the path that the law asks of them. A speed that changes for good, however abruptly, stays below 2 by this measure
+//! (half of the neighbours are as fast, so the median is at least half of it), and a smooth path stays near 1; what is
 //! larger for one or two steps only is a jump. The default limit is 3. Translation and rotation are judged apart, each
 //! in the trajectory's mixed metric, and a step that is below a quarter of the median mixed step is no jump.
 

@@ -63,6 +63,9 @@ pub(super) enum Line {
     Curve(Box<dyn PoseCurve>),
 }
 
+/// A curve and its length.
+pub(super) type Lengthwise<'a> = (&'a dyn PoseCurve, ArcLength<Measured<'a>>);
+
 impl Course {
     /// The course of `curve` through knots. What else is known of it is empty.
     ///
@@ -152,7 +155,7 @@ impl Line {
     }
 
     /// The curve with its length in the metric, `None` where nothing moves.
-    pub(super) fn measured(&self, metric: Metric) -> Option<(&dyn PoseCurve, ArcLength<Measured<'_>>)> {
+    pub(super) fn measured(&self, metric: Metric) -> Option<Lengthwise<'_>> {
         let curve = self.curve()?;
         Some((curve, ArcLength::measure(curve.steps(), Measured { curve, metric })))
     }

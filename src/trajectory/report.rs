@@ -12,7 +12,6 @@ use crate::se3::spline::Place;
 use crate::se3::sum::Sum;
 use crate::se3::{Se3, Twist};
 use crate::speed::Meaning;
-use crate::units::Ratio;
 use serde::{Deserialize, Serialize};
 
 /// Steps asked to be shorter than this share of the path are left out of ratios: the positions of their ends, sums
@@ -130,14 +129,12 @@ pub struct Report {
 }
 
 impl Report {
-    /// Duration of a step, s, but for the rounding of stamps. `None` where the rate is no rate.
-    #[must_use]
-    pub fn seconds(&self, step: usize) -> Option<f64> {
-        let even = 1.0 / self.rate.parse::<Ratio>().ok()?.to_f64();
-        match self.meaning {
-            Meaning::Speed => Some(even),
-            Meaning::FrameRate => Some(even / self.u.get(step)?),
-        }
+    /// Duration of each step, in intervals of the rate.
+    pub fn durations(&self) -> impl Iterator<Item = f64> {
+        self.u.iter().map(|u| match self.meaning {
+            Meaning::Speed => 1.0,
+            Meaning::FrameRate => 1.0 / u,
+        })
     }
 
     /// Share of the path, in the metric, that was asked of each step.

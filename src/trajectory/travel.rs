@@ -1,6 +1,6 @@
 //! Travelling a course: how many poses, when, and where, so that the speed is the one asked for.
 
-use super::course::{Course, Line};
+use super::course::{Course, Lengthwise, Line};
 use super::flow::{FlowLength, FlowMeter};
 use super::report::{Asked, FlowReport, Report};
 use super::sample::{Schedule, Summation, places_by_chord};
@@ -75,9 +75,12 @@ impl Travel {
     ) -> Result<Made, TrajectoryError> {
         let mut warnings = std::mem::take(&mut course.warnings);
         screen_rate(timing.rate)?;
+        let measured = course.line.measured(course.metric);
         let flow = match (timing.speed, self.count) {
             (Speed::Flow(_), Count::Flow) if self.literal => return Err(no_chords()),
-            (Speed::Flow(asked), Count::Flow) => Some((asked.px_s, course.flow_length(meter)?)),
+            (Speed::Flow(asked), Count::Flow) => {
+                Some((asked.px_s, course.flow_length(measured.as_ref(), meter)?))
+            }
             (Speed::Flow(_), _) | (_, Count::Flow) => return Err(no_count(timing.speed)),
             _ => None,
         };
@@ -90,7 +93,7 @@ impl Travel {
         let mut schedule = Schedule::new(timing.speed, count, timing.law)?;
         let stamps_us = schedule.stamps_us(timing.rate)?;
         let flow = flow.map(|(px_s, length)| FlowReport { px_s, px: apply(length, &mut schedule) });
-        let (poses, arcs) = course.follow(&schedule, self.literal);
+        let (poses, arcs) = course.follow(measured.as_ref(), &schedule, self.literal);
         warnings.extend(speed_warnings(timing.speed, &schedule, &poses));
         let asked = Asked { course: &course, travel: self, timing, schedule, flow, warnings: &warnings };
         let report = asked.report(&poses, &arcs);
@@ -186,19 +189,24 @@ impl Count {
 
 impl Course {
     /// The poses of a schedule, and the length of the curve from each to the next (none on a still path).
-    fn follow(&self, schedule: &Schedule, literal: bool) -> (Vec<Se3>, Vec<f64>) {
+    fn follow(
+        &self,
+        measured: Option<&Lengthwise<'_>>,
+        schedule: &Schedule,
+        literal: bool,
+    ) -> (Vec<Se3>, Vec<f64>) {
         let still = match &self.line {
             Line::Still(pose) => self.placed(*pose),
             Line::Curve(_) => Se3::IDENTITY,
         };
-        let Some((curve, arc)) = self.line.measured(self.metric) else {
+        let Some((curve, arc)) = measured else {
             return (vec![still; schedule.shares.len()], Vec::new());
         };
         let mut poses = Vec::with_capacity(schedule.shares.len());
         let mut arcs = Vec::with_capacity(schedule.speeds.len());
         let mut before = None;
         if literal {
-            for at in places_by_chord(curve, &schedule.shares) {
+            for at in places_by_chord(*curve, &schedule.shares) {
                 arcs.extend(before.map(|before| arc.between(before, at)));
                 poses.push(self.placed(curve.pose(at)));
                 before = Some(at);
@@ -216,11 +224,15 @@ impl Course {
     }
 
     /// Its length in pixels, `None` where nothing moves.
-    fn flow_length(&self, meter: Option<&mut dyn FlowMeter>) -> Result<Option<FlowLength>, TrajectoryError> {
+    fn flow_length(
+        &self,
+        measured: Option<&Lengthwise<'_>>,
+        meter: Option<&mut dyn FlowMeter>,
+    ) -> Result<Option<FlowLength>, TrajectoryError> {
         let no_scene = || TrajectoryError::Flow { share: 0.0, because: "there is no scene".to_owned() };
-        let Some((curve, arc)) = self.line.measured(self.metric) else { return Ok(None) };
+        let Some((curve, arc)) = measured else { return Ok(None) };
         let meter = meter.ok_or_else(no_scene)?;
-        FlowLength::measure(&arc, curve, |pose| self.placed(pose), meter).map(Some)
+        FlowLength::measure(arc, *curve, |pose| self.placed(pose), meter).map(Some)
     }
 }
 

@@ -54,31 +54,27 @@ fn longest(shape: &Footprint<f32>) -> f32 {
 }
 
 /// The published square rounded out to tiles, in pixels: `trunc((c - r) / 16)` to `trunc((c + r + 15) / 16)`.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "truncation is what is published, and the values are clamped to the image first"
-)]
 fn official(centre: f32, radius: f32, size: f32) -> [u16; 2] {
-    let tile = TILE as f32;
-    let low = ((centre - radius) / tile).trunc() * tile;
-    let high = ((centre + radius + (tile - 1.0)) / tile).trunc() * tile;
-    [low.clamp(0.0, size) as u16, high.clamp(0.0, size) as u16]
+    let last = centre + radius + (TILE_PX - 1.0);
+    tiles([(centre - radius) / TILE_PX, last / TILE_PX].map(f32::trunc), size)
 }
 
 /// The published extent along one axis rounded out to tiles, in pixels.
+fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
+    tiles([((centre - radius) / TILE_PX).floor(), ((centre + radius) / TILE_PX).ceil()], size)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a tile's edge is small")]
+const TILE_PX: f32 = TILE as f32;
+
+/// First and end of the pixels of a range of whole tiles.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "the values are clamped to the image first"
+    reason = "the values are whole, and clamped to the image first"
 )]
-fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
-    let tile = TILE as f32;
-    let low = ((centre - radius) / tile).floor() * tile;
-    let high = ((centre + radius) / tile).ceil() * tile;
-    [low.clamp(0.0, size) as u16, high.clamp(0.0, size) as u16]
+fn tiles(range: [f32; 2], size: f32) -> [u16; 2] {
+    range.map(|tile| (tile * TILE_PX).clamp(0.0, size) as u16)
 }
 
 #[cfg(test)]

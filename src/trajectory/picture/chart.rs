@@ -53,7 +53,8 @@ fn curves(report: &Report) -> Vec<Curve> {
         .zip(&report.linear_unit_s)
         .map(|(a, l)| report.alpha * a + report.beta * l / report.scale_distance)
         .collect();
-    let asked: Vec<f64> = report.asked_shares().zip(durations(report)).map(|(share, s)| share / s).collect();
+    let asked: Vec<f64> =
+        report.asked_shares().zip(report.durations()).map(|(share, time)| share / time).collect();
     let asked = Curve { name: "asked", colour: "#bbbbbb", width: 5.0, values: relative(&asked) };
     let achieved = [
         ("linear", "#2a7fb8", 1.2, &report.linear_unit_s, report.linear_ratio.is_some()),
@@ -71,19 +72,14 @@ fn curves(report: &Report) -> Vec<Curve> {
         .collect()
 }
 
-/// Duration of every step, s; of equal ones any other unit would do.
-fn durations(report: &Report) -> impl Iterator<Item = f64> {
-    (0..report.u.len()).map(|j| report.seconds(j).unwrap_or(1.0))
-}
-
 /// The middle of every step, as a share of the whole time.
 fn middles(report: &Report) -> Vec<f64> {
     let mut end = 0.0;
-    let middle = |seconds: f64| {
-        end += seconds;
-        end - seconds / 2.0
+    let middle = |duration: f64| {
+        end += duration;
+        end - duration / 2.0
     };
-    let mut middles: Vec<f64> = durations(report).map(middle).collect();
+    let mut middles: Vec<f64> = report.durations().map(middle).collect();
     middles.iter_mut().for_each(|t| *t /= end);
     middles
 }
