@@ -29,11 +29,33 @@ pub enum Rules {
     Soft,
 }
 
+/// In which order layers lie at a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Layering {
+    /// By the depth of their means; two that pass each other change places at once.
+    #[default]
+    Depth,
+    /// As [`Self::Depth`], but two layers of nearly the same depth each cover the other in part, so that the picture is
+    /// a continuous function of the view (`numerics.md` 3.3). For references: it costs more than twice the time.
+    Blended,
+}
+
+impl Layering {
+    /// Whether it is the order of every recipe that does not name one.
+    #[must_use]
+    pub fn is_depth(&self) -> bool {
+        *self == Self::Depth
+    }
+}
+
 /// Parameters of a rendering that are part of its meaning, and so of its key.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Style {
     /// Conventions.
     pub rules: Rules,
+    /// Layering of the layers.
+    pub order: Layering,
     /// Whether opacity is compensated for the screen-space dilation.
     pub antialiased: bool,
     /// Colour behind the scene, on the scale 0..1.
@@ -45,6 +67,9 @@ pub struct Style {
 pub struct RenderChoice {
     /// Conventions.
     pub rules: Rules,
+    /// Layering of the layers.
+    #[serde(skip_serializing_if = "Layering::is_depth")]
+    pub order: Layering,
     /// Antialiasing.
     pub antialiased: Antialiased,
     /// Colour behind the scene, 0..1.
@@ -73,7 +98,12 @@ impl RenderChoice {
             Antialiased::On => true,
             Antialiased::Off => false,
         };
-        Style { rules: self.rules, antialiased, background: self.background.map(|c| c as f32) }
+        Style {
+            rules: self.rules,
+            order: self.order,
+            antialiased,
+            background: self.background.map(|c| c as f32),
+        }
     }
 }
 
@@ -120,6 +150,8 @@ pub struct Channels {
     pub flow: bool,
     /// How fast luminance changes while the camera moves with the view's velocity.
     pub luminance_rate: bool,
+    /// How much of each pixel comes from Gaussians too deep for their distance.
+    pub doubtful: bool,
 }
 
 /// The images asked for; the others are `None`.
@@ -137,6 +169,8 @@ pub struct Rendered {
     pub flow: Option<Image<[f32; 2]>>,
     /// Time derivative of [`Self::luminance`], 1/s.
     pub luminance_rate: Option<Image<f32>>,
+    /// Blended weight, 0..1, of the Gaussians that [`Work::affine_doubtful`] counts.
+    pub doubtful: Option<Image<f32>>,
 }
 
 /// What one rendering did and what it left out.
@@ -144,14 +178,22 @@ pub struct Rendered {
 pub struct Work {
     /// Gaussians in the scene.
     pub gaussians: u64,
+    /// Left out: no view that was promised can see it ([`Renderer::keep_to`]).
+    pub unseen: u64,
     /// Left out: not in front of the near plane.
     pub behind: u64,
     /// Left out: a field, or what is projected from it, is not finite.
     pub degenerate: u64,
     /// Left out: touches no tile of the image, or too transparent to count.
     pub outside: u64,
-    /// (Gaussian, tile) pairs sorted and blended.
+    /// Of those drawn: harmonics not evaluated, since they are zero in the whole scene.
+    pub zero_harmonics: u64,
+    /// Frames whose order was carried over from the frame before and mended, in place of a sort.
+    pub orders_kept: u64,
+    /// (Gaussian, tile) pairs listed.
     pub tile_pairs: u64,
+    /// Of those, left out: every pixel of the tile was finished before.
+    pub hidden: u64,
     /// (Gaussian, pixel) pairs whose alpha was blended.
     pub blended: u64,
     /// Pixels whose blend stopped early.
@@ -165,10 +207,14 @@ pub struct Work {
 impl std::ops::AddAssign for Work {
     fn add_assign(&mut self, o: Self) {
         self.gaussians += o.gaussians;
+        self.unseen += o.unseen;
         self.behind += o.behind;
         self.degenerate += o.degenerate;
         self.outside += o.outside;
+        self.zero_harmonics += o.zero_harmonics;
+        self.orders_kept += o.orders_kept;
         self.tile_pairs += o.tile_pairs;
+        self.hidden += o.hidden;
         self.blended += o.blended;
         self.stopped += o.stopped;
         self.affine_doubtful += o.affine_doubtful;
@@ -195,6 +241,12 @@ pub trait Renderer {
     /// The numerical class: what, beside inputs and parameters, the pixels depend on. Enters the key.
     fn fingerprint(&self) -> &str;
 
+    /// Promises that from now on only these poses of this camera are rendered: what none of them can see may be left
+    /// out, which changes no pixel.
+    fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
+        let _ = (camera, poses);
+    }
+
     /// Renders one view into `out`, reusing its images where their size fits.
     ///
     /// # Errors
@@ -204,10 +256,14 @@ pub trait Renderer {
 
 /// Whether an image can be made in this style.
 fn check_style(style: &Style) -> Result<(), RenderError> {
-    if style.background.iter().all(|v| v.is_finite()) {
-        return Ok(());
+    if !style.background.iter().all(|v| v.is_finite()) {
+        return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
     }
-    Err(RenderError::Style(format!("background {:?} is not finite", style.background)))
+    if style.order == Layering::Blended && style.rules != Rules::Soft {
+        let because = format!("a blended order is of the rules soft, found {:?}", style.rules);
+        return Err(RenderError::Style(because.to_lowercase()));
+    }
+    Ok(())
 }
 
 /// Whether an image can be made of the view.

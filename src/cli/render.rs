@@ -12,7 +12,7 @@ use super::{Backend, Common, input};
 use crate::render::cpu::Cpu;
 use crate::render::reference::Reference;
 use crate::render::{
-    Antialiased, RenderChoice, RenderError, Rendered, Renderer, Rules, Style, Velocity, View,
+    Antialiased, Layering, RenderChoice, RenderError, Rendered, Renderer, Rules, Style, Velocity, View,
 };
 use crate::scene::{self, Gaussians};
 use crate::source::{self, view};
@@ -44,6 +44,9 @@ pub(super) struct Render {
     /// Whose conventions decide extents, culling and stops
     #[arg(long, value_enum, default_value_t = Conventions::Official)]
     rules: Conventions,
+    /// How layers of nearly the same depth lie; blended is of the rules soft, for references
+    #[arg(long, value_enum, default_value_t = Layers::Depth)]
+    order: Layers,
     /// Compensate opacity for the screen-space dilation [default: as the scene file says, else off]
     #[arg(long)]
     antialiased: bool,
@@ -72,6 +75,15 @@ enum Conventions {
     Gsplat,
     /// As exact, but layers fade in: opacity is a continuous function of the view
     Soft,
+}
+
+/// The orders that there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Layers {
+    /// By the depth of their means
+    Depth,
+    /// Each covers the other in part
+    Blended,
 }
 
 impl From<Conventions> for Rules {
@@ -176,8 +188,12 @@ impl Render {
 
     fn style(&self, gaussians: &Gaussians) -> Style {
         let antialiased = if self.antialiased { Antialiased::On } else { Antialiased::Auto };
-        let choice = RenderChoice { rules: self.rules.into(), antialiased, background: self.background.0 };
-        choice.resolve(gaussians.antialiased)
+        let order = match self.order {
+            Layers::Depth => Layering::Depth,
+            Layers::Blended => Layering::Blended,
+        };
+        let (rules, background) = (self.rules.into(), self.background.0);
+        RenderChoice { rules, order, antialiased, background }.resolve(gaussians.antialiased)
     }
 }
 

@@ -39,9 +39,10 @@ impl RenderedFrames {
     /// # Panics
     /// If the trajectory does not have one stamp a pose.
     #[must_use]
-    pub fn new(renderer: Box<dyn Renderer>, camera: Camera, trajectory: Trajectory) -> Self {
+    pub fn new(mut renderer: Box<dyn Renderer>, camera: Camera, trajectory: Trajectory) -> Self {
         let (poses, stamps) = (trajectory.world_from_camera.len(), trajectory.stamps_us.len());
         assert_eq!(poses, stamps, "a trajectory has one stamp a pose");
+        renderer.keep_to(&camera, &trajectory.world_from_camera);
         Self { renderer, camera, trajectory, done: 0, rendered: Rendered::default(), work: Work::default() }
     }
 

@@ -178,8 +178,8 @@ pub(super) struct Render {
     pub rules: Field<Rules>,
     pub antialiased: Field<Antialiased>,
     pub background: Field<[Field<f64>; 3]>,
-    /// Order of the rules `soft`.
-    pub order: Field<Later>,
+    /// Of the rules `soft` alone.
+    pub order: Field<Layering>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -189,6 +189,13 @@ pub(super) enum Rules {
     Exact,
     Gsplat,
     Soft,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Layering {
+    Depth,
+    Blended,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

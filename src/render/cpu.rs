@@ -18,7 +18,7 @@ mod splat;
 
 pub use level::Instructions;
 
-use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Size;
 use crate::scene::Gaussians;
 use activate::Activated;
@@ -68,6 +68,10 @@ impl Cpu {
             return Err(RenderError::Scene(because));
         }
         super::check_style(&style)?;
+        if style.order == Layering::Blended {
+            let because = "this gs2e blends orders with --backend reference alone";
+            return Err(RenderError::Style(because.to_owned()));
+        }
         let activated = activate::activate(&scene);
         Ok(Self {
             scene,
@@ -157,7 +161,10 @@ impl Renderer for Cpu {
 
 /// Values that each splat carries for these channels. Alpha comes with any.
 fn feature_count(want: Channels) -> usize {
-    3 * usize::from(want.rgb) + usize::from(want.luminance) + usize::from(want.depth)
+    3 * usize::from(want.rgb)
+        + usize::from(want.luminance)
+        + usize::from(want.depth)
+        + usize::from(want.doubtful)
 }
 
 /// The raster pass for this number of features, with or without rates.
@@ -169,9 +176,9 @@ fn raster(features: usize, rate: bool, frame: Frame<'_>, out: &mut Vec<f32>) -> 
                 ($n, true, false) => raster::run::<$n, true, false>(frame, out),
                 ($n, false, true) => raster::run::<$n, false, true>(frame, out),
                 ($n, true, true) => raster::run::<$n, true, true>(frame, out),)+
-                (n, ..) => unreachable!("colour, luminance and depth make five features, not {n}"),
+                (n, ..) => unreachable!("colour, luminance, depth and doubt make six features, not {n}"),
             }
         };
     }
-    with!(0 1 2 3 4 5)
+    with!(0 1 2 3 4 5 6)
 }

@@ -79,6 +79,7 @@ impl Renderer for Reference {
             Image::from_vec(size, pixels.iter().map(|p| p.colour.map(|c| c.value as f32)).collect())
         });
         out.luminance = want.luminance.then(|| image(&|p| p.luminance().value));
+        out.doubtful = want.doubtful.then(|| image(&|p| p.doubtful));
         out.luminance_rate = want.luminance_rate.then(|| image(&|p| p.luminance().rate));
         out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
         let depth = (want.depth || want.flow).then(|| image(&Pixel::depth));
@@ -96,6 +97,7 @@ struct Pixel {
     colour: [D; 3],
     rest: D,
     depth: f64,
+    doubtful: f64,
     blended: u64,
     stopped: bool,
 }
@@ -121,8 +123,14 @@ impl Reference {
 
     fn pixel(&self, layers: &[&Layer], x: usize, y: usize) -> Pixel {
         let nothing = D::constant(0.0);
-        let mut pixel =
-            Pixel { colour: [nothing; 3], rest: D::constant(1.0), depth: 0.0, blended: 0, stopped: false };
+        let mut pixel = Pixel {
+            colour: [nothing; 3],
+            rest: D::constant(1.0),
+            depth: 0.0,
+            doubtful: 0.0,
+            blended: 0,
+            stopped: false,
+        };
         for layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
             let Some(alpha) = self.alpha(layer, [x, y]) else { continue };
             let after = pixel.rest * (D::constant(1.0) - alpha);
@@ -134,7 +142,8 @@ impl Reference {
             for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
                 *sum = *sum + weight * c;
             }
-            pixel.depth += weight.value * layer.depth;
+            pixel.depth += weight.value * layer.depth.value;
+            pixel.doubtful += if layer.doubtful { weight.value } else { 0.0 };
             pixel.rest = after;
             pixel.blended += 1;
         }

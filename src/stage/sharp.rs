@@ -55,6 +55,7 @@ impl Stage for Photographing {
         let style = self.render.resolve(gaussians.antialiased);
         let mut renderer = Cpu::new(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
         let poses = &motion.trajectory.world_from_camera;
+        renderer.keep_to(&camera, poses);
         let kept: Vec<usize> = (0..poses.len()).step_by(self.every as usize).collect();
         let want = Channels { rgb: true, ..Channels::default() };
         let mut work = Work::default();

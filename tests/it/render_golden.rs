@@ -16,7 +16,7 @@ use gs2e::camera::Camera;
 use gs2e::image::{Size, luminance};
 use gs2e::render::cpu::Cpu;
 use gs2e::render::reference::Reference;
-use gs2e::render::{Rendered, Renderer, Rules, Style, View, Work};
+use gs2e::render::{Layering, Rendered, Renderer, Rules, Style, View, Work};
 use gs2e::scene::Gaussians;
 use gs2e::se3::Se3;
 use serde::Deserialize;
@@ -85,7 +85,12 @@ impl Case {
     }
 
     fn style(&self) -> Style {
-        Style { rules: self.rules(), antialiased: self.antialiased, background: self.background }
+        Style {
+            rules: self.rules(),
+            order: Layering::Depth,
+            antialiased: self.antialiased,
+            background: self.background,
+        }
     }
 
     fn scene(&self, root: &Path) -> Arc<Gaussians> {

@@ -15,7 +15,7 @@ use gs2e::image::Size;
 use gs2e::render::cpu::Cpu;
 use gs2e::render::flow::displacement;
 use gs2e::render::reference::Reference;
-use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, Velocity, View};
+use gs2e::render::{Channels, Layering, Rendered, Renderer, Rules, Style, Velocity, View};
 use gs2e::scene::Gaussians;
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp;
@@ -25,7 +25,7 @@ use std::sync::Arc;
 const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
 
 fn style(rules: Rules, antialiased: bool) -> Style {
-    Style { rules, antialiased, background: [0.1, 0.3, 0.2] }
+    Style { rules, order: Layering::Depth, antialiased, background: [0.1, 0.3, 0.2] }
 }
 
 /// A view that moves in every direction at once.

@@ -6,14 +6,15 @@ use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::Size;
 use gs2e::render::cpu::{Cpu, Instructions, Pass};
-use gs2e::render::{Channels, Rendered, Renderer as _, Rules, Style, Velocity, View};
+use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, Velocity, View};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{self, Gaussians};
 use gs2e::se3::Se3;
 use std::sync::Arc;
 use std::time::Instant;
 
-const STYLE: Style = Style { rules: Rules::Official, antialiased: false, background: [0.0; 3] };
+const STYLE: Style =
+    Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
 
 pub(super) fn workloads() -> Vec<Workload> {
     let luminance = Channels { luminance: true, ..Channels::default() };

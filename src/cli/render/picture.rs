@@ -20,6 +20,8 @@ pub(super) enum Channel {
     LuminanceRate,
     /// Mean depth along the optical axis, scene units; NaN where alpha is below 0.5
     Depth,
+    /// The share of each pixel that comes from Gaussians too deep for their distance, whose projection is doubtful
+    Doubtful,
     /// How fast the point at each pixel moves on the image, px/s; NaN where depth is
     Flow,
 }
@@ -39,6 +41,7 @@ impl Channel {
             luminance_rate: self == Self::LuminanceRate,
             depth: self == Self::Depth,
             flow: self == Self::Flow,
+            doubtful: self == Self::Doubtful,
         }
     }
 
@@ -49,7 +52,7 @@ impl Channel {
 
     /// Whether it is on the scale 0..1 that bytes are made of.
     fn fits_bytes(self) -> bool {
-        matches!(self, Self::Rgb | Self::Alpha | Self::Luminance)
+        matches!(self, Self::Rgb | Self::Alpha | Self::Luminance | Self::Doubtful)
     }
 }
 
@@ -103,6 +106,7 @@ impl Picture {
             Channel::Alpha => rendered.alpha.map(Self::Plane),
             Channel::Luminance => rendered.luminance.map(Self::Plane),
             Channel::LuminanceRate => rendered.luminance_rate.map(Self::Plane),
+            Channel::Doubtful => rendered.doubtful.map(Self::Plane),
             Channel::Depth => rendered.depth.map(Self::Plane),
             Channel::Flow => rendered.flow.map(Self::Vectors),
         }

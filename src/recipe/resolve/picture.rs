@@ -7,7 +7,7 @@ use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
 use crate::recipe::text::Place;
 use crate::recipe::{Source, schema};
-use crate::render::{Antialiased, RenderChoice, Rules};
+use crate::render::{Antialiased, Layering, RenderChoice, Rules};
 
 /// Pixels on a side, far above any event sensor; events count them in 16 bits.
 const SIDE: Whole = Whole::new(1, 16_384);
@@ -59,8 +59,8 @@ impl Resolver<'_> {
     pub(super) fn render(&self, field: &Field<schema::Render>) -> Option<RenderChoice> {
         let absent = schema::Render::default();
         let raw = self.section(field, &absent)?;
-        self.later(&raw.order, "this gs2e blends in the order of depth, without a blended order");
         let rules = self.or(&raw.rules, schema::Rules::Official);
+        let order = self.layering(&raw.order, rules);
         let antialiased = self.or(&raw.antialiased, schema::Antialiased::Auto);
         let background = self.background(&raw.background);
         Some(RenderChoice {
@@ -70,6 +70,7 @@ impl Resolver<'_> {
                 schema::Rules::Gsplat => Rules::Gsplat,
                 schema::Rules::Soft => Rules::Soft,
             },
+            order: order?,
             antialiased: match antialiased? {
                 schema::Antialiased::Auto => Antialiased::Auto,
                 schema::Antialiased::On => Antialiased::On,
@@ -77,6 +78,22 @@ impl Resolver<'_> {
             },
             background: background?,
         })
+    }
+
+    /// The order of the layers, which the rules `soft` alone can blend.
+    fn layering(&self, field: &Field<schema::Layering>, rules: Option<schema::Rules>) -> Option<Layering> {
+        match self.or(field, schema::Layering::Depth)? {
+            schema::Layering::Depth => Some(Layering::Depth),
+            schema::Layering::Blended if matches!(rules, None | Some(schema::Rules::Soft)) => {
+                Some(Layering::Blended)
+            }
+            schema::Layering::Blended => {
+                let place = field.given().map_or(self.root, |(_, place)| place);
+                let problem = Problem::new("a blended order is of the rules soft alone")
+                    .help("rules: soft, or leave `order` out");
+                self.refuse(problem.at(place))
+            }
+        }
     }
 
     fn background(&self, field: &Field<[Field<f64>; 3]>) -> Option<[f64; 3]> {

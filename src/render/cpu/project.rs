@@ -179,7 +179,8 @@ impl Projection<'_> {
         }
         let w = shape.weights();
         let splat = self.place(mean, &plain, w.map(S::value), opacity.value()).ok_or(Culled::Outside)?;
-        work.affine_doubtful += u64::from(plain.depth_deviation > AFFINE_DOUBTFUL * z);
+        let doubtful = plain.depth_deviation > AFFINE_DOUBTFUL * z;
+        work.affine_doubtful += u64::from(doubtful);
         work.affine_invalid += u64::from(plain.depth_deviation > AFFINE_INVALID * z);
         let colour = self.colour::<S>(i, from_camera);
         let grey = luminance(colour.map(S::value));
@@ -190,7 +191,7 @@ impl Projection<'_> {
             grey,
             grey_rate: luminance(colour.map(S::rate)),
         };
-        Ok((Splat { depth: z, features: self.features(colour.map(S::value), z), ..splat }, rates))
+        Ok((Splat { depth: z, features: self.features(colour.map(S::value), z, doubtful), ..splat }, rates))
     }
 
     /// The splat's geometry, or `None` where it touches no pixel.
@@ -201,7 +202,7 @@ impl Projection<'_> {
     }
 
     /// The values to blend, one after another as [`Channels`] lists them.
-    fn features(&self, colour: [f32; 3], z: f32) -> [f32; MAX_FEATURES] {
+    fn features(&self, colour: [f32; 3], z: f32, doubtful: bool) -> [f32; MAX_FEATURES] {
         let mut features = [0.0; MAX_FEATURES];
         let mut n = 0;
         let mut push = |values: &[f32]| {
@@ -216,6 +217,9 @@ impl Projection<'_> {
         }
         if self.want.depth {
             push(&[z]);
+        }
+        if self.want.doubtful {
+            push(&[f32::from(u8::from(doubtful))]);
         }
         features
     }

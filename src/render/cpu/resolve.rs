@@ -28,6 +28,7 @@ pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], ou
     let rgb = want.rgb.then(|| next(3));
     let grey = want.luminance.then(|| next(1));
     let depth = want.depth.then(|| next(1));
+    let doubtful = want.doubtful.then(|| next(1));
     fill(&mut out.rgb, [0.0; 3], rgb, blended, |pixel, f| {
         std::array::from_fn(|c| pixel.sum(f + c) + pixel.rest() * background[c])
     });
@@ -38,6 +39,7 @@ pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], ou
         let alpha = 1.0 - pixel.rest();
         if alpha < DEPTH_MIN_ALPHA { f32::NAN } else { pixel.sum(f) / alpha }
     });
+    fill(&mut out.doubtful, 0.0, doubtful, blended, |pixel, f| pixel.sum(f));
     let rate = want.luminance_rate.then_some(blended.features + 1);
     fill(&mut out.luminance_rate, 0.0, rate, blended, |pixel, f| pixel.sum(f) + pixel.sum(f + 1) * behind);
 }

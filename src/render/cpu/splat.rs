@@ -6,8 +6,8 @@
     reason = "pixel coordinates are clamped to the image before they become integers"
 )]
 
-/// Images that a splat can carry a value for, one after another: colour, luminance, depth.
-pub(super) const MAX_FEATURES: usize = 5;
+/// Images that a splat can carry a value for, one after another: colour, luminance, depth, doubt.
+pub(super) const MAX_FEATURES: usize = 6;
 
 /// A Gaussian on the image plane. Its opacity at a pixel is `opacity * 2^-q`,
 /// `q = (w1 dx + w2 dy)^2 + (w3 dy)^2` with `(dx, dy)` the pixel's centre minus the mean: the stable form of

@@ -3,8 +3,8 @@
 use super::D;
 use crate::render::dual::{Real, cross, dot};
 use crate::render::shared::{
-    COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR,
-    GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
+    AFFINE_DOUBTFUL, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, FRUSTUM_SLACK,
+    GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
 };
 use crate::render::{Rules, Style, View};
 use crate::scene::{Gaussians, sh};
@@ -21,7 +21,9 @@ pub(super) struct Layer {
     pub(super) w: [D; 3],
     pub(super) opacity: D,
     pub(super) colour: [D; 3],
-    pub(super) depth: f64,
+    pub(super) depth: D,
+    /// Whether it is too deep for its distance.
+    pub(super) doubtful: bool,
     /// Pixels that the rules let it touch.
     pub(super) columns: Range<usize>,
     pub(super) rows: Range<usize>,
@@ -73,7 +75,8 @@ impl<'a> Eye<'a> {
             w: shape.weights(),
             opacity,
             colour: self.colour(scene, i, from_camera),
-            depth: z.value,
+            depth: z,
+            doubtful: self.doubtful(scene, i, z.value),
             columns,
             rows,
         })
@@ -90,6 +93,13 @@ impl<'a> Eye<'a> {
             Rules::Gsplat => (f64::from(GSPLAT_NEAR)..=f64::from(GSPLAT_FAR)).contains(&z),
             Rules::Official | Rules::Exact | Rules::Soft => z > f64::from(NEAR),
         }
+    }
+
+    /// Whether its deviation in depth is so large that the affine approximation is doubtful.
+    fn doubtful(&self, scene: &Gaussians, i: usize, z: f64) -> bool {
+        let deviation =
+            self.axes(scene, i).map(|axis| axis[2].value).map(|v| v * v).iter().sum::<f64>().sqrt();
+        deviation > f64::from(AFFINE_DOUBTFUL) * z
     }
 
     fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [D; 2], z: D) -> Shape {

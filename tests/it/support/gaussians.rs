@@ -4,17 +4,25 @@ use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::Size;
 use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, View, Work};
+use gs2e::render::{Channels, Layering, Rendered, Renderer, Rules, Style, View, Work};
 use gs2e::scene::{Gaussians, Screening, sh};
 use gs2e::se3::Se3;
 use std::sync::Arc;
 
 /// Every image of a camera at rest.
-pub(crate) const ALL: Channels =
-    Channels { rgb: true, luminance: true, alpha: true, depth: true, flow: false, luminance_rate: false };
+pub(crate) const ALL: Channels = Channels {
+    rgb: true,
+    luminance: true,
+    alpha: true,
+    depth: true,
+    flow: false,
+    luminance_rate: false,
+    doubtful: true,
+};
 
 /// The published rules over black.
-pub(crate) const OFFICIAL: Style = Style { rules: Rules::Official, antialiased: false, background: [0.0; 3] };
+pub(crate) const OFFICIAL: Style =
+    Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
 
 /// One Gaussian of constant colour.
 #[derive(Debug, Clone, Copy)]
