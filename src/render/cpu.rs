@@ -18,7 +18,7 @@ mod splat;
 
 pub use level::Instructions;
 
-use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Size;
 use crate::scene::Gaussians;
 use activate::Activated;
@@ -68,10 +68,6 @@ impl Cpu {
             return Err(RenderError::Scene(because));
         }
         super::check_style(&style)?;
-        if style.order == Layering::Blended {
-            let because = "this gs2e blends orders with --backend reference alone";
-            return Err(RenderError::Style(because.to_owned()));
-        }
         let activated = activate::activate(&scene);
         Ok(Self {
             scene,
@@ -130,15 +126,15 @@ impl Cpu {
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         done(Pass::Project);
 
-        let order = self.sorter.run(&self.splats, &self.chunks);
+        let sorted = self.sorter.run(&self.splats, &self.chunks);
         done(Pass::Sort);
         let grid = Grid::new(view.camera.size);
-        work.tile_pairs = self.lists.run(order, &self.splats, grid);
+        work.tile_pairs = self.lists.run(sorted, &self.splats, grid);
         done(Pass::Bin);
         let (splats, rates, lists) = (&self.splats, &self.rates, &self.lists);
-        let (rules, level) = (self.style.rules, self.instructions.level);
+        let (Style { rules, order, .. }, level) = (self.style, self.instructions.level);
         let features = feature_count(asked);
-        let frame = Frame { splats, rates, lists, grid, rules, level };
+        let frame = Frame { splats, rates, lists, grid, rules, order, level };
         work += raster(features, asked.luminance_rate, frame, &mut self.tiles);
         done(Pass::Raster);
         resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);

@@ -7,8 +7,8 @@
 mod project;
 
 use super::dual::{Dual, Real};
-use super::shared::{DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
-use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
+use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Image;
 use crate::scene::Gaussians;
 use project::{Eye, Layer, least_alpha};
@@ -122,35 +122,68 @@ impl Reference {
     }
 
     fn pixel(&self, layers: &[&Layer], x: usize, y: usize) -> Pixel {
+        let (seen, rest, stopped) = self.seen(layers, [x, y]);
         let nothing = D::constant(0.0);
-        let mut pixel = Pixel {
-            colour: [nothing; 3],
-            rest: D::constant(1.0),
-            depth: 0.0,
-            doubtful: 0.0,
-            blended: 0,
-            stopped: false,
-        };
-        for layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
-            let Some(alpha) = self.alpha(layer, [x, y]) else { continue };
-            let after = pixel.rest * (D::constant(1.0) - alpha);
-            if self.stops(after.value) {
-                pixel.stopped = true;
-                break;
-            }
-            let weight = pixel.rest * alpha;
+        let blended = seen.len() as u64;
+        let mut pixel = Pixel { colour: [nothing; 3], rest, depth: 0.0, doubtful: 0.0, blended, stopped };
+        for (layer, weight) in self.weights(&seen) {
             for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
                 *sum = *sum + weight * c;
             }
             pixel.depth += weight.value * layer.depth.value;
             pixel.doubtful += if layer.doubtful { weight.value } else { 0.0 };
-            pixel.rest = after;
-            pixel.blended += 1;
         }
         for (sum, behind) in pixel.colour.iter_mut().zip(self.style.background) {
             *sum = *sum + pixel.rest * D::constant(f64::from(behind));
         }
         pixel
+    }
+
+    /// The layers blended at a pixel, each with its opacity, front to back; what is left of the light behind them, and
+    /// whether more would have followed.
+    fn seen<'a>(&self, layers: &[&'a Layer], [x, y]: [usize; 2]) -> (Vec<(&'a Layer, D)>, D, bool) {
+        let mut seen = Vec::new();
+        let mut rest = D::constant(1.0);
+        for &layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
+            let Some(alpha) = self.alpha(layer, [x, y]) else { continue };
+            let after = rest * (D::constant(1.0) - alpha);
+            if self.stops(after.value) {
+                return (seen, rest, true);
+            }
+            seen.push((layer, alpha));
+            rest = after;
+        }
+        (seen, rest, false)
+    }
+
+    /// Each layer's part of the pixel: its opacity, times the light that those in front of it let through.
+    fn weights<'a>(&self, seen: &[(&'a Layer, D)]) -> Vec<(&'a Layer, D)> {
+        let mut before = D::constant(1.0);
+        let mut first = 0;
+        let weight = |(i, &(layer, alpha)): (usize, &(&'a Layer, D))| {
+            while first < i && self.cover(seen[first].0, layer).value >= 1.0 {
+                before = before * (D::constant(1.0) - seen[first].1);
+                first += 1;
+            }
+            // those that share a depth with it, in front and behind
+            let near =
+                (first..seen.len()).filter(|j| *j != i).map(|j| (self.cover(seen[j].0, layer), seen[j].1));
+            let near = near.take_while(|(cover, _)| cover.value > 0.0);
+            let light = near.fold(before, |light, (cover, alpha)| light * (D::constant(1.0) - cover * alpha));
+            (layer, alpha * light)
+        };
+        seen.iter().enumerate().map(weight).collect()
+    }
+
+    /// How much of its opacity a layer takes from the light that reaches another one.
+    fn cover(&self, of: &Layer, other: &Layer) -> D {
+        match self.style.order {
+            Layering::Depth => D::constant(f64::from(u8::from(of.order < other.order))),
+            Layering::Blended => {
+                let ahead = (other.depth - of.depth) / (D::constant(2.0 * BLENDED_DEPTHS) * other.depth);
+                smoothstep(ahead + D::constant(0.5))
+            }
+        }
     }
 
     /// The opacity of a layer at a pixel, `None` where it is skipped.
@@ -171,8 +204,13 @@ impl Reference {
     }
 }
 
+/// From 0 at 0 to 1 at 1, level at both.
+fn smoothstep(x: D) -> D {
+    let u = x.clamp(0.0, 1.0);
+    u * u * (D::constant(3.0) - D::constant(2.0) * u)
+}
+
 /// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half (`numerics.md` 3.3).
 fn ramp(alpha: D) -> D {
-    let u = (D::constant(255.0) * alpha - D::constant(0.5)).clamp(0.0, 1.0);
-    u * u * (D::constant(3.0) - D::constant(2.0) * u)
+    smoothstep(D::constant(255.0) * alpha - D::constant(0.5))
 }

@@ -33,6 +33,9 @@ pub fn least_alpha(rules: Rules) -> f32 {
     }
 }
 
+/// Blended order: two layers cover each other in part while their depths differ by less than this share of them.
+pub const BLENDED_DEPTHS: f64 = 5e-4;
+
 /// A pixel is finished before the layer that would take its transmittance below this.
 pub const STOP: f32 = 1e-4;
 

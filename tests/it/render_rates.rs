@@ -28,6 +28,10 @@ fn style(rules: Rules, antialiased: bool) -> Style {
     Style { rules, order: Layering::Depth, antialiased, background: [0.1, 0.3, 0.2] }
 }
 
+fn blended_order() -> Style {
+    Style { order: Layering::Blended, ..style(Rules::Soft, false) }
+}
+
 /// A view that moves in every direction at once.
 fn moving(view: View) -> View {
     let velocity = Velocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
@@ -151,6 +155,7 @@ fn rates_are_differences_in_a_crowd() {
             check(&scene, &view, style(rules, antialiased));
         }
     }
+    check(&scene, &view, blended_order());
 }
 
 #[test]
@@ -164,6 +169,7 @@ fn rates_are_differences_in_a_real_scene() {
     for rules in ALL_RULES {
         check(&scene, &view, style(rules, false));
     }
+    check(&scene, &view, blended_order());
 }
 
 #[test]

@@ -188,6 +188,7 @@ impl Projection<'_> {
             mean: sight.mean.map(S::rate),
             w: w.map(S::rate),
             opacity: opacity.rate() / opacity.value(),
+            depth: sight.depth.rate(),
             grey,
             grey_rate: luminance(colour.map(S::rate)),
         };
@@ -279,6 +280,8 @@ struct Sight<S> {
     slopes: [S; 2],
     /// Focal lengths over depth.
     scale: [S; 2],
+    /// Scene units.
+    depth: S,
 }
 
 impl Eye {
@@ -300,7 +303,12 @@ impl Eye {
         };
         let z = S::with_rate(point.z as f32, rate.z as f32);
         let scale = |k: usize| S::with_rate(self.focal[k] as f32, 0.0) / z;
-        Sight { mean: [mean(0), mean(1)], slopes: [clamped(0), clamped(1)], scale: [scale(0), scale(1)] }
+        Sight {
+            mean: [mean(0), mean(1)],
+            slopes: [clamped(0), clamped(1)],
+            scale: [scale(0), scale(1)],
+            depth: z,
+        }
     }
 }
 

@@ -2,11 +2,14 @@
 
 #![expect(clippy::cast_precision_loss, reason = "tile coordinates are small")]
 
+mod blended;
+
 use super::bin::{Grid, Lists};
 use super::exp2::exp2_neg;
 use super::splat::{Rates, Splat};
+use crate::render::dual::Dual;
 use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
-use crate::render::{Rules, Work};
+use crate::render::{Layering, Rules, Work};
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 use std::f32::consts::LN_2;
@@ -36,6 +39,8 @@ pub(super) struct Frame<'a> {
     pub(super) grid: Grid,
     /// The rules.
     pub(super) rules: Rules,
+    /// How layers lie.
+    pub(super) order: Layering,
     /// The instruction set.
     pub(super) level: Level,
 }
@@ -56,7 +61,13 @@ pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
     out.resize(frame.grid.len() * stride, 0.0);
     out.par_chunks_mut(stride)
         .enumerate()
-        .map(|(index, out)| dispatch!(frame.level, _simd => one::<N, SOFT, RATE>(frame, index, out)))
+        .map(|(index, out)| match (frame.order, RATE) {
+            (Layering::Depth, _) => {
+                dispatch!(frame.level, _simd => one::<N, SOFT, RATE>(frame, index, out))
+            }
+            (Layering::Blended, false) => blended::one::<f32, N>(frame, index, out),
+            (Layering::Blended, true) => blended::one::<Dual<f32>, N>(frame, index, out),
+        })
         .reduce(Work::default, |mut a, b| {
             a += b;
             a

@@ -41,6 +41,8 @@ pub(super) struct Rates {
     pub(super) w: [f32; 3],
     /// Of the opacity at the mean, over it.
     pub(super) opacity: f32,
+    /// Of the depth, scene units.
+    pub(super) depth: f32,
     /// The luminance itself.
     pub(super) grey: f32,
     /// Its rate.

@@ -1,0 +1,195 @@
+//! Pass 4 where layers of nearly the same depth cover each other in part (`numerics.md` 3.3): layer `i` is lit by the
+//! product over the others of `1 - alpha_j cover(z_j, z_i)`.
+//!
+//! A layer is laid down once all that cover it are known, which are those that follow it by less than
+//! [`BLENDED_DEPTHS`]; it waits in a queue until nothing more lies within reach of it. Which layers a pixel blends and
+//! where it stops are those of the plain order. For references: written to be read, over numbers with or without rates.
+
+#![expect(clippy::cast_precision_loss, reason = "tile coordinates are small")]
+
+use super::{Frame, PIXELS};
+use crate::render::Work;
+use crate::render::cpu::exp2::exp2_neg;
+use crate::render::cpu::splat::{Rates, Splat};
+use crate::render::dual::Real;
+use crate::render::shared::{BLENDED_DEPTHS, MAX_ALPHA, SOFT_MIN_ALPHA, STOP, TILE};
+use std::collections::VecDeque;
+use std::f32::consts::LN_2;
+
+/// One tile with `N` features a splat, into its part of the planes (see [`super::run`]).
+pub(super) fn one<S: Real<Plain = f32>, const N: usize>(
+    frame: Frame<'_>,
+    index: usize,
+    out: &mut [f32],
+) -> Work {
+    let moving = |place: u32| frame.rates.get(place as usize).copied().unwrap_or_default();
+    let places = frame.lists.of(index).flatten();
+    let layers: Vec<(Splat, Rates)> =
+        places.map(|&place| (frame.splats[place as usize], moving(place))).collect();
+    let [row, column] = [index / frame.grid.columns, index % frame.grid.columns].map(|tile| tile * TILE);
+    let [width, height] = [frame.grid.size.width, frame.grid.size.height].map(|edge| edge as usize);
+    let mut work = Work::default();
+    for y in 0..TILE {
+        let inside = if row + y < height { width.saturating_sub(column) } else { 0 };
+        let mut pixels = Row::<S, N>::new([column, row + y], inside);
+        layers.iter().for_each(|(splat, rates)| pixels.take(splat, rates));
+        pixels.finish();
+        pixels.store(y, out);
+        work.blended += pixels.blended;
+        work.stopped += pixels.open.iter().take(inside).filter(|open| !**open).count() as u64;
+    }
+    work
+}
+
+/// A splat on one row of pixels.
+struct Layer<S, const N: usize> {
+    depth: S,
+    alpha: [S; TILE],
+    features: [f32; N],
+    grey: S,
+}
+
+/// One row of a tile, and the layers that wait to be laid down or may still cover others.
+struct Row<S, const N: usize> {
+    /// Centre of the first pixel, px.
+    first: [f32; 2],
+    /// Whether each pixel goes on.
+    open: [bool; TILE],
+    /// What is left of the light behind all layers so far.
+    rest: [S; TILE],
+    sums: [[f32; TILE]; N],
+    grey_rate: [f32; TILE],
+    blended: u64,
+    /// Front to back.
+    queue: VecDeque<Layer<S, N>>,
+    /// How many of the queue are laid down.
+    laid: usize,
+    /// What the layers that have left the queue let through.
+    before: [S; TILE],
+}
+
+impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
+    fn new([x, y]: [usize; 2], inside: usize) -> Self {
+        Self {
+            first: [x as f32 + 0.5, y as f32 + 0.5],
+            open: std::array::from_fn(|x| x < inside),
+            rest: [S::constant(1.0); TILE],
+            sums: [[0.0; TILE]; N],
+            grey_rate: [0.0; TILE],
+            blended: 0,
+            queue: VecDeque::new(),
+            laid: 0,
+            before: [S::constant(1.0); TILE],
+        }
+    }
+
+    /// The next splat in depth.
+    fn take(&mut self, splat: &Splat, rates: &Rates) {
+        let [first, end] = splat.rows.map(f32::from);
+        if self.first[1] < first || self.first[1] > end {
+            return;
+        }
+        let alpha = self.alphas(splat, rates);
+        let hits = alpha.iter().filter(|alpha| alpha.value() > 0.0).count();
+        if hits == 0 {
+            return;
+        }
+        self.blended += hits as u64;
+        let depth = S::with_rate(splat.depth, rates.depth);
+        while self.queue.get(self.laid).is_some_and(|next| cover(depth, next.depth).value() <= 0.0) {
+            self.lay();
+        }
+        let mut features = [0.0; N];
+        features.copy_from_slice(&splat.features[..N]);
+        let grey = S::with_rate(rates.grey, rates.grey_rate);
+        self.queue.push_back(Layer { depth, alpha, features, grey });
+    }
+
+    /// What the splat takes of the light at each pixel: 0 where it does not count or the pixel stops.
+    fn alphas(&mut self, splat: &Splat, rates: &Rates) -> [S; TILE] {
+        let [mx, my] = [0, 1].map(|k| S::with_rate(splat.mean[k], rates.mean[k]));
+        let [w1, w2, w3] = [0, 1, 2].map(|k| S::with_rate(splat.w[k], rates.w[k]));
+        let dy = S::with_rate(self.first[1], 0.0) - my;
+        let e2 = w3 * dy;
+        std::array::from_fn(|x| {
+            let e1 = w1 * (S::with_rate(self.first[0] + x as f32, 0.0) - mx) + w2 * dy;
+            let q = e1 * e1 + e2 * e2;
+            let free = splat.opacity * exp2_neg(q.value());
+            if !self.open[x] || free < SOFT_MIN_ALPHA {
+                return S::constant(0.0);
+            }
+            let clamped = free >= MAX_ALPHA;
+            let rate = free * (rates.opacity - LN_2 * q.rate());
+            let alpha = if clamped { S::with_rate(MAX_ALPHA, 0.0) } else { S::with_rate(free, rate) };
+            let alpha = alpha * smoothstep(S::constant(255.0) * alpha - S::constant(0.5));
+            let after = self.rest[x] * (S::constant(1.0) - alpha);
+            self.open[x] = after.value() >= STOP;
+            if !self.open[x] {
+                return S::constant(0.0);
+            }
+            self.rest[x] = after;
+            alpha
+        })
+    }
+
+    /// Lays down the next of the queue.
+    fn lay(&mut self) {
+        let depth = self.queue[self.laid].depth;
+        while self.laid > 0 && cover(self.queue[0].depth, depth).value() >= 1.0 {
+            let gone = self.queue.pop_front().expect("those laid down are in the queue");
+            for (light, alpha) in self.before.iter_mut().zip(gone.alpha) {
+                *light = *light * (S::constant(1.0) - alpha);
+            }
+            self.laid -= 1;
+        }
+        let mut light = self.before;
+        for (_, other) in self.queue.iter().enumerate().filter(|(j, _)| *j != self.laid) {
+            let cover = cover(other.depth, depth);
+            for (light, alpha) in light.iter_mut().zip(other.alpha) {
+                *light = *light * (S::constant(1.0) - cover * alpha);
+            }
+        }
+        let layer = &self.queue[self.laid];
+        for x in 0..TILE {
+            let weight = layer.alpha[x] * light[x];
+            for (sums, feature) in self.sums.iter_mut().zip(layer.features) {
+                sums[x] += weight.value() * feature;
+            }
+            self.grey_rate[x] += (weight * layer.grey).rate();
+        }
+        self.laid += 1;
+    }
+
+    /// Lays down the rest.
+    fn finish(&mut self) {
+        while self.laid < self.queue.len() {
+            self.lay();
+        }
+    }
+
+    /// Writes row `y` of the tile's planes.
+    fn store(&self, y: usize, out: &mut [f32]) {
+        for (n, plane) in out.chunks_exact_mut(PIXELS).enumerate() {
+            let row = &mut plane[y * TILE..][..TILE];
+            match n.checked_sub(N) {
+                None => row.copy_from_slice(&self.sums[n]),
+                Some(0) => row.copy_from_slice(&self.rest.map(S::value)),
+                Some(1) => row.copy_from_slice(&self.grey_rate),
+                Some(_) => row.copy_from_slice(&self.rest.map(S::rate)),
+            }
+        }
+    }
+}
+
+/// How much of its opacity a layer of depth `of` takes from the light that reaches one of depth `at`.
+fn cover<S: Real>(of: S, at: S) -> S {
+    smoothstep((at - of) / (S::constant(2.0 * BLENDED_DEPTHS) * at) + S::constant(0.5))
+}
+
+/// From 0 at 0 to 1 at 1, level at both and beyond.
+fn smoothstep<S: Real>(x: S) -> S {
+    let (low, high) = (S::constant(0.0), S::constant(1.0));
+    let u = if x > low { x } else { low };
+    let u = if u < high { u } else { high };
+    u * u * (S::constant(3.0) - S::constant(2.0) * u)
+}
