@@ -190,6 +190,9 @@ pub struct Simulation {
     pub work: Work,
     /// How far the picture moves between neighbouring poses, px; `None` where no pixel has a depth.
     pub flow_px: Option<Quantiles>,
+    /// Share of the blended weight that comes from Gaussians too deep for their distance, at the same poses; `None` where
+    /// nothing is blended.
+    pub doubtful_share: Option<f64>,
     /// Depth at the same poses, units: 5 %, 50 % and 95 % quantile.
     pub depth_unit: Option<[f32; 3]>,
     /// Stamps of the images in `brightness.npy`.

@@ -5,6 +5,7 @@
 //! means it. What a pass cannot measure it says with [`Verdict::NotRun`] and the reason; a name of [`NAMES`] that no
 //! finding bears is a pass that is not built.
 
+pub mod affine;
 pub mod batching;
 pub mod drift;
 pub mod drift_identity;
@@ -78,7 +79,7 @@ pub struct Finding {
 }
 
 /// The names that a recipe's `checks:` and the records use.
-pub const NAMES: [&str; 22] = [
+pub const NAMES: [&str; 23] = [
     "schema",
     "stamps",
     "duplicates",
@@ -93,6 +94,7 @@ pub const NAMES: [&str; 22] = [
     "time_offset",
     "noise_floor",
     "sampling",
+    "affine",
     "drift_identity",
     "readback",
     "pose_continuity",
@@ -113,7 +115,7 @@ pub trait Check: Sync {
 }
 
 /// The passes that are built, in the order of reports.
-pub const ALL: [&dyn Check; 11] = [
+pub const ALL: [&dyn Check; 12] = [
     &schema::Schema,
     &stamps::Stamps,
     &duplicates::Duplicates,
@@ -122,6 +124,7 @@ pub const ALL: [&dyn Check; 11] = [
     &batching::Batching,
     &event_frame::EventFrame,
     &sampling::Sampling,
+    &affine::Affine,
     &drift_identity::DriftIdentity,
     &pose_continuity::PoseContinuity,
     &speed::Speed,
@@ -363,6 +366,17 @@ mod tests {
         assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
         world.limits.sampling = Some(sampling::Limits { max: Some(1.0) });
         assert_eq!(world.finding("sampling").verdict, Verdict::Fail);
+    }
+
+    #[test]
+    fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
+        let mut world = World::sound();
+        world.doubtful_share = Some(0.02);
+        assert_eq!(world.finding("affine").verdict, Verdict::Warn);
+        world.limits.affine = Some(affine::Limits { max: Some(0.01) });
+        assert_eq!(world.finding("affine").verdict, Verdict::Fail);
+        world.doubtful_share = None;
+        assert_eq!(world.finding("affine").verdict, Verdict::NotRun);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted with a reason.
 
 use super::{
-    NAMES, batching, duplicates, event_frame, event_rate, polarity, pose_continuity, sampling, speed,
+    NAMES, affine, batching, duplicates, event_frame, event_rate, polarity, pose_continuity, sampling, speed,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -24,6 +24,8 @@ pub struct Limits {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sampling: Option<sampling::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub affine: Option<affine::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub pose_continuity: Option<pose_continuity::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed: Option<speed::Limits>,
@@ -45,13 +47,14 @@ pub struct Waiver {
 }
 
 /// Keys of `checks:` that this version knows.
-const KEYS: [&str; 9] = [
+const KEYS: [&str; 10] = [
     "duplicates",
     "event_rate",
     "polarity",
     "batching",
     "event_frame",
     "sampling",
+    "affine",
     "pose_continuity",
     "speed",
     "waive",
@@ -88,6 +91,7 @@ impl<'de> Visitor<'de> for LimitsVisitor {
                 "polarity" => limits.polarity = Some(map.next_value()?),
                 "batching" => limits.batching = Some(map.next_value()?),
                 "event_frame" => limits.event_frame = Some(map.next_value()?),
+                "affine" => limits.affine = Some(map.next_value()?),
                 "sampling" => limits.sampling = Some(map.next_value()?),
                 "pose_continuity" => limits.pose_continuity = Some(map.next_value()?),
                 "speed" => limits.speed = Some(map.next_value()?),

@@ -35,6 +35,7 @@ pub(super) struct World {
     pub(super) events: Vec<Event>,
     pub(super) anchors: Anchors,
     pub(super) flow: Option<Quantiles>,
+    pub(super) doubtful_share: Option<f64>,
     pub(super) limits: Limits,
 }
 
@@ -95,6 +96,7 @@ impl World {
             events,
             anchors,
             flow: Some(Quantiles { median: pace, p95: pace, max: pace }),
+            doubtful_share: Some(0.001),
             limits: Limits::default(),
         }
     }
@@ -123,6 +125,7 @@ impl World {
             account: Some(&self.account),
             tally: Some(&tally),
             flow: self.flow,
+            doubtful_share: self.doubtful_share,
             limits: &self.limits,
         })
     }

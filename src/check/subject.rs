@@ -28,6 +28,8 @@ pub struct Subject<'a> {
     pub tally: Option<&'a Tally>,
     /// How far the picture moves between neighbouring frames, px.
     pub flow: Option<Quantiles>,
+    /// The share of the picture that Gaussians too deep for their distance make up.
+    pub doubtful_share: Option<f64>,
     /// The recipe's limits.
     pub limits: &'a Limits,
 }

@@ -53,6 +53,7 @@ impl Stage for Checking {
             account: simulation.map(|s| &s.account),
             tally: tally.as_ref(),
             flow: simulation.and_then(|s| s.flow_px),
+            doubtful_share: simulation.and_then(|s| s.doubtful_share),
             limits: &self.limits,
         });
         let verdicts = Verdicts { findings, peak_ev_per_ms: tally.map(|t| t.peak_per_ms) };

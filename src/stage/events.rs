@@ -6,7 +6,7 @@ use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
 use crate::frames::anchors::Anchors;
 use crate::frames::rendered::RenderedFrames;
-use crate::image::Size;
+use crate::image::{Image, Size};
 use crate::render::cpu::{self, Cpu};
 use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
@@ -81,6 +81,7 @@ impl Stage for Simulating {
             account,
             work: frames.work(),
             flow_px: Quantiles::of(sampled.moved_px),
+            doubtful_share: (sampled.weight > 0.0).then(|| sampled.doubtful / sampled.weight),
             depth_unit: flow::nearest_ranks(sampled.depth, [5, 50, 95]),
             brightness_stamps_us: anchors.stamps_us.clone(),
         };
@@ -130,6 +131,9 @@ struct Sampled {
     /// Way of the picture between neighbouring poses.
     moved_px: Vec<f32>,
     depth: Vec<f32>,
+    /// Blended weight, summed, and what of it is doubtful.
+    weight: f64,
+    doubtful: f64,
 }
 
 fn sample_depth(
@@ -139,13 +143,18 @@ fn sample_depth(
     cx: &Context<'_>,
 ) -> Result<Sampled, StageError> {
     let poses = &trajectory.world_from_camera;
-    let want = Channels { depth: true, ..Channels::default() };
+    let want = Channels { depth: true, alpha: true, doubtful: true, ..Channels::default() };
     let mut sampled = Sampled::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
         let [from, to] = [a, b].map(|j| View::still(camera, poses[j]));
         let mut rendered = Rendered::default();
         renderer.render(&from, want, &mut rendered).map_err(StageError::work("measure the optical flow"))?;
+        let sum = |image: &Option<Image<f32>>| -> f64 {
+            image.iter().flat_map(Image::pixels).map(|v| f64::from(*v)).sum()
+        };
+        sampled.weight += sum(&rendered.alpha);
+        sampled.doubtful += sum(&rendered.doubtful);
         let depth = rendered.depth.expect("depth was asked for");
         sampled.moved_px.extend(flow::displacement(&depth, &from, &to).into_pixels());
         sampled.depth.extend(depth.into_pixels());

@@ -35,8 +35,9 @@ impl Account {
         console.say(&format!(
             "{channel} of {view}, {size}, by {backend} in {rendering:.3} s; read in {reading:.3} s"
         ));
+        let hidden = 100.0 * work.hidden as f64 / work.tile_pairs as f64;
         let pairs = if work.tile_pairs > 0 {
-            format!("{} pairs with tiles, ", work.tile_pairs)
+            format!("{} pairs with tiles ({hidden:.0} % of them behind an opaque front), ", work.tile_pairs)
         } else {
             String::new()
         };
@@ -46,12 +47,16 @@ impl Account {
             "{drawn} of {} Gaussians drawn, {pairs}{a_pixel:.2} blended a pixel",
             work.gaussians
         ));
+        if work.zero_harmonics > 0 {
+            let each = work.zero_harmonics / drawn.max(1);
+            console.say(&format!("{each} harmonics a Gaussian are zero in the whole scene and left out"));
+        }
         self.warnings().iter().for_each(|warning| console.say(&format!("warning: {warning}")));
     }
 
     fn drawn(&self) -> u64 {
-        let Work { gaussians, behind, degenerate, outside, .. } = self.work;
-        gaussians - behind - degenerate - outside
+        let Work { gaussians, unseen, behind, degenerate, outside, .. } = self.work;
+        gaussians - unseen - behind - degenerate - outside
     }
 
     fn warnings(&self) -> Vec<String> {

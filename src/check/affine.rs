@@ -1,0 +1,51 @@
+//! The projection's soundness (numerics.md section 7.3). Warning; a gate where the recipe sets the limit.
+//!
+//! A Gaussian is drawn as the ellipse of the projection's linear part at its mean, which is wrong for one that is deep
+//! for its distance: at a deviation of a tenth of the depth the ellipse is about right, at half it is not.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest share of the picture that doubtful Gaussians make up.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+}
+
+/// Default limit.
+const MOST: f64 = 0.01;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Affine;
+
+const NAME: &str = "affine";
+
+impl Check for Affine {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(measured) = subject.doubtful_share else {
+            return vec![subject.not_run(NAME, "", "no Gaussian was drawn that could be judged")];
+        };
+        let limit = Bound::of(subject.limits.affine.and_then(|l| l.max), Bound::warning(MOST));
+        let because = format!(
+            "{:.2} % of the picture is made by Gaussians whose depth varies by more than a tenth of their distance",
+            100.0 * measured
+        );
+        let judged = Judged {
+            verdict: limit.at_most(measured),
+            measured: Some(measured),
+            limit: Some(limit.value),
+            unit: "1",
+            because,
+        };
+        vec![subject.finding(NAME, "", judged)]
+    }
+}
