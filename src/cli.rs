@@ -24,6 +24,7 @@ mod render;
 mod trajectory;
 mod why;
 
+use crate::render::backend::Backend;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use console::Console;
 use problem::{Exit, Problem};
@@ -85,8 +86,8 @@ struct Common {
     #[arg(short = 'k', long, global = true)]
     keep_going: bool,
     /// What renders
-    #[arg(long, value_enum, default_value_t = Backend::Auto, global = true)]
-    backend: Backend,
+    #[arg(long, value_enum, default_value_t = Choice::Auto, global = true)]
+    backend: Choice,
     /// Fail instead of waiting when another gs2e works in the store
     #[arg(long, global = true)]
     no_wait: bool,
@@ -105,6 +106,14 @@ impl Common {
     /// Where built things are kept unless the user says otherwise.
     const STORE: &'static str = ".gs2e";
 
+    /// The back end that renders.
+    fn backend(&self) -> Backend {
+        match self.backend {
+            Choice::Auto | Choice::Cpu | Choice::Gpu => Backend::Cpu,
+            Choice::Reference => Backend::Reference,
+        }
+    }
+
     /// Keeps a single step to the cores that it may use.
     fn limit_cores(&self) {
         if let Some(jobs) = self.jobs {
@@ -114,32 +123,21 @@ impl Common {
     }
 }
 
-impl Verb {
-    /// The back ends that the verb can do its work with.
-    fn backends(&self) -> &'static [Backend] {
-        match self {
-            Self::Render(_) => &[Backend::Auto, Backend::Cpu, Backend::Reference],
-            _ => &[Backend::Auto, Backend::Cpu],
-        }
-    }
-}
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Backend {
+enum Choice {
     Auto,
     Cpu,
     Gpu,
     Reference,
 }
 
-impl Backend {
-    /// Refuses a back end that the verb does not have.
-    fn screen(self, of_the_verb: &[Self]) -> Result<(), Problem> {
-        if of_the_verb.contains(&self) {
+impl Choice {
+    /// Refuses a back end that this program does not have.
+    fn screen(self) -> Result<(), Problem> {
+        if self != Self::Gpu {
             return Ok(());
         }
-        let name = self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
-        let message = format!("the back end `{name}` is not built into this gs2e: it renders on the CPU");
+        let message = "the back end `gpu` is not built into this gs2e: it renders on the CPU".to_owned();
         Err(Problem::usage("no-adapter", message).help("--backend cpu, or leave it out"))
     }
 }
@@ -195,7 +193,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
             Problem::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
         })?;
     }
-    cli.common.backend.screen(cli.verb.backends())?;
+    cli.common.backend.screen()?;
     let common = &cli.common;
     match cli.verb {
         Verb::Build(verb) => verb.run(common, console),

@@ -6,6 +6,7 @@ pub mod survey;
 mod wire;
 
 use crate::recipe::Recipe;
+use crate::render::backend::Backend;
 use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
 
 /// The steps of some scenes, inputs before those that need them.
@@ -27,12 +28,12 @@ pub struct PlannedStep {
 }
 
 impl Plan {
-    /// Plans every scene. `recipes` are sorted by scene id, so the order of files does not matter.
+    /// Plans every scene, rendered by this back end. `recipes` are sorted by scene id, so the order of files does not matter.
     #[must_use]
-    pub fn new(recipes: Vec<Recipe>) -> Self {
+    pub fn new(recipes: Vec<Recipe>, backend: &Backend) -> Self {
         let mut plan = Self::default();
         for (scene, recipe) in recipes.iter().enumerate() {
-            wire::scene(recipe, &mut Wiring { plan: &mut plan, scene });
+            wire::scene(recipe, backend, &mut Wiring { plan: &mut plan, scene });
         }
         plan.scenes = recipes;
         plan

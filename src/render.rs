@@ -1,5 +1,6 @@
 //! Rendering Gaussians: the trait that back ends implement, the rules they share, what they count.
 
+pub mod backend;
 pub mod centre;
 pub mod cpu;
 mod dual;

@@ -13,7 +13,7 @@ pub mod trajectory;
 use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::camera::{self, Camera, CameraChoice};
 use crate::image::Size;
-use crate::render::cpu;
+use crate::render::backend::Backend;
 use crate::source::Capture;
 use crate::store::Digest;
 use crate::store::description::{Value, describe};
@@ -204,14 +204,14 @@ fn copies(files: &[Files]) -> u64 {
 /// What a stage needs that renders: the renderer, and `others` bytes a pixel of its own. Its first input is the capture;
 /// without one that can be read the number of pixels is not known, and the stage will not run either. The scene is its
 /// second.
-fn rendering_need(choice: Option<CameraChoice>, files: &[Files], others: u64) -> Need {
+fn rendering_need(backend: &Backend, choice: Option<CameraChoice>, files: &[Files], others: u64) -> Need {
     let capture = files.first().and_then(|capture| Capture::open(capture).ok());
     let own = |capture: Capture| capture.camera().map(|(own, _)| own);
     let camera = capture.and_then(|capture| camera::choose(choice, own(capture).as_ref()));
     let size = camera.map(|camera| camera.size);
     let scene = files.get(1).map_or(0, Files::bytes);
     let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
-    Need::memory(size.into_iter().flat_map(|size| [cpu::memory(scene, size), own(size)]))
+    Need::memory(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]))
 }
 
 /// What a running stage may use beside its inputs.

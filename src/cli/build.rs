@@ -67,12 +67,15 @@ impl Build {
         let paths = &self.targets.recipes;
         if !common.store.exists() {
             // A recipe that is wrong shall leave no store behind.
-            read_plan(paths)?;
+            read_plan(paths, common)?;
         }
         let store = open(common, &self.care, console)?;
         // What is to be made again must be in the plan.
-        let surveyed =
-            if self.care.recheck.is_some() { unsettled(paths) } else { survey(paths, &store, &tag(common)) };
+        let surveyed = if self.care.recheck.is_some() {
+            unsettled(paths, &common.backend())
+        } else {
+            survey(paths, &common.backend(), &store, &tag(common))
+        };
         let Survey { settled, plan } = surveyed?;
         tell_settled(&settled, &store, console);
         let settled = settled.iter().map(|scene| scene.steps.len()).sum();
@@ -95,8 +98,8 @@ pub(super) fn tag(common: &Common) -> Digest {
 }
 
 /// Reads recipes into a plan.
-pub(super) fn read_plan(recipes: &[PathBuf]) -> Result<Plan, Problem> {
-    Ok(Plan::new(recipe::read_all(recipes)?))
+pub(super) fn read_plan(recipes: &[PathBuf], common: &Common) -> Result<Plan, Problem> {
+    Ok(Plan::new(recipe::read_all(recipes)?, &common.backend()))
 }
 
 /// For programs, a line for each step of the scenes that are up to date at a glance.

@@ -50,7 +50,8 @@ impl Show {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let opening = Opening { verify: self.verify, ..opening(common, Access::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
-        let Survey { settled, plan } = survey(&self.targets.recipes, &store, &tag(common))?;
+        let Survey { settled, plan } =
+            survey(&self.targets.recipes, &common.backend(), &store, &tag(common))?;
         let assessed = assess(&plan, &store)?;
         // What goes to programs is one array.
         super::build::tell_notices(&store, &console.for_people());

@@ -38,7 +38,7 @@ pub(super) struct Release {
 
 impl Release {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes)?;
+        let plan = read_plan(&self.targets.recipes, common)?;
         let info = recipe::read_release(&self.targets.recipes)?;
         // No source that needs an entry there can be built yet; a file that is wrong is told all the same.
         recipe::read_sources(&self.targets.recipes)?;

@@ -8,11 +8,9 @@ use super::console::Console;
 use super::message::{Level, Message};
 use super::output::{self, Output};
 use super::problem::{Exit, Problem};
-use super::{Backend, Common, input};
-use crate::render::cpu::Cpu;
-use crate::render::reference::Reference;
+use super::{Common, input};
 use crate::render::{
-    Antialiased, Layering, RenderChoice, RenderError, Rendered, Renderer, Rules, Style, Velocity, View,
+    Antialiased, Layering, RenderChoice, RenderError, Rendered, Rules, Style, Velocity, View,
 };
 use crate::scene::{self, Gaussians};
 use crate::source::{self, view};
@@ -113,7 +111,7 @@ impl Render {
         let started = Instant::now();
         let style = self.style(&gaussians);
         let view = View { camera: chosen.camera, world_from_camera: chosen.world_from_camera, velocity };
-        let mut renderer = renderer(common.backend, gaussians, style).map_err(failed)?;
+        let mut renderer = common.backend().renderer(Arc::new(gaussians), style).map_err(failed)?;
         let mut rendered = Rendered::default();
         let work = renderer.render(&view, self.channel.wanted(), &mut rendered).map_err(failed)?;
         let rendering = started.elapsed();
@@ -195,15 +193,6 @@ impl Render {
         let (rules, background) = (self.rules.into(), self.background.0);
         RenderChoice { rules, order, antialiased, background }.resolve(gaussians.antialiased)
     }
-}
-
-/// The back end that was asked for, with the scene.
-fn renderer(backend: Backend, gaussians: Gaussians, style: Style) -> Result<Box<dyn Renderer>, RenderError> {
-    let scene = Arc::new(gaussians);
-    Ok(match backend {
-        Backend::Reference => Box::new(Reference::new(scene, style)?),
-        Backend::Auto | Backend::Cpu | Backend::Gpu => Box::new(Cpu::new(scene, style)?),
-    })
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]

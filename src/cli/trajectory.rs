@@ -9,7 +9,7 @@ use super::problem::{Exit, Problem};
 use super::{Common, input};
 use crate::camera::{self, Camera};
 use crate::recipe::{self, Fragment, TrajectoryRecipe};
-use crate::render::cpu::Cpu;
+use crate::render::backend::Backend;
 use crate::render::flow::Meter;
 use crate::source::Capture;
 use crate::source::kind::Kind;
@@ -64,7 +64,7 @@ impl Trajectory {
         let mut warnings = Vec::new();
         let captured = self.captured(&chain, &mut warnings)?;
         let camera = camera(&fragment, captured.as_ref().map(|c| &c.capture), &mut warnings);
-        let meter = self.meter(&fragment, &chain, camera)?;
+        let meter = self.meter(&fragment, &chain, camera, &common.backend())?;
         let made = Maker { fragment: &fragment, captured: captured.as_ref(), meter }.make(&chain)?;
         warnings.extend(made.before);
         let account =
@@ -130,6 +130,7 @@ impl Trajectory {
         fragment: &Fragment,
         chain: &[&TrajectoryRecipe],
         camera: Option<Camera>,
+        backend: &Backend,
     ) -> Result<Option<Meter>, Problem> {
         let Some(recipe) = chain.iter().find(|recipe| matches!(recipe.speed, Speed::Flow(_))) else {
             return Ok(None);
@@ -150,10 +151,10 @@ impl Trajectory {
         }
         let gaussians = crate::scene::read(scene).map_err(|e| input::unreadable("scene", &e))?;
         let style = fragment.render.resolve(gaussians.antialiased);
-        let renderer = Cpu::new(Arc::new(gaussians), style);
+        let renderer = backend.renderer(Arc::new(gaussians), style);
         let renderer =
             renderer.map_err(|e| Problem::failed("step-failed", format!("failed to render: {e}")))?;
-        Ok(Some(Meter::new(Box::new(renderer), camera)))
+        Ok(Some(Meter::new(renderer, camera)))
     }
 }
 

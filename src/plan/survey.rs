@@ -7,6 +7,7 @@
 use super::Plan;
 use super::assess::Product;
 use crate::recipe::{self, Faults, Recipe, RecipeFile};
+use crate::render::backend::Backend;
 use crate::stage::StepId;
 use crate::store::record::Output;
 use crate::store::{Digest, Key, Store, StoreError};
@@ -67,8 +68,13 @@ impl From<Faults> for SurveyError {
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`]; or when the store cannot be read.
-pub fn survey(paths: &[PathBuf], store: &Store, tag: &Digest) -> Result<Survey, SurveyError> {
-    let Ok(files) = recipe::find_all(paths) else { return unsettled(paths) };
+pub fn survey(
+    paths: &[PathBuf],
+    backend: &Backend,
+    store: &Store,
+    tag: &Digest,
+) -> Result<Survey, SurveyError> {
+    let Ok(files) = recipe::find_all(paths) else { return unsettled(paths, backend) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
     let recalled: Vec<Option<Settled>> = store.recall(&names, tag)?;
     let moved: Vec<RecipeFile> = files
@@ -79,20 +85,20 @@ pub fn survey(paths: &[PathBuf], store: &Store, tag: &Digest) -> Result<Survey, 
         .collect();
     let mut settled: Vec<Settled> = recalled.into_iter().flatten().collect();
     // A recipe that is wrong may be wrong because of another one: then all of them are read.
-    let Ok(recipes) = recipe::read_files(&moved) else { return unsettled(paths) };
+    let Ok(recipes) = recipe::read_files(&moved) else { return unsettled(paths, backend) };
     if may_clash(&settled, &recipes) {
-        return unsettled(paths);
+        return unsettled(paths, backend);
     }
     settled.sort_by(|a, b| a.scene.cmp(&b.scene));
-    Ok(Survey { settled, plan: Plan::new(recipes) })
+    Ok(Survey { settled, plan: Plan::new(recipes, backend) })
 }
 
 /// Reads and plans every scene, whatever is remembered.
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`].
-pub fn unsettled(paths: &[PathBuf]) -> Result<Survey, SurveyError> {
-    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?) })
+pub fn unsettled(paths: &[PathBuf], backend: &Backend) -> Result<Survey, SurveyError> {
+    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?, backend) })
 }
 
 /// Whether two scenes could claim one folder: an id that is there twice, or that lies in a trajectory of another.

@@ -4,6 +4,7 @@
 use super::Wiring;
 use crate::artifact::Motion;
 use crate::recipe::{Output, Recipe, Reconstruct, Source, TrajectoryRecipe};
+use crate::render::backend::Backend;
 use crate::scene::Gaussians;
 use crate::seed::{Purpose, Seed};
 use crate::source::Capture;
@@ -18,7 +19,7 @@ use crate::stage::trajectory::{Moving, Seeing};
 use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
-pub(super) fn scene(recipe: &Recipe, wiring: &mut Wiring<'_>) {
+pub(super) fn scene(recipe: &Recipe, backend: &Backend, wiring: &mut Wiring<'_>) {
     let (capturing, reconstructing) = match (&recipe.source, &recipe.reconstruct) {
         (Source::Procedural(still_life), _) => {
             (Capturing::procedural(still_life), Reconstructing::procedural(still_life))
@@ -35,6 +36,7 @@ pub(super) fn scene(recipe: &Recipe, wiring: &mut Wiring<'_>) {
     let ground = Ground {
         capture: wiring.add("capture".into(), capturing, ()),
         gaussians: wiring.add("reconstruct".into(), reconstructing, ()),
+        backend,
     };
     // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
@@ -46,24 +48,29 @@ pub(super) fn scene(recipe: &Recipe, wiring: &mut Wiring<'_>) {
     }
 }
 
-/// What the steps of all trajectories may take.
+/// What the steps of all trajectories may take, and what renders them.
 #[derive(Debug, Clone, Copy)]
-struct Ground {
+struct Ground<'a> {
     capture: Target<Capture>,
     gaussians: Target<Gaussians>,
+    backend: &'a Backend,
 }
 
 fn trajectory(
     recipe: &Recipe,
     trajectory: &TrajectoryRecipe,
     base: Option<Target<Motion>>,
-    ground: Ground,
+    ground: Ground<'_>,
     wiring: &mut Wiring<'_>,
 ) -> Target<Motion> {
-    let Ground { capture, gaussians } = ground;
+    let Ground { capture, gaussians, backend } = ground;
+    let backend = || backend.clone();
     let name = |step: &str| format!("{}/{step}", trajectory.name);
-    let seeing = matches!(trajectory.speed, Speed::Flow(_))
-        .then(|| Seeing { camera: recipe.camera, render: recipe.render });
+    let seeing = matches!(trajectory.speed, Speed::Flow(_)).then(|| Seeing {
+        camera: recipe.camera,
+        render: recipe.render,
+        backend: backend(),
+    });
     let sees = seeing.is_some();
     let moving = Moving {
         path: trajectory.path.clone(),
@@ -76,12 +83,22 @@ fn trajectory(
     let motion = wiring.add(name("trajectory"), moving, (captured, base, sees.then_some(gaussians)));
     let events = recipe.outputs.contains(&Output::Events).then(|| {
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
-        let simulating =
-            Simulating { camera: recipe.camera, render: recipe.render, sensor: recipe.sensor.clone(), seed };
+        let simulating = Simulating {
+            camera: recipe.camera,
+            render: recipe.render,
+            sensor: recipe.sensor.clone(),
+            seed,
+            backend: backend(),
+        };
         wiring.add(name("events"), simulating, (capture, gaussians, motion))
     });
     if recipe.outputs.contains(&Output::Sharp) {
-        let sharp = Photographing { camera: recipe.camera, render: recipe.render, every: recipe.sharp_every };
+        let sharp = Photographing {
+            camera: recipe.camera,
+            render: recipe.render,
+            every: recipe.sharp_every,
+            backend: backend(),
+        };
         wiring.add(name("sharp"), sharp, (capture, gaussians, motion));
     }
     let checking = Checking { limits: recipe.checks.clone() };

@@ -9,7 +9,7 @@ mod project;
 use super::dual::{Dual, Real};
 use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
 use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
-use crate::image::Image;
+use crate::image::{Image, Size};
 use crate::scene::Gaussians;
 use project::{Eye, Layer, least_alpha};
 use rayon::prelude::*;
@@ -17,6 +17,14 @@ use std::sync::Arc;
 
 /// The numerical class.
 pub const FINGERPRINT: &str = "reference/1";
+
+/// Memory that rendering a scene of this many bytes at this size takes, bytes: a layer of 256 bytes for a Gaussian that
+/// is stored in no fewer than 56, and each pixel twice.
+#[must_use]
+pub fn memory(scene_bytes: u64, size: Size) -> u64 {
+    const BYTES_A_PIXEL: u64 = 256;
+    6 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
+}
 
 /// In f32 `1 - 0.99` squared is below the stop, in f64 it is not: this much more, so that both stop alike.
 const STOP_SLACK: f64 = 1.000_001;

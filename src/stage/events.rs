@@ -7,7 +7,7 @@ use crate::event::{Header, LawStamp, h5};
 use crate::frames::anchors::Anchors;
 use crate::frames::rendered::RenderedFrames;
 use crate::image::{Image, Size};
-use crate::render::cpu::{self, Cpu};
+use crate::render::backend::Backend;
 use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
 use crate::scene::Gaussians;
@@ -34,6 +34,9 @@ pub struct Simulating {
     pub sensor: Sensor,
     /// Seed of the sensor's stream.
     pub seed: Seed,
+    /// What renders.
+    #[serde(skip)]
+    pub backend: Backend,
 }
 
 /// State of the sensor, pictures between the renderer and it, and the sample of the flow, by measurement.
@@ -49,11 +52,11 @@ impl Stage for Simulating {
     type Output = EventStream;
 
     fn class(&self) -> Option<String> {
-        Some(cpu::FINGERPRINT.to_owned())
+        Some(self.backend.class())
     }
 
     fn need(&self, files: &[Files]) -> Need {
-        super::rendering_need(self.camera, files, BYTES_A_PIXEL)
+        super::rendering_need(&self.backend, self.camera, files, BYTES_A_PIXEL)
     }
 
     fn run(
@@ -64,10 +67,11 @@ impl Stage for Simulating {
         let camera = super::camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
         let gaussians = Arc::new(gaussians);
-        let new_renderer = || Cpu::new(gaussians.clone(), style).map_err(StageError::work("render"));
+        let new_renderer =
+            || self.backend.renderer(gaussians.clone(), style).map_err(StageError::work("render"));
         let trajectory = motion.trajectory;
-        let sampled = sample_depth(&mut new_renderer()?, camera, &trajectory, cx)?;
-        let mut frames = RenderedFrames::new(Box::new(new_renderer()?), camera, trajectory.clone());
+        let sampled = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
+        let mut frames = RenderedFrames::new(new_renderer()?, camera, trajectory.clone());
         let (account, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
         cx.remark = Some(amount(account.events, "ev"));
         let simulation = Simulation {
@@ -137,7 +141,7 @@ struct Sampled {
 }
 
 fn sample_depth(
-    renderer: &mut Cpu,
+    renderer: &mut dyn Renderer,
     camera: Camera,
     trajectory: &Trajectory,
     cx: &Context<'_>,

@@ -4,8 +4,8 @@ use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{Files, Motion, Pictures, write_json};
 use crate::camera::CameraChoice;
 use crate::image::png;
-use crate::render::cpu::{self, Cpu};
-use crate::render::{Channels, RenderChoice, Rendered, Renderer, View, Work};
+use crate::render::backend::Backend;
+use crate::render::{Channels, RenderChoice, Rendered, View, Work};
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use rayon::prelude::*;
@@ -24,6 +24,9 @@ pub struct Photographing {
     pub render: RenderChoice,
     /// Every how many poses a frame is kept.
     pub every: u32,
+    /// What renders.
+    #[serde(skip)]
+    pub backend: Backend,
 }
 
 /// Frames that are rendered before any of them is encoded: the encoder works on one core a frame.
@@ -39,11 +42,11 @@ impl Stage for Photographing {
     type Output = Pictures;
 
     fn class(&self) -> Option<String> {
-        Some(cpu::FINGERPRINT.to_owned())
+        Some(self.backend.class())
     }
 
     fn need(&self, files: &[Files]) -> Need {
-        super::rendering_need(self.camera, files, BYTES_A_PIXEL)
+        super::rendering_need(&self.backend, self.camera, files, BYTES_A_PIXEL)
     }
 
     fn run(
@@ -53,7 +56,8 @@ impl Stage for Photographing {
     ) -> Result<(), StageError> {
         let camera = super::camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
-        let mut renderer = Cpu::new(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
+        let mut renderer =
+            self.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
         let poses = &motion.trajectory.world_from_camera;
         renderer.keep_to(&camera, poses);
         let kept: Vec<usize> = (0..poses.len()).step_by(self.every as usize).collect();

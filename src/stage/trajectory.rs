@@ -5,7 +5,7 @@ use crate::artifact::{Files, Motion, write_json};
 use crate::camera::CameraChoice;
 use crate::image::Size;
 use crate::render::RenderChoice;
-use crate::render::cpu::{self, Cpu};
+use crate::render::backend::Backend;
 use crate::render::flow::Meter;
 use crate::scene::Gaussians;
 use crate::source::Capture;
@@ -45,6 +45,9 @@ pub struct Seeing {
     pub camera: Option<CameraChoice>,
     /// The rendering.
     pub render: RenderChoice,
+    /// What renders.
+    #[serde(skip)]
+    pub backend: Backend,
 }
 
 impl Stage for Moving {
@@ -56,15 +59,15 @@ impl Stage for Moving {
     type Output = Motion;
 
     fn class(&self) -> Option<String> {
-        self.seeing.as_ref().map(|_| cpu::FINGERPRINT.to_owned())
+        self.seeing.as_ref().map(|seeing| seeing.backend.class())
     }
 
     fn need(&self, files: &[Files]) -> Need {
         /// The pictures that the flow is measured on are small, whatever the camera.
         const SMALL: Size = Size { width: 160, height: 90 };
         match (&self.seeing, files) {
-            (Some(_), [others @ .., scene]) => {
-                Need::memory([super::copies(others), cpu::memory(scene.bytes(), SMALL)])
+            (Some(seeing), [others @ .., scene]) => {
+                Need::memory([super::copies(others), seeing.backend.memory(scene.bytes(), SMALL)])
             }
             _ => Need::memory([super::copies(files)]),
         }
@@ -121,7 +124,8 @@ impl Moving {
         };
         let camera = super::camera(seeing.camera, capture, cx);
         let style = seeing.render.resolve(gaussians.antialiased);
-        let renderer = Cpu::new(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
-        Ok(Some(Meter::new(Box::new(renderer), camera)))
+        let renderer =
+            seeing.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
+        Ok(Some(Meter::new(renderer, camera)))
     }
 }

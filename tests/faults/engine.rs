@@ -3,6 +3,7 @@
 use crate::place::{Place, Products};
 use gs2e::plan::assess::{Action, assess};
 use gs2e::plan::survey::{Survey, survey};
+use gs2e::render::backend::Backend;
 use gs2e::run::{Budget, Event, Observer, Options, run, settle};
 use gs2e::stage::StepId;
 use gs2e::store::fs::Fs;
@@ -58,7 +59,8 @@ impl Engine {
     }
 
     fn survey(&self, store: &Store) -> Result<(Survey, Outputs), String> {
-        let survey = survey(&self.recipes, store, &tag()).map_err(|faults| format!("{faults:?}"))?;
+        let survey =
+            survey(&self.recipes, &Backend::Cpu, store, &tag()).map_err(|faults| format!("{faults:?}"))?;
         let steps = survey.settled.iter().flat_map(|scene| {
             scene.steps.iter().map(|step| (format!("{}/{}", scene.scene, step.name), step.outputs.clone()))
         });

@@ -5,6 +5,7 @@ use crate::support::workspace::{Workspace, alter};
 use gs2e::plan::Plan;
 use gs2e::plan::survey::survey;
 use gs2e::recipe::read_all;
+use gs2e::render::backend::Backend;
 use gs2e::run::{Budget, Event, Observer, Options, run, settle};
 use gs2e::store::{Access, Digest, Store};
 use serde_json::{Value, json};
@@ -29,8 +30,10 @@ fn tag() -> Digest {
 
 /// Builds in this process, under [`tag`]: how many steps were made.
 fn build(place: &Workspace) -> usize {
-    let plan =
-        Plan::new(read_all(&recipes(place)).unwrap_or_else(|faults| panic!("{}", faults.render_text())));
+    let plan = Plan::new(
+        read_all(&recipes(place)).unwrap_or_else(|faults| panic!("{}", faults.render_text())),
+        &Backend::Cpu,
+    );
     let store = open(place);
     let budget = Budget { cores: 2, memory: u64::MAX, gpus: 0 };
     let options = Options { budget, keep_going: false, recheck: None };
@@ -47,7 +50,7 @@ fn recipes(place: &Workspace) -> Vec<PathBuf> {
 /// The scenes that are known at a glance, and how many files were read to know it.
 fn settled(place: &Workspace, tag: &Digest) -> (Vec<String>, usize) {
     let store = open(place);
-    let survey = survey(&recipes(place), &store, tag).unwrap();
+    let survey = survey(&recipes(place), &Backend::Cpu, &store, tag).unwrap();
     (survey.settled.into_iter().map(|scene| scene.scene).collect(), store.digests().1)
 }
 
@@ -105,7 +108,7 @@ fn what_has_not_moved_is_known_at_a_glance() {
     // Two recipes of one scene are told, although each is known.
     place.write("recipes/d.yaml", fs::read(place.path("recipes/a.yaml")).unwrap());
     let store = open(&place);
-    assert!(survey(&recipes(&place), &store, &tag()).is_err());
+    assert!(survey(&recipes(&place), &Backend::Cpu, &store, &tag()).is_err());
 }
 
 #[test]

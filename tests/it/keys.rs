@@ -8,6 +8,7 @@ use crate::support::workspace::Workspace;
 use gs2e::plan::Plan;
 use gs2e::plan::assess::read_sources;
 use gs2e::recipe::{Recipe, read_all};
+use gs2e::render::backend::Backend;
 use gs2e::store::{Access, Digest, Key, Store};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -37,7 +38,7 @@ fn parse(value: &Value) -> Recipe {
 fn own_keys(recipe: Recipe) -> BTreeMap<&'static str, Key> {
     let nowhere = tempfile::tempdir().unwrap();
     let store = Store::open(&nowhere.path().join("store"), Access::Read, &mut |_| {}).unwrap();
-    let plan = Plan::new(vec![recipe]);
+    let plan = Plan::new(vec![recipe], &Backend::Cpu);
     let mut keys = BTreeMap::new();
     for planned in plan.steps() {
         let made = planned.step.inputs().into_iter();

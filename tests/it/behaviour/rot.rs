@@ -4,6 +4,7 @@ use super::{NONE, Workspace, built, made, recipe, stands_as_if_clean, steps};
 use gs2e::plan::Plan;
 use gs2e::plan::assess::{Action, assess};
 use gs2e::recipe::read_all;
+use gs2e::render::backend::Backend;
 use gs2e::store::fs::{Fs, Real};
 use gs2e::store::{Access, Opening, Store};
 use std::collections::BTreeMap;
@@ -34,7 +35,10 @@ fn rot(path: &Path) {
 fn stale(place: &Workspace, fs: &Arc<Frozen>, verify: bool) -> Vec<String> {
     let opening = Opening { verify, fs: fs.clone(), ..Access::Read.into() };
     let store = Store::open(&place.path(".gs2e"), opening, &mut |_| {}).unwrap();
-    let plan = Plan::new(read_all(&[place.path("recipes")]).unwrap_or_else(|faults| panic!("{faults:?}")));
+    let plan = Plan::new(
+        read_all(&[place.path("recipes")]).unwrap_or_else(|faults| panic!("{faults:?}")),
+        &Backend::Cpu,
+    );
     let assessed = assess(&plan, &store).unwrap();
     let steps = plan.steps().iter().zip(assessed).filter(|(_, a)| a.action == Action::Run);
     steps.map(|(step, _)| format!("{}/{}", plan.scene_of(step), step.name)).collect()

@@ -1,0 +1,49 @@
+//! Back ends: which renderer steps are made with, and the numerical class that this puts into their keys.
+
+use super::cpu::{self, Cpu};
+use super::reference::{self, Reference};
+use super::{RenderError, Renderer, Style};
+use crate::image::Size;
+use crate::scene::Gaussians;
+use std::sync::Arc;
+
+/// A back end, ready to take scenes.
+#[derive(Debug, Clone, Default)]
+pub enum Backend {
+    /// The CPU, in f32.
+    #[default]
+    Cpu,
+    /// The CPU, in f64, slowly.
+    Reference,
+}
+
+impl Backend {
+    /// The numerical class: the [`Renderer::fingerprint`] of what [`Self::renderer`] makes.
+    #[must_use]
+    pub fn class(&self) -> String {
+        match self {
+            Self::Cpu => cpu::FINGERPRINT.to_owned(),
+            Self::Reference => reference::FINGERPRINT.to_owned(),
+        }
+    }
+
+    /// A renderer of a scene.
+    ///
+    /// # Errors
+    /// When the back end cannot hold the scene or cannot render in this style.
+    pub fn renderer(&self, scene: Arc<Gaussians>, style: Style) -> Result<Box<dyn Renderer>, RenderError> {
+        Ok(match self {
+            Self::Cpu => Box::new(Cpu::new(scene, style)?),
+            Self::Reference => Box::new(Reference::new(scene, style)?),
+        })
+    }
+
+    /// Memory that rendering a scene of this many bytes at this size takes, bytes.
+    #[must_use]
+    pub fn memory(&self, scene_bytes: u64, size: Size) -> u64 {
+        match self {
+            Self::Cpu => cpu::memory(scene_bytes, size),
+            Self::Reference => reference::memory(scene_bytes, size),
+        }
+    }
+}
