@@ -1,9 +1,13 @@
 //! Events, the sinks that take them, and the order they have in files.
 
+pub mod aedat4;
+pub mod evt;
+pub mod file;
 pub mod h5;
 pub mod npz;
 pub mod order;
 pub mod picture;
+pub mod text;
 
 use crate::image::Size;
 use crate::units::Timestamp;
@@ -63,6 +67,11 @@ pub trait EventSource {
     /// # Errors
     /// When the file cannot be read, or holds a value that is no event.
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError>;
+
+    /// Events so far that the file gives no time for, and that were left out.
+    fn untimed(&self) -> u64 {
+        0
+    }
 }
 
 /// What an event file says about its stream beside the events.

@@ -1,4 +1,6 @@
-//! `gs2e convert`: a scene in another file format.
+//! `gs2e convert`: a scene, or events, in another file format.
+
+mod events;
 
 use super::console::Console;
 use super::message::{Level, Message};
@@ -6,6 +8,7 @@ use super::problem::{Exit, Problem};
 use crate::scene::form::{Form, Loss};
 use crate::scene::{self, Gaussians, SceneError, ply};
 use crate::units::amount;
+use events::Conversion;
 use serde_json::json;
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
@@ -14,22 +17,24 @@ use std::path::{Path, PathBuf};
 /// Arguments of `convert`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Convert {
-    /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG
+    /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG; or events: .h5, .npz, .raw, .aedat4, .txt, .csv
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// File to write: .ply, .spz or .splat
+    /// File to write: .ply, .spz or .splat for a scene; events as above
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Write it although something is lost
     #[arg(long)]
     lossy: bool,
+    #[command(flatten)]
+    events: events::Options,
 }
-
-/// What the names of event files end with.
-const EVENTS: [&str; 9] = ["h5", "hdf5", "npz", "raw", "aedat4", "aedat", "txt", "csv", "bin"];
 
 impl Convert {
     pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
+        if let Some(conversion) = self.of_events()? {
+            return conversion.run(console);
+        }
         let form = self.form()?;
         let scene = self.read()?;
         let (bytes, mut losses) = form.write(&scene).map_err(|e| {
@@ -39,21 +44,39 @@ impl Convert {
         if !losses.is_empty() && !self.lossy {
             return Err(self.refused(&losses));
         }
-        write_beside(&self.output, &bytes)
+        write_beside(&self.output, |part| File::create_new(part)?.write_all(&bytes))
             .map_err(|e| Problem::failed("not-written", format!("{}: {e}", self.output.display())))?;
         self.tell(&scene, bytes.len(), &losses, console);
         Ok(Exit::Done)
     }
 
-    /// The form that the output's name asks for, unless one of the names is of no scene.
-    fn form(&self) -> Result<Form, Problem> {
-        let of_events = |path: &Path| {
-            EVENTS.iter().any(|known| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(known)))
-        };
-        let refuse = |what: String| Err(Problem::usage("format", what).help(SUPPORTED));
-        if let Some(path) = [&self.input, &self.output].into_iter().find(|path| of_events(path)) {
-            return refuse(format!("{}: only scenes are converted", path.display()));
+    /// The conversion of events, where both names are of such files.
+    fn of_events(&self) -> Result<Option<Conversion<'_>>, Problem> {
+        let formats = [&self.input, &self.output].map(|path| self.events.format(path));
+        let name = |path: &Path| path.display().to_string();
+        match formats {
+            [None, None] => Ok(None),
+            [Some(from), Some(to)] => Ok(Some(Conversion {
+                from: (&self.input, from),
+                to: (&self.output, to),
+                options: &self.events,
+                lossy: self.lossy,
+            })),
+            [Some(_), None] => refuse(format!(
+                "{} holds events, and {} names no file of events",
+                name(&self.input),
+                name(&self.output)
+            )),
+            [None, Some(_)] => refuse(format!(
+                "{} holds events, and {} names no file of events",
+                name(&self.output),
+                name(&self.input)
+            )),
         }
+    }
+
+    /// The form that the output's name asks for.
+    fn form(&self) -> Result<Form, Problem> {
         match Form::of(&self.output) {
             _ if self.output.is_dir() => refuse(format!("{} is a folder", self.output.display())),
             Some(form) => Ok(form),
@@ -110,16 +133,20 @@ impl Convert {
     }
 }
 
-const SUPPORTED: &str =
-    "read: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG; written: .ply, .spz, .splat";
+fn refuse<T>(what: String) -> Result<T, Problem> {
+    let scenes = "scenes read: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG; written: .ply, .spz, .splat";
+    Err(Problem::usage("format", what).help(&format!("{scenes}; {}", events::SUPPORTED)))
+}
 
 /// Writes a file whole or not at all: beside its place, then into it.
-fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<()> {
+fn write_beside<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let beside = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let written = File::create_new(&beside)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| fs::rename(&beside, path));
+    let finish = || {
+        File::open(&beside)?.sync_all()?;
+        fs::rename(&beside, path)
+    };
+    let written = fill(&beside).and_then(|()| finish().map_err(E::from));
     if written.is_err() {
         // The first error is the one to tell.
         let _ = fs::remove_file(&beside);

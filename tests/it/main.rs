@@ -8,6 +8,7 @@ mod checks;
 mod cli;
 mod codecs;
 mod convert;
+mod convert_events;
 mod cutoff;
 mod determinism;
 mod diff;

@@ -358,9 +358,10 @@ fn programs_get_one_object() {
     let wanted = json!({
         "file": "new.npy", "channel": "rgb", "view": "camera.json", "width": WIDTH, "height": HEIGHT,
         "backend": null, "seconds": null, "warnings": [],
-        "style": { "rules": "official", "antialiased": false, "background": BEHIND },
-        "work": { "gaussians": 1, "behind": 0, "degenerate": 0, "outside": 0, "tile_pairs": null, "blended": blended,
-            "stopped": 0, "affine_doubtful": 0, "affine_invalid": 0 },
+        "style": { "rules": "official", "order": "depth", "antialiased": false, "background": BEHIND },
+        "work": { "gaussians": 1, "unseen": 0, "behind": 0, "degenerate": 0, "outside": 0, "zero_harmonics": 0,
+            "orders_kept": 0, "tile_pairs": null, "hidden": 0, "blended": blended, "stopped": 0, "affine_doubtful": 0,
+            "affine_invalid": 0 },
         "screening": { "read": 1, "non_finite": 0, "zero_quaternions": 0 },
     });
     assert_eq!(told, wanted);

@@ -35,11 +35,13 @@ impl Account {
         console.say(&format!(
             "{channel} of {view}, {size}, by {backend} in {rendering:.3} s; read in {reading:.3} s"
         ));
-        let hidden = 100.0 * work.hidden as f64 / work.tile_pairs as f64;
-        let pairs = if work.tile_pairs > 0 {
-            format!("{} pairs with tiles ({hidden:.0} % of them behind an opaque front), ", work.tile_pairs)
-        } else {
-            String::new()
+        let hidden = match 100 * work.hidden / work.tile_pairs.max(1) {
+            0 => String::new(),
+            percent => format!(", {percent} % of them hidden"),
+        };
+        let pairs = match work.tile_pairs {
+            0 => String::new(),
+            pairs => format!("{pairs} pairs with tiles{hidden}, "),
         };
         let a_pixel = work.blended as f64 / size.pixels() as f64;
         let drawn = self.drawn();

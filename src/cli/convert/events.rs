@@ -1,0 +1,222 @@
+//! Events in another file format.
+
+use super::write_beside;
+use crate::cli::console::Console;
+use crate::cli::message::{Level, Message};
+use crate::cli::problem::{Exit, Problem};
+use crate::event::evt::Version;
+use crate::event::file::{self, EventFile, Format, Hints, Opened, Sorted};
+use crate::event::text::TimeUnit;
+use crate::event::{Event, EventFileError, EventSource as _};
+use crate::image::Size;
+use crate::units::amount;
+use clap::ValueEnum;
+use serde_json::json;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What the formats are called by.
+pub(super) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
+
+/// Options for events.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// What a .raw is written as
+    #[arg(long, value_enum, default_value_t = Codec::Evt2)]
+    codec: Codec,
+    /// The sensor's size, where a file of events does not say it
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    size: Option<Size>,
+    /// What times with a fraction count in a .txt or .csv
+    #[arg(long, value_enum, value_name = "UNIT")]
+    time_unit: Option<Unit>,
+}
+
+/// The codecs of a .raw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Codec {
+    /// Prophesee's EVT 2.0
+    Evt2,
+    /// Prophesee's EVT 3.0
+    Evt3,
+}
+
+/// Units of time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Unit {
+    /// Seconds
+    S,
+    /// Milliseconds
+    Ms,
+    /// Microseconds
+    Us,
+    /// Nanoseconds
+    Ns,
+}
+
+impl Options {
+    /// The format that a name asks for.
+    pub(super) fn format(&self, path: &Path) -> Option<Format> {
+        let version = match self.codec {
+            Codec::Evt2 => Version::Evt2,
+            Codec::Evt3 => Version::Evt3,
+        };
+        Format::of(path, version)
+    }
+
+    fn hints(&self) -> Hints {
+        let unit = self.time_unit.map(|unit| match unit {
+            Unit::S => TimeUnit::Second,
+            Unit::Ms => TimeUnit::Millisecond,
+            Unit::Us => TimeUnit::Microsecond,
+            Unit::Ns => TimeUnit::Nanosecond,
+        });
+        Hints { size: self.size, unit }
+    }
+}
+
+/// `640x480`.
+fn size(text: &str) -> Result<Size, String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, as 640x480"))?;
+    let whole = 1..=u32::from(u16::MAX) + 1;
+    if whole.contains(&width) && whole.contains(&height) {
+        Ok(Size { width, height })
+    } else {
+        Err(format!("{text} is not a sensor of 1 to 65536 columns and rows"))
+    }
+}
+
+/// A stream on its way from one file to another.
+pub(super) struct Conversion<'a> {
+    pub(super) from: (&'a PathBuf, Format),
+    pub(super) to: (&'a PathBuf, Format),
+    pub(super) options: &'a Options,
+    pub(super) lossy: bool,
+}
+
+/// What was written, and what of it was lost on the way.
+#[derive(Debug, Default)]
+struct Done {
+    events: u64,
+    on: u64,
+    untimed: u64,
+    /// Events whose time has a part below a microsecond.
+    rounded: u64,
+    bytes: u64,
+}
+
+impl Conversion<'_> {
+    pub(super) fn run(&self, console: &Console) -> Result<Exit, Problem> {
+        let mut opened = self.open()?;
+        let before = self.losses_of_form(&opened);
+        if !before.is_empty() && !self.lossy {
+            return Err(self.refused(&before));
+        }
+        let mut done = Done::default();
+        let written = write_beside(self.to.0, |part| {
+            done = self.copy(&mut opened, part)?;
+            // What only the events can tell of.
+            if self.lossy || done.losses().is_empty() { Ok(()) } else { Err(Failure::Lossy) }
+        });
+        match written {
+            Ok(()) => {}
+            Err(Failure::Lossy) => return Err(self.refused(&done.losses())),
+            Err(Failure::Read(e)) => {
+                let what = format!("{}: failed to read events: {e}", self.from.0.display());
+                return Err(Problem::failed("input-unreadable", what));
+            }
+            Err(Failure::Write(e)) => {
+                return Err(Problem::failed("not-written", format!("{}: {e}", self.to.0.display())));
+            }
+        }
+        let losses = [before, done.losses()].concat();
+        self.tell(&opened, &done, &losses, console);
+        Ok(Exit::Done)
+    }
+
+    fn open(&self) -> Result<Opened, Problem> {
+        let (path, format) = self.from;
+        if let Err(e) = std::fs::metadata(path) {
+            return Err(Problem::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
+        }
+        file::open(path, format, self.options.hints()).map_err(|e| {
+            Problem::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
+        })
+    }
+
+    /// What the output's format has no place for.
+    fn losses_of_form(&self, opened: &Opened) -> Vec<String> {
+        let format = self.to.1;
+        let law = opened.header.law.filter(|_| !format.keeps_law());
+        let size = Some(opened.header.size).filter(|_| !format.keeps_size() && self.options.size.is_none());
+        let law = law.map(|law| format!("contrast: dropped, {:.4} on and {:.4} off", law.c_on, law.c_off));
+        [law, size.map(|size| format!("sensor: its size is dropped, {size}"))].into_iter().flatten().collect()
+    }
+
+    fn refused(&self, losses: &[String]) -> Problem {
+        let what = format!("{} would lose something", self.to.0.display());
+        let message = Message::new(Level::Error, "lossy", what).help("--lossy writes it all the same");
+        Problem::of(Exit::Usage, losses.iter().fold(message, |m, loss| m.detail(loss.clone())))
+    }
+
+    fn copy(&self, opened: &mut Opened, part: &Path) -> Result<Done, Failure> {
+        let mut sink = file::create(part, self.to.1, &opened.header).map_err(Failure::Write)?;
+        let mut sorted = Sorted::new(&mut *opened.source);
+        let (mut done, mut chunk, mut last_us) = (Done::default(), Vec::new(), 0);
+        while sorted.next_chunk(&mut chunk).map_err(Failure::Read)? {
+            done.count(&chunk);
+            last_us = chunk.last().map_or(last_us, |event: &Event| event.t.floor_micros());
+            sink.append(&chunk).map_err(|e| Failure::Write(e.into()))?;
+        }
+        done.untimed = sorted.untimed();
+        let written = EventFile::finish(sink, last_us).map_err(Failure::Write)?;
+        debug_assert_eq!(written, done.events);
+        done.bytes = std::fs::metadata(part).map_err(|e| Failure::Write(e.into()))?.len();
+        Ok(done)
+    }
+
+    fn tell(&self, opened: &Opened, done: &Done, losses: &[String], console: &Console) {
+        let (output, size) = (self.to.0, opened.header.size);
+        let Done { events, on, untimed, bytes, .. } = *done;
+        let amounts = [amount(events, "events"), amount(bytes, "B")];
+        console.say(&format!("{}: {} of a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
+        losses.iter().for_each(|loss| console.say(loss));
+        if console.json {
+            console.result(&json!({
+                "input": self.from.0, "output": output, "width": size.width, "height": size.height,
+                "events": events, "on": on, "untimed": untimed, "bytes": bytes, "lost": losses,
+            }));
+        }
+    }
+}
+
+impl Done {
+    fn count(&mut self, events: &[Event]) {
+        self.events += events.len() as u64;
+        self.on += events.iter().map(|e| e.polarity as u64).sum::<u64>();
+        self.rounded += events.iter().filter(|e| e.t.0 % 1000 != 0).count() as u64;
+    }
+
+    fn losses(&self) -> Vec<String> {
+        let untimed = (self.untimed > 0)
+            .then(|| format!("events: {} before the first time of the recording are dropped", self.untimed));
+        let rounded =
+            (self.rounded > 0).then(|| format!("times: {} are cut to the microsecond", self.rounded));
+        [untimed, rounded].into_iter().flatten().collect()
+    }
+}
+
+/// Why a file was not finished.
+enum Failure {
+    Read(EventFileError),
+    Write(EventFileError),
+    /// It would lose something, which is not allowed.
+    Lossy,
+}
+
+impl From<io::Error> for Failure {
+    fn from(e: io::Error) -> Self {
+        Self::Write(e.into())
+    }
+}

@@ -1,0 +1,51 @@
+//! Event streams as iniVation's AEDAT 4.0: a version line, a header, packets of events (docs.inivation.com, "AEDAT 4.0
+//! file format"; schemas `IOHeader`, `EventPacket` of dv-processing).
+//!
+//! Header and packets are `FlatBuffers` of a few fields, laid out here by hand; packets are compressed, each by itself.
+//! Written are LZ4 frames; read are also plain and Zstandard ones. What is no packet of the first stream of events is
+//! skipped.
+
+mod buffer;
+mod info;
+mod reader;
+mod writer;
+
+pub use reader::Reader;
+pub use writer::Writer;
+
+/// The first line.
+const VERSION: &[u8; 14] = b"#!AER-DAT4.0\r\n";
+
+/// Identifiers of the two kinds of buffer.
+const HEADER: &[u8; 4] = b"IOHE";
+/// See [`HEADER`].
+const EVENTS: &[u8; 4] = b"EVTS";
+
+/// Bytes of an event: time (i64, us), column, row (i16), polarity (u8), 3 of padding.
+const EVENT: usize = 16;
+
+/// Columns and rows are signed 16-bit numbers.
+const EDGE: u32 = 1 << 15;
+
+/// Times at and after this are refused: internal times are nanoseconds in 64 bits.
+const END_US: i64 = i64::MAX / 1000;
+
+/// How packets are compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Compression {
+    None,
+    Lz4,
+    Zstd,
+}
+
+impl Compression {
+    /// As a header numbers it: two levels of either count as one.
+    fn numbered(number: i32) -> Option<Self> {
+        match number {
+            0 => Some(Self::None),
+            1 | 2 => Some(Self::Lz4),
+            3 | 4 => Some(Self::Zstd),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The two `FlatBuffers`: a size, the offset of a table, an identifier, the table; a table begins with the way back to
+//! the list of where its fields are.
+
+use super::{EVENT, EVENTS, HEADER};
+use crate::event::Event;
+
+/// Bytes before the events of a packet.
+const BEFORE_EVENTS: usize = 32;
+
+/// A header of LZ4 frames that says nothing of where packets lie. Numbers of 8 bytes lie at multiples of 8.
+pub(super) fn header(info: &str) -> Vec<u8> {
+    const LZ4: i32 = 1;
+    const NO_TABLE: i64 = -1;
+    let mut bytes = Vec::new();
+    bytes.extend(20_u32.to_le_bytes()); // the table
+    bytes.extend(HEADER);
+    // list of fields: its bytes, the table's, then where each of the three is
+    bytes.extend([10_u16, 20, 4, 8, 16, 0].map(u16::to_le_bytes).concat());
+    bytes.extend(12_i32.to_le_bytes()); // back to the list
+    bytes.extend(LZ4.to_le_bytes());
+    bytes.extend(NO_TABLE.to_le_bytes());
+    bytes.extend(4_u32.to_le_bytes()); // on to the text
+    bytes.extend(length(info.len()).to_le_bytes());
+    bytes.extend(info.as_bytes());
+    bytes.resize((bytes.len() + 1).next_multiple_of(4), 0);
+    sized(bytes)
+}
+
+/// A packet.
+#[expect(clippy::cast_possible_wrap, reason = "columns and rows are below 2^15")]
+pub(super) fn packet(events: &[Event]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(BEFORE_EVENTS + EVENT * events.len());
+    bytes.extend(16_u32.to_le_bytes()); // the table
+    bytes.extend(EVENTS);
+    bytes.extend([6_u16, 8, 4, 0].map(u16::to_le_bytes).concat());
+    bytes.extend(8_i32.to_le_bytes()); // back to the list
+    bytes.extend(4_u32.to_le_bytes()); // on to the vector
+    bytes.extend(length(events.len()).to_le_bytes());
+    for event in events {
+        bytes.extend(event.t.floor_micros().to_le_bytes());
+        bytes.extend((event.x as i16).to_le_bytes());
+        bytes.extend((event.y as i16).to_le_bytes());
+        bytes.extend([event.polarity as u8, 0, 0, 0]);
+    }
+    sized(bytes)
+}
+
+fn length(n: usize) -> u32 {
+    u32::try_from(n).expect("packets and headers are small")
+}
+
+fn sized(bytes: Vec<u8>) -> Vec<u8> {
+    [length(bytes.len()).to_le_bytes().to_vec(), bytes].concat()
+}
+
+/// A table of a buffer that is read.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Table<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Table<'a> {
+    /// The root of a buffer without its size, if it carries this identifier.
+    pub(super) fn root(bytes: &'a [u8], identifier: &[u8; 4]) -> Option<Self> {
+        if bytes.get(4..8)? != identifier {
+            return None;
+        }
+        Some(Self { bytes, at: u32_at(bytes, 0)? })
+    }
+
+    /// Where field `k` lies; `None` where it is absent and has its default.
+    fn field(&self, k: usize) -> Option<usize> {
+        let back = i32::from_le_bytes(array(self.bytes, self.at)?);
+        let list = usize::try_from(i64::try_from(self.at).ok()? - i64::from(back)).ok()?;
+        let entry = 4 + 2 * k;
+        if entry + 2 > usize::from(u16::from_le_bytes(array(self.bytes, list)?)) {
+            return None;
+        }
+        let offset = usize::from(u16::from_le_bytes(array(self.bytes, list + entry)?));
+        (offset > 0).then_some(self.at + offset)
+    }
+
+    pub(super) fn i32(&self, k: usize) -> Option<i32> {
+        self.field(k).and_then(|at| Some(i32::from_le_bytes(array(self.bytes, at)?)))
+    }
+
+    pub(super) fn i64(&self, k: usize) -> Option<i64> {
+        self.field(k).and_then(|at| Some(i64::from_le_bytes(array(self.bytes, at)?)))
+    }
+
+    /// The elements, of so many bytes each, of a text or a vector.
+    pub(super) fn elements(&self, k: usize, bytes_each: usize) -> Option<&'a [u8]> {
+        let field = self.field(k)?;
+        let at = field.checked_add(u32_at(self.bytes, field)?)?;
+        let first = at.checked_add(4)?;
+        self.bytes.get(first..first.checked_add(u32_at(self.bytes, at)?.checked_mul(bytes_each)?)?)
+    }
+}
+
+fn array<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
+    bytes.get(at..at.checked_add(N)?)?.try_into().ok()
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
+    usize::try_from(u32::from_le_bytes(array(bytes, at)?)).ok()
+}

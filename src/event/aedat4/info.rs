@@ -1,0 +1,58 @@
+//! What the header says of its streams, as XML.
+
+use crate::image::Size;
+use roxmltree::{Document, Node};
+
+/// A stream of events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Stream {
+    pub(super) id: i32,
+    pub(super) size: Size,
+}
+
+/// The description of one stream of events, numbered 0.
+pub(super) fn write(size: Size) -> String {
+    let attribute =
+        |key: &str, kind: &str, value: &str| format!("<attr key=\"{key}\" type=\"{kind}\">{value}</attr>\n");
+    let place = "/mainloop/Recorder/outInfo/";
+    let about = [
+        attribute("compression", "string", "LZ4"),
+        attribute("originalModuleName", "string", "simulator"),
+        attribute("originalOutputName", "string", "events"),
+        attribute("typeDescription", "string", "Array of events (polarity ON/OFF)."),
+        attribute("typeIdentifier", "string", "EVTS"),
+    ]
+    .concat();
+    let sensor = [
+        attribute("sizeX", "int", &size.width.to_string()),
+        attribute("sizeY", "int", &size.height.to_string()),
+        attribute("source", "string", "simulator"),
+    ]
+    .concat();
+    format!(
+        "<dv version=\"2.0\">\n<node name=\"outInfo\" path=\"{place}\">\n<node name=\"0\" path=\"{place}0/\">\n{about}\
+         <node name=\"info\" path=\"{place}0/info/\">\n{sensor}</node>\n</node>\n</node>\n</dv>\n"
+    )
+}
+
+/// The first stream of events; an error says what is missing.
+pub(super) fn read(text: &str) -> Result<Stream, String> {
+    let document = Document::parse(text).map_err(|e| format!("its description is no XML: {e}"))?;
+    let streams = document.descendants().filter(|node| attribute(*node, "typeIdentifier") == Some("EVTS"));
+    let stream = streams.min_by_key(|node| number(*node)).ok_or("it has no stream of events")?;
+    let id = number(stream).ok_or("its stream of events has no number")?;
+    let info = stream.children().find(|node| node.attribute("name") == Some("info"));
+    let side = |key: &str| attribute(info?, key)?.trim().parse::<u32>().ok();
+    let size = side("sizeX").zip(side("sizeY")).ok_or("it does not say the sensor's size: sizeX, sizeY")?;
+    Ok(Stream { id, size: Size { width: size.0, height: size.1 } })
+}
+
+fn number(node: Node<'_, '_>) -> Option<i32> {
+    node.attribute("name")?.parse().ok()
+}
+
+/// The value of one of a node's own attributes, which are children of it.
+fn attribute<'a>(node: Node<'a, '_>, key: &str) -> Option<&'a str> {
+    let is_it = |child: &Node<'_, '_>| child.has_tag_name("attr") && child.attribute("key") == Some(key);
+    node.children().find(is_it)?.text()
+}

@@ -1,0 +1,148 @@
+//! Reading, packet by packet.
+
+use super::buffer::Table;
+use super::info::{self, Stream};
+use super::{Compression, END_US, EVENT, EVENTS, HEADER, VERSION};
+use crate::event::{Event, EventFileError, EventSource, Header, Polarity};
+use crate::units::Timestamp;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+/// Headers and packets above this, once inflated, are of something else.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// Reads the first stream of events of a file. Whether they are sorted is for others to judge.
+#[derive(Debug)]
+pub struct Reader {
+    file: BufReader<File>,
+    compression: Compression,
+    stream: Stream,
+    /// Bytes before the next packet.
+    offset: u64,
+    /// Where packets end, if the file says it.
+    end: u64,
+}
+
+impl Reader {
+    /// Opens a file and reads its header.
+    ///
+    /// # Errors
+    /// When it is of another version, or its header names no stream of events or no sensor's size.
+    pub fn open(path: &Path) -> Result<Self, EventFileError> {
+        let mut file = BufReader::new(File::open(path)?);
+        let mut version = [0; VERSION.len()];
+        let begins = file.read_exact(&mut version).is_ok() && version == *VERSION;
+        if !begins {
+            return Err(wrong(0, "it does not begin with `#!AER-DAT4.0`"));
+        }
+        let at = VERSION.len() as u64;
+        let cut = || wrong(at, "the header is cut off");
+        let mut length = [0; 4];
+        file.read_exact(&mut length).map_err(|_| cut())?;
+        let length = u64::from(u32::from_le_bytes(length));
+        let bytes = exactly(&mut file, length)?.ok_or_else(cut)?;
+        let table = Table::root(&bytes, HEADER).ok_or_else(|| wrong(at, "no header lies here"))?;
+        let number = table.i32(0).unwrap_or(0);
+        let compression = Compression::numbered(number)
+            .ok_or_else(|| wrong(at, &format!("compression number {number}, wanted 0 to 4")))?;
+        let text =
+            table.elements(2, 1).ok_or_else(|| wrong(at, "the header does not describe its streams"))?;
+        let stream = info::read(&String::from_utf8_lossy(text)).map_err(|because| wrong(at, &because))?;
+        let end = table.i64(1).and_then(|end| u64::try_from(end).ok()).unwrap_or(u64::MAX);
+        Ok(Self { file, compression, stream, offset: at + 4 + length, end })
+    }
+
+    /// What the file says beside the events.
+    #[must_use]
+    pub fn header(&self) -> Header {
+        Header { size: self.stream.size, law: None }
+    }
+
+    /// The next packet's stream and content; `None` after the last.
+    fn packet(&mut self) -> Result<Option<(i32, Vec<u8>)>, EventFileError> {
+        let mut head = Vec::new();
+        if self.offset < self.end {
+            self.file.by_ref().take(8).read_to_end(&mut head)?;
+        }
+        if head.is_empty() {
+            return Ok(None);
+        }
+        let cut = || wrong(self.offset, "the packet is cut off");
+        let word = |k: usize| Some(i32::from_le_bytes(head.get(4 * k..4 * k + 4)?.try_into().ok()?));
+        let (stream, length) = word(0).zip(word(1)).ok_or_else(cut)?;
+        let length =
+            u64::try_from(length).map_err(|_| wrong(self.offset, &format!("a packet of {length} bytes")))?;
+        let bytes = exactly(&mut self.file, length)?.ok_or_else(cut)?;
+        self.offset += 8 + length;
+        Ok(Some((stream, bytes)))
+    }
+
+    /// The events of a packet that begins at `at`.
+    fn events(&self, packet: &[u8], at: u64, out: &mut Vec<Event>) -> Result<(), EventFileError> {
+        let inflated = self.inflate(packet).map_err(|e| wrong(at, &format!("the packet: {e}")))?;
+        let table = inflated.get(4..).and_then(|bytes| Table::root(bytes, EVENTS));
+        let table = table.ok_or_else(|| wrong(at, "the packet holds no events"))?;
+        // A packet without its one field is one of no events.
+        for bytes in table.elements(0, EVENT).unwrap_or_default().chunks_exact(EVENT) {
+            let event = self.event(bytes).map_err(|because| wrong(at, &because))?;
+            out.push(event);
+        }
+        Ok(())
+    }
+
+    fn inflate(&self, packet: &[u8]) -> std::io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let mut take = |from: &mut dyn Read| from.take(MOST_BYTES).read_to_end(&mut bytes);
+        match self.compression {
+            Compression::None => take(&mut &*packet),
+            Compression::Lz4 => take(&mut lz4_flex::frame::FrameDecoder::new(packet)),
+            Compression::Zstd => take(&mut zstd::Decoder::new(packet)?),
+        }?;
+        Ok(bytes)
+    }
+
+    fn event(&self, bytes: &[u8]) -> Result<Event, String> {
+        let t = i64::from_le_bytes(bytes[..8].try_into().expect("8 of 16 bytes"));
+        let [x, y] = [8, 10].map(|at| i16::from_le_bytes([bytes[at], bytes[at + 1]]));
+        if !(0..END_US).contains(&t) {
+            return Err(format!("t = {t} us, wanted 0 to {}", END_US - 1));
+        }
+        let side = |v: i16, end: u32| u16::try_from(v).ok().filter(|v| u32::from(*v) < end);
+        let size = self.stream.size;
+        let (Some(column), Some(row)) = (side(x, size.width), side(y, size.height)) else {
+            return Err(format!("pixel ({x}, {y}) lies outside the sensor of {size}"));
+        };
+        let polarity = match bytes[12] {
+            0 => Polarity::Off,
+            1 => Polarity::On,
+            p => return Err(format!("polarity {p}, wanted 0 or 1")),
+        };
+        Ok(Event { t: Timestamp::from_micros(t), x: column, y: row, polarity })
+    }
+}
+
+impl EventSource for Reader {
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+        out.clear();
+        while out.is_empty() {
+            let at = self.offset;
+            let Some((stream, packet)) = self.packet()? else { return Ok(false) };
+            if stream == self.stream.id {
+                self.events(&packet, at, out)?;
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// So many bytes, or `None` where the file ends before.
+fn exactly(file: &mut impl Read, length: u64) -> std::io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    file.by_ref().take(length).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 == length).then_some(bytes))
+}
+
+fn wrong(at: u64, because: &str) -> EventFileError {
+    EventFileError::Container(format!("byte {at}: {because}"))
+}

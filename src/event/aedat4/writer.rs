@@ -1,0 +1,80 @@
+//! Writing, packet by packet.
+
+use super::{EDGE, END_US, VERSION, buffer, info};
+use crate::event::order::Order;
+use crate::event::{Event, EventFileError, EventSink};
+use crate::image::Size;
+use lz4_flex::frame::FrameEncoder;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
+
+/// Events of a packet.
+const PACKET: usize = 8192;
+
+/// The number of the one stream.
+const STREAM: i32 = 0;
+
+/// Writes one stream, in memory that does not grow with it. The bytes do not depend on how it is cut into chunks.
+#[derive(Debug)]
+pub struct Writer {
+    file: BufWriter<File>,
+    order: Order,
+    waiting: Vec<Event>,
+}
+
+impl Writer {
+    /// Begins a file of a stream from a sensor of this size.
+    ///
+    /// # Errors
+    /// When the sensor has more than 32,768 columns or rows, or the file cannot be created.
+    pub fn create(path: &Path, size: Size) -> Result<Self, EventFileError> {
+        if size.width > EDGE || size.height > EDGE {
+            let because = format!("a sensor of {size}, and AEDAT 4 has at most {EDGE} columns and rows");
+            return Err(EventFileError::Container(because));
+        }
+        let mut file = BufWriter::new(File::create(path)?);
+        file.write_all(VERSION)?;
+        file.write_all(&buffer::header(&info::write(size)))?;
+        Ok(Self { file, order: Order::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
+    }
+
+    /// Ends the file and returns the number of events.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> Result<u64, EventFileError> {
+        self.packet()?;
+        self.file.flush()?;
+        Ok(self.order.count())
+    }
+
+    fn packet(&mut self) -> std::io::Result<()> {
+        if self.waiting.is_empty() {
+            return Ok(());
+        }
+        let mut frame = FrameEncoder::new(Vec::new());
+        frame.write_all(&buffer::packet(&self.waiting))?;
+        let frame = frame.finish().map_err(std::io::Error::other)?;
+        let length = i32::try_from(frame.len()).map_err(std::io::Error::other)?;
+        self.file.write_all(&[STREAM.to_le_bytes(), length.to_le_bytes()].concat())?;
+        self.waiting.clear();
+        self.file.write_all(&frame)
+    }
+}
+
+impl EventSink for Writer {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        self.order.admit(events)?;
+        let mut rest = events;
+        while !rest.is_empty() {
+            let (now, later) = rest.split_at(rest.len().min(PACKET - self.waiting.len()));
+            self.waiting.extend_from_slice(now);
+            rest = later;
+            if self.waiting.len() == PACKET {
+                self.packet()?;
+            }
+        }
+        Ok(())
+    }
+}

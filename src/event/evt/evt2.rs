@@ -1,0 +1,77 @@
+//! EVT 2.0: bits 31..28 are the kind of a word. An event has 6 bits of time, 11 of x and 11 of y; a word of time has the
+//! 28 bits above.
+
+use super::reader::{Decoder, Found};
+use crate::event::{Event, Polarity};
+use crate::units::Timestamp;
+
+const TIME_HIGH: u32 = 0x8;
+const TRIGGER: u32 = 0xa;
+const OTHERS: u32 = 0xe;
+const CONTINUED: u32 = 0xf;
+
+/// Bits of a time in an event.
+const LOW: u32 = 6;
+
+/// Times have 34 bits: 4.8 hours.
+pub(super) const END_US: i64 = 1 << 34;
+
+/// Turns events into words.
+#[derive(Debug, Default)]
+pub(super) struct Encoder {
+    high: Option<u32>,
+}
+
+impl Encoder {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are below END_US")]
+    pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) {
+        let t = event.t.floor_micros() as u64;
+        let (high, low) = ((t >> LOW) as u32, t as u32 & ((1 << LOW) - 1));
+        if self.high != Some(high) {
+            self.high = Some(high);
+            out.extend((TIME_HIGH << 28 | high).to_le_bytes());
+        }
+        let word = (event.polarity as u32) << 28 | low << 22 | u32::from(event.x) << 11 | u32::from(event.y);
+        out.extend(word.to_le_bytes());
+    }
+}
+
+/// Turns words into events.
+#[derive(Debug, Default)]
+pub(super) struct State {
+    /// The part of the time that words of time carry; `None` before the first.
+    high: Option<u32>,
+    /// Times began anew this often.
+    turns: i64,
+}
+
+impl Decoder for State {
+    const BYTES: usize = 4;
+
+    #[expect(clippy::cast_possible_truncation, reason = "11 bits fit")]
+    fn take(&mut self, bytes: &[u8], found: &mut Found<'_>) -> Result<(), String> {
+        let word = u32::from_le_bytes(bytes.try_into().expect("a word has 4 bytes"));
+        match word >> 28 {
+            kind @ (0 | 1) => {
+                let Some(high) = self.high else {
+                    found.untimed += 1;
+                    return Ok(());
+                };
+                let low = word >> 22 & ((1 << LOW) - 1);
+                let t_us = self.turns * END_US + (i64::from(high) << LOW | i64::from(low));
+                let (x, y) = ((word >> 11 & 0x7ff) as u16, (word & 0x7ff) as u16);
+                let polarity = if kind == 1 { Polarity::On } else { Polarity::Off };
+                found.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity })
+            }
+            TIME_HIGH => {
+                let high = word & 0x0fff_ffff;
+                // Far back is no disorder but the counter's end.
+                self.turns += i64::from(self.high.is_some_and(|last| last > high && last - high > 1 << 27));
+                self.high = Some(high);
+                Ok(())
+            }
+            TRIGGER | OTHERS | CONTINUED => Ok(()),
+            kind => Err(format!("a word of kind {kind:#x}, which EVT 2.0 does not have")),
+        }
+    }
+}

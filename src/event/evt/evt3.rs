@@ -1,0 +1,177 @@
+//! EVT 3.0: bits 15..12 are the kind of a word, the others its value. Time has 12 + 12 bits and begins anew every 16.8
+//! seconds; row and time hold until they are replaced; a run of pixels is a base and masks of 12 or 8 pixels.
+
+use super::reader::{Decoder, Found};
+use crate::event::{Event, Polarity};
+use crate::units::Timestamp;
+
+const ADDRESS_Y: u16 = 0x0;
+const ADDRESS_X: u16 = 0x2;
+const BASE_X: u16 = 0x3;
+const MASK_12: u16 = 0x4;
+const MASK_8: u16 = 0x5;
+const TIME_LOW: u16 = 0x6;
+const CONTINUED_4: u16 = 0x7;
+const TIME_HIGH: u16 = 0x8;
+const TRIGGER: u16 = 0xa;
+const OTHERS: u16 = 0xe;
+const CONTINUED_12: u16 = 0xf;
+
+/// Bits of either part of a time.
+const PART: u32 = 12;
+/// Largest value of a word.
+const VALUE: u16 = (1 << PART) - 1;
+
+/// Times at and after this are refused: internal times are nanoseconds in 64 bits.
+pub(super) const END_US: i64 = i64::MAX / 1000;
+
+/// Fewest events that a base and a mask are shorter for.
+const WORTH_A_MASK: usize = 3;
+
+/// Turns events into words. Events of one time, row and polarity wait for one another.
+#[derive(Debug, Default)]
+pub(super) struct Encoder {
+    /// Time over 2^12, unbounded; `None` before the first.
+    high: Option<i64>,
+    low: Option<u16>,
+    row: Option<u16>,
+    waiting: Vec<Event>,
+}
+
+fn word(kind: u16, value: u16, out: &mut Vec<u8>) {
+    out.extend((kind << PART | value & VALUE).to_le_bytes());
+}
+
+impl Encoder {
+    pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) {
+        let key = |e: &Event| (e.t.floor_micros(), e.y, e.polarity);
+        if self.waiting.last().is_some_and(|last| key(last) != key(event)) {
+            self.flush(out);
+        }
+        self.waiting.push(*event);
+    }
+
+    /// Writes those that wait.
+    pub(super) fn flush(&mut self, out: &mut Vec<u8>) {
+        let Some(&first) = self.waiting.first() else { return };
+        self.time(first.t.floor_micros(), out);
+        if self.row != Some(first.y) {
+            self.row = Some(first.y);
+            word(ADDRESS_Y, first.y, out);
+        }
+        let polarity = (first.polarity as u16) << 11;
+        let columns: Vec<u16> = self.waiting.drain(..).map(|event| event.x).collect();
+        let mut rest = &columns[..];
+        while let Some(&x) = rest.first() {
+            let (mask, taken) = window(rest, x);
+            if taken < WORTH_A_MASK {
+                word(ADDRESS_X, x | polarity, out);
+                rest = &rest[1..];
+                continue;
+            }
+            word(BASE_X, x | polarity, out);
+            let (mut base, mut mask, mut taken) = (x, mask, taken);
+            // The base moves on by itself: each further mask costs no more than one event would.
+            while taken > 0 {
+                word(MASK_12, mask, out);
+                rest = &rest[taken..];
+                base += 12;
+                (mask, taken) = window(rest, base);
+            }
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "masked to 12 bits")]
+    fn time(&mut self, t_us: i64, out: &mut Vec<u8>) {
+        let (high, low) = (t_us >> PART, (t_us as u16) & VALUE);
+        // A reader sees that time began anew by a step down; steps of a quarter leave no doubt how often.
+        let quarter = 1 << (PART - 2);
+        let mut at = self.high.unwrap_or(0);
+        while high - at > quarter {
+            at += quarter;
+            word(TIME_HIGH, at as u16, out);
+        }
+        if self.high != Some(high) {
+            word(TIME_HIGH, high as u16, out);
+            self.low = None;
+        }
+        if self.low != Some(low) {
+            word(TIME_LOW, low, out);
+        }
+        (self.high, self.low) = (Some(high), Some(low));
+    }
+}
+
+/// The mask of the leading columns within 12 of `base`, and how many they are; a column that is there twice ends it.
+fn window(columns: &[u16], base: u16) -> (u16, usize) {
+    let mut mask = 0;
+    let mut taken = 0;
+    for &x in columns {
+        let Some(bit) = x.checked_sub(base).filter(|bit| *bit < 12) else { break };
+        if mask >> bit != 0 {
+            break;
+        }
+        mask |= 1 << bit;
+        taken += 1;
+    }
+    (mask, taken)
+}
+
+/// Turns words into events.
+#[derive(Debug, Default)]
+pub(super) struct State {
+    high: Option<u16>,
+    low: u16,
+    turns: i64,
+    row: Option<u16>,
+    base: u16,
+    polarity: u16,
+}
+
+impl State {
+    /// An event in the row and at the time that hold.
+    fn event(&self, x: u16, on: bool, found: &mut Found<'_>) -> Result<(), String> {
+        let (Some(high), Some(y)) = (self.high, self.row) else {
+            found.untimed += 1;
+            return Ok(());
+        };
+        let t_us = (self.turns << PART | i64::from(high)) << PART | i64::from(self.low);
+        let polarity = if on { Polarity::On } else { Polarity::Off };
+        found.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity })
+    }
+
+    fn run(&mut self, mask: u16, bits: u16, found: &mut Found<'_>) -> Result<(), String> {
+        for bit in (0..bits).filter(|bit| mask >> bit & 1 == 1) {
+            self.event(self.base + bit, self.polarity != 0, found)?;
+        }
+        self.base = (self.base + bits).min(VALUE);
+        Ok(())
+    }
+}
+
+impl Decoder for State {
+    const BYTES: usize = 2;
+
+    fn take(&mut self, bytes: &[u8], found: &mut Found<'_>) -> Result<(), String> {
+        let word = u16::from_le_bytes(bytes.try_into().expect("a word has 2 bytes"));
+        let (value, address, flag) = (word & VALUE, word & 0x7ff, word >> 11 & 1);
+        match word >> PART {
+            ADDRESS_Y => self.row = Some(address),
+            ADDRESS_X => return self.event(address, flag == 1, found),
+            BASE_X => (self.base, self.polarity) = (address, flag),
+            MASK_12 => return self.run(value, 12, found),
+            MASK_8 => return self.run(value & 0xff, 8, found),
+            TIME_LOW => self.low = value,
+            TIME_HIGH => {
+                // Far back is no disorder but the counter's end.
+                self.turns += i64::from(self.high.is_some_and(|last| last > value && last - value > 1 << 11));
+                if self.high != Some(value) {
+                    (self.high, self.low) = (Some(value), 0);
+                }
+            }
+            TRIGGER | OTHERS | CONTINUED_4 | CONTINUED_12 => {}
+            kind => return Err(format!("a word of kind {kind:#x}, which EVT 3.0 does not have")),
+        }
+        Ok(())
+    }
+}

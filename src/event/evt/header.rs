@@ -1,0 +1,76 @@
+//! The lines before the words.
+
+use super::{EDGE, Version};
+use crate::event::EventFileError;
+use crate::image::Size;
+use std::io::{BufRead, Read as _, Write};
+
+/// Longer headers are of something else.
+const MOST_BYTES: u64 = 1 << 16;
+
+/// Writes the header of a stream from a sensor of this size.
+pub(super) fn write(out: &mut impl Write, version: Version, size: Size) -> std::io::Result<()> {
+    let (number, name) = match version {
+        Version::Evt2 => ("2.0", "EVT2"),
+        Version::Evt3 => ("3.0", "EVT3"),
+    };
+    let Size { width, height } = size;
+    write!(
+        out,
+        "% evt {number}\n% format {name};width={width};height={height}\n% geometry {width}x{height}\n\
+         % integrator_name Prophesee\n% system_ID 49\n% end\n"
+    )
+}
+
+/// Reads the header, and how many bytes it takes.
+pub(super) fn read(input: &mut impl BufRead) -> Result<(Version, Size, u64), EventFileError> {
+    let (mut version, mut size) = (None, None);
+    let mut bytes = 0;
+    while input.fill_buf()?.first() == Some(&b'%') {
+        let mut line = Vec::new();
+        input.by_ref().take(MOST_BYTES).read_until(b'\n', &mut line)?;
+        bytes += line.len() as u64;
+        if line.last() != Some(&b'\n') || bytes > MOST_BYTES {
+            return Err(EventFileError::Container(format!("byte {bytes}: the header does not end")));
+        }
+        let line = String::from_utf8_lossy(&line);
+        let (key, value) = line[1..].trim().split_once(' ').unwrap_or((line[1..].trim(), ""));
+        match key {
+            "end" => break,
+            "evt" => version = Some(self::version(value)?),
+            "format" => {
+                let (name, fields) = value.split_once(';').unwrap_or((value, ""));
+                version = Some(self::version(name)?);
+                size = sized(fields).or(size);
+            }
+            "geometry" => size = size.or_else(|| pair(value.split_once('x')?)),
+            _ => {}
+        }
+    }
+    let missing = |what: &str| EventFileError::Container(format!("byte {bytes}: the header names no {what}"));
+    let version = version.ok_or_else(|| missing("format: `% evt 2.0` or `% evt 3.0`"))?;
+    let size = size.ok_or_else(|| missing("size of the sensor: `% geometry WIDTHxHEIGHT`"))?;
+    if size.width > EDGE || size.height > EDGE || size.pixels() == 0 {
+        let because = format!("a sensor of {size}, wanted 1 to {EDGE} px along each edge");
+        return Err(EventFileError::Container(because));
+    }
+    Ok((version, size, bytes))
+}
+
+fn version(name: &str) -> Result<Version, EventFileError> {
+    match name.trim() {
+        "2.0" | "EVT2" => Ok(Version::Evt2),
+        "3.0" | "EVT3" => Ok(Version::Evt3),
+        other => Err(EventFileError::Container(format!("events as `{other}`, wanted EVT 2.0 or EVT 3.0"))),
+    }
+}
+
+/// `width=W;height=H` in any order.
+fn sized(fields: &str) -> Option<Size> {
+    let field = |name: &str| fields.split(';').find_map(|f| f.trim().strip_prefix(name)?.strip_prefix('='));
+    pair((field("width")?, field("height")?))
+}
+
+fn pair((width, height): (&str, &str)) -> Option<Size> {
+    Some(Size { width: width.trim().parse().ok()?, height: height.trim().parse().ok()? })
+}

@@ -1,0 +1,126 @@
+//! Reading, word by word.
+
+use super::{Version, evt2, evt3, header};
+use crate::event::{Event, EventFileError, EventSource, Header};
+use crate::image::Size;
+use std::fs::File;
+use std::io::{BufReader, Read as _};
+use std::path::Path;
+
+/// Bytes that are read at a time.
+const BLOCK: usize = 1 << 18;
+
+/// Reads one stream. Whether the events are sorted is for others to judge.
+#[derive(Debug)]
+pub struct Reader {
+    file: BufReader<File>,
+    header: Header,
+    state: State,
+    /// Bytes before the next word.
+    offset: u64,
+    untimed: u64,
+}
+
+#[derive(Debug)]
+enum State {
+    Evt2(evt2::State),
+    Evt3(evt3::State),
+}
+
+/// Turns words into events.
+pub(super) trait Decoder {
+    /// Of a word.
+    const BYTES: usize;
+
+    /// The next word; an error says what is wrong with it.
+    fn take(&mut self, word: &[u8], found: &mut Found<'_>) -> Result<(), String>;
+}
+
+/// What words have come to.
+pub(super) struct Found<'a> {
+    events: &'a mut Vec<Event>,
+    size: Size,
+    /// Events before the first full time or row.
+    pub(super) untimed: u64,
+}
+
+impl Found<'_> {
+    /// An event, if it lies on the sensor.
+    pub(super) fn push(&mut self, event: Event) -> Result<(), String> {
+        if u32::from(event.x) >= self.size.width || u32::from(event.y) >= self.size.height {
+            return Err(format!("pixel ({}, {}) lies outside the sensor of {}", event.x, event.y, self.size));
+        }
+        self.events.push(event);
+        Ok(())
+    }
+}
+
+impl Reader {
+    /// Opens a file and reads its header.
+    ///
+    /// # Errors
+    /// When the header does not name one of the two formats and the sensor's size.
+    pub fn open(path: &Path) -> Result<Self, EventFileError> {
+        let mut file = BufReader::with_capacity(BLOCK, File::open(path)?);
+        let (version, size, offset) = header::read(&mut file)?;
+        let state = match version {
+            Version::Evt2 => State::Evt2(evt2::State::default()),
+            Version::Evt3 => State::Evt3(evt3::State::default()),
+        };
+        Ok(Self { file, header: Header { size, law: None }, state, offset, untimed: 0 })
+    }
+
+    /// What the file says beside the events.
+    #[must_use]
+    pub fn header(&self) -> Header {
+        self.header
+    }
+}
+
+impl EventSource for Reader {
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+        out.clear();
+        while out.is_empty() {
+            let mut block = Vec::with_capacity(BLOCK);
+            self.file.by_ref().take(BLOCK as u64).read_to_end(&mut block)?;
+            if block.is_empty() {
+                return Ok(false);
+            }
+            let mut found = Found { events: out, size: self.header.size, untimed: 0 };
+            match &mut self.state {
+                State::Evt2(state) => decode(state, &block, self.offset, &mut found),
+                State::Evt3(state) => decode(state, &block, self.offset, &mut found),
+            }?;
+            self.untimed += found.untimed;
+            self.offset += block.len() as u64;
+        }
+        Ok(true)
+    }
+
+    fn untimed(&self) -> u64 {
+        self.untimed
+    }
+}
+
+fn decode<D: Decoder>(
+    decoder: &mut D,
+    block: &[u8],
+    offset: u64,
+    found: &mut Found<'_>,
+) -> Result<(), EventFileError> {
+    let words = block.chunks_exact(D::BYTES);
+    let at = |word: usize| offset + (word * D::BYTES) as u64;
+    let rest = words.remainder().len();
+    let count = words.len();
+    for (number, word) in words.enumerate() {
+        decoder
+            .take(word, found)
+            .map_err(|because| EventFileError::Container(format!("byte {}: {because}", at(number))))?;
+    }
+    if rest > 0 {
+        let because =
+            format!("byte {}: {rest} bytes of a word of {}: the file is cut off", at(count), D::BYTES);
+        return Err(EventFileError::Container(because));
+    }
+    Ok(())
+}

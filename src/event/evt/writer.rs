@@ -1,0 +1,72 @@
+//! Writing, chunk by chunk.
+
+use super::{EDGE, Version, evt2, evt3, header};
+use crate::event::order::Order;
+use crate::event::{Event, EventFileError, EventSink};
+use crate::image::Size;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
+
+/// Writes one stream, in memory that does not grow with it. The bytes do not depend on how it is cut into chunks.
+#[derive(Debug)]
+pub struct Writer {
+    file: BufWriter<File>,
+    order: Order,
+    encoder: Encoder,
+    words: Vec<u8>,
+}
+
+#[derive(Debug)]
+enum Encoder {
+    Evt2(evt2::Encoder),
+    Evt3(evt3::Encoder),
+}
+
+impl Writer {
+    /// Begins a file of a stream from a sensor of this size.
+    ///
+    /// # Errors
+    /// When the sensor has more than 2,048 columns or rows, or the file cannot be created.
+    pub fn create(path: &Path, version: Version, size: Size) -> Result<Self, EventFileError> {
+        if size.width > EDGE || size.height > EDGE {
+            let because = format!("a sensor of {size}, and EVT has at most {EDGE} columns and rows");
+            return Err(EventFileError::Container(because));
+        }
+        let (encoder, end_us) = match version {
+            Version::Evt2 => (Encoder::Evt2(evt2::Encoder::default()), evt2::END_US),
+            Version::Evt3 => (Encoder::Evt3(evt3::Encoder::default()), evt3::END_US),
+        };
+        let mut file = BufWriter::new(File::create(path)?);
+        header::write(&mut file, version, size)?;
+        Ok(Self { file, order: Order::new(size, end_us), encoder, words: Vec::new() })
+    }
+
+    /// Ends the file and returns the number of events.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> Result<u64, EventFileError> {
+        if let Encoder::Evt3(encoder) = &mut self.encoder {
+            encoder.flush(&mut self.words);
+        }
+        self.file.write_all(&self.words)?;
+        self.file.flush()?;
+        Ok(self.order.count())
+    }
+}
+
+impl EventSink for Writer {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        self.order.admit(events)?;
+        for event in events {
+            match &mut self.encoder {
+                Encoder::Evt2(encoder) => encoder.put(event, &mut self.words),
+                Encoder::Evt3(encoder) => encoder.put(event, &mut self.words),
+            }
+        }
+        self.file.write_all(&self.words)?;
+        self.words.clear();
+        Ok(())
+    }
+}

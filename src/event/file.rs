@@ -1,0 +1,254 @@
+//! Event files of every format behind one door.
+
+use super::evt::{self, Version};
+use super::text::{self, Table, TimeUnit};
+use super::{Event, EventFileError, EventSink, EventSource, Header, aedat4, h5, npz};
+use crate::image::Size;
+use std::path::Path;
+
+/// The formats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// HDF5 in the layout of DSEC.
+    H5,
+    /// A NumPy archive.
+    Npz,
+    /// Prophesee's raw files.
+    Evt(Version),
+    /// iniVation's AEDAT 4.0.
+    Aedat4,
+    /// Text.
+    Text(Table),
+}
+
+impl Format {
+    /// The format that a file's name asks for; a `.raw` is of `version`, whatever a file that is there holds.
+    #[must_use]
+    pub fn of(path: &Path, version: Version) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "h5" | "hdf5" => Some(Self::H5),
+            "npz" => Some(Self::Npz),
+            "raw" => Some(Self::Evt(version)),
+            "aedat4" => Some(Self::Aedat4),
+            "txt" => Some(Self::Text(Table::Txt)),
+            "csv" => Some(Self::Text(Table::Csv)),
+            _ => None,
+        }
+    }
+
+    /// Whether a file of this format keeps the sensor's size.
+    #[must_use]
+    pub fn keeps_size(self) -> bool {
+        !matches!(self, Self::Npz | Self::Text(Table::Csv))
+    }
+
+    /// Whether it keeps the law that a stream was simulated by.
+    #[must_use]
+    pub fn keeps_law(self) -> bool {
+        self == Self::H5
+    }
+}
+
+/// What the user says of a file that may not say it itself.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Hints {
+    /// Columns and rows of the sensor.
+    pub size: Option<Size>,
+    /// What a time in a text counts.
+    pub unit: Option<TimeUnit>,
+}
+
+/// An event file that is being read.
+pub struct Opened {
+    /// What it says beside the events.
+    pub header: Header,
+    /// The events, in the order of the file.
+    pub source: Box<dyn EventSource>,
+}
+
+impl std::fmt::Debug for Opened {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Opened").field("header", &self.header).finish_non_exhaustive()
+    }
+}
+
+/// Opens a file of the format that its name asks for.
+///
+/// # Errors
+/// When it is not of that format, or nobody says the sensor's size.
+pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFileError> {
+    let (header, source): (Option<Header>, Box<dyn EventSource>) = match format {
+        Format::H5 => {
+            let reader = h5::Reader::open(path)?;
+            (reader.header(), Box::new(reader))
+        }
+        Format::Npz => (None, Box::new(npz::Reader::open(path)?)),
+        Format::Evt(_) => {
+            let reader = evt::Reader::open(path)?;
+            (Some(reader.header()), Box::new(reader))
+        }
+        Format::Aedat4 => {
+            let reader = aedat4::Reader::open(path)?;
+            (Some(reader.header()), Box::new(reader))
+        }
+        Format::Text(_) => {
+            let reader = text::Reader::open(path, hints.size, hints.unit)?;
+            (Some(reader.header()), Box::new(reader))
+        }
+    };
+    let header = match (header, hints.size) {
+        (Some(header), Some(said)) if header.size != said => {
+            let because = format!("a sensor of {}, and --size says {said}", header.size);
+            return Err(EventFileError::Container(because));
+        }
+        (Some(header), _) => header,
+        (None, Some(size)) => Header { size, law: None },
+        (None, None) => {
+            let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
+            return Err(EventFileError::Container(because.to_owned()));
+        }
+    };
+    Ok(Opened { header, source })
+}
+
+/// An event file that is being written.
+pub trait EventFile: EventSink {
+    /// Ends the file and returns the number of events; `last_us` is the last instant that the stream covers.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError>;
+}
+
+impl EventFile for h5::Writer {
+    fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError> {
+        Self::finish(*self, last_us)
+    }
+}
+
+macro_rules! ends_with_its_last_event {
+    ($($writer:ty)+) => {$(
+        impl EventFile for $writer {
+            fn finish(self: Box<Self>, _: i64) -> Result<u64, EventFileError> {
+                Self::finish(*self)
+            }
+        }
+    )+};
+}
+ends_with_its_last_event!(npz::Writer aedat4::Writer evt::Writer text::Writer);
+
+/// Begins a file.
+///
+/// # Errors
+/// When the format cannot hold such a stream, or the file cannot be created.
+pub fn create(path: &Path, format: Format, header: &Header) -> Result<Box<dyn EventFile>, EventFileError> {
+    Ok(match format {
+        Format::H5 => Box::new(h5::Writer::create(path, header)?),
+        Format::Npz => Box::new(npz::Writer::create(path, header.size)?),
+        Format::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
+        Format::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
+        Format::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
+    })
+}
+
+/// Brings events of one microsecond into the order of files, where a camera delivers them as they come.
+pub struct Sorted<'a> {
+    source: &'a mut dyn EventSource,
+    /// Of the last microsecond so far: more of it may follow.
+    waiting: Vec<Event>,
+    /// Events given.
+    given: u64,
+    ended: bool,
+}
+
+impl<'a> Sorted<'a> {
+    /// The events of a source.
+    pub fn new(source: &'a mut dyn EventSource) -> Self {
+        Self { source, waiting: Vec::new(), given: 0, ended: false }
+    }
+
+    /// Whether times go back, which no reading order mends.
+    fn check(&self, events: &[Event]) -> Result<(), EventFileError> {
+        let us = |e: &Event| e.t.floor_micros();
+        let back = events.windows(2).position(|pair| us(&pair[1]) < us(&pair[0]));
+        back.map_or(Ok(()), |i| {
+            let because = format!("t = {} us follows {} us", us(&events[i + 1]), us(&events[i]));
+            Err(EventFileError::Order { index: self.given + i as u64 + 1, because })
+        })
+    }
+}
+
+impl std::fmt::Debug for Sorted<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Sorted").field("given", &self.given).finish_non_exhaustive()
+    }
+}
+
+impl EventSource for Sorted<'_> {
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+        out.clear();
+        let mut chunk = Vec::new();
+        while out.is_empty() && !self.ended {
+            self.ended = !self.source.next_chunk(&mut chunk)?;
+            let mut events = std::mem::take(&mut self.waiting);
+            events.append(&mut chunk);
+            self.check(&events)?;
+            if let (false, Some(last)) = (self.ended, events.last().map(|e| e.t.floor_micros())) {
+                self.waiting = events.split_off(events.partition_point(|e| e.t.floor_micros() < last));
+            }
+            events.sort_by_key(Event::file_order);
+            self.given += events.len() as u64;
+            *out = events;
+        }
+        Ok(!out.is_empty())
+    }
+
+    fn untimed(&self) -> u64 {
+        self.source.untimed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Polarity;
+    use crate::units::Timestamp;
+
+    /// Gives chunk by chunk.
+    struct Chunks(Vec<Vec<Event>>);
+
+    impl EventSource for Chunks {
+        fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+            *out = if self.0.is_empty() { Vec::new() } else { self.0.remove(0) };
+            Ok(!out.is_empty())
+        }
+    }
+
+    fn event(us: i64, x: u16) -> Event {
+        Event { t: Timestamp::from_micros(us), x, y: 0, polarity: Polarity::On }
+    }
+
+    fn all(chunks: &[&[Event]]) -> Result<Vec<Event>, EventFileError> {
+        let mut source = Chunks(chunks.iter().map(|chunk| chunk.to_vec()).collect());
+        let mut sorted = Sorted::new(&mut source);
+        let (mut events, mut chunk) = (Vec::new(), Vec::new());
+        while sorted.next_chunk(&mut chunk)? {
+            events.append(&mut chunk);
+        }
+        Ok(events)
+    }
+
+    #[test]
+    fn a_microsecond_is_sorted_across_chunks() {
+        let chunks: [&[Event]; 3] =
+            [&[event(1, 5), event(2, 9)], &[event(2, 3)], &[event(2, 4), event(7, 0)]];
+        let columns: Vec<u16> = all(&chunks).unwrap().iter().map(|e| e.x).collect();
+        assert_eq!(columns, [5, 3, 4, 9, 0]);
+    }
+
+    #[test]
+    fn times_that_go_back_are_named() {
+        let error = all(&[&[event(1, 0), event(4, 0)], &[event(4, 1), event(3, 0)]]).unwrap_err();
+        assert_eq!(error.to_string(), "event 3: t = 3 us follows 4 us");
+    }
+}

@@ -1,0 +1,210 @@
+//! Reading, line by line.
+
+use super::{END_US, NAMES};
+use crate::event::{Event, EventFileError, EventSource, Header, Polarity};
+use crate::image::Size;
+use crate::units::Timestamp;
+use std::fs::File;
+use std::io::{BufRead as _, BufReader};
+use std::path::Path;
+
+/// Events of a chunk.
+const CHUNK: usize = 65_536;
+
+/// What a time counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeUnit {
+    /// Seconds.
+    Second,
+    /// Milliseconds.
+    Millisecond,
+    /// Microseconds.
+    Microsecond,
+    /// Nanoseconds.
+    Nanosecond,
+}
+
+impl TimeUnit {
+    /// Digits after the point down to nanoseconds.
+    fn digits(self) -> usize {
+        match self {
+            Self::Second => 9,
+            Self::Millisecond => 6,
+            Self::Microsecond => 3,
+            Self::Nanosecond => 0,
+        }
+    }
+}
+
+/// Reads one stream. Whether the events are sorted is for others to judge.
+#[derive(Debug)]
+pub struct Reader {
+    lines: std::io::Lines<BufReader<File>>,
+    /// Lines so far.
+    number: u64,
+    /// The first line of events, read with the header.
+    first: Option<String>,
+    /// Where time, column, row and polarity stand in a line.
+    places: [usize; 4],
+    unit: Option<TimeUnit>,
+    header: Header,
+}
+
+impl Reader {
+    /// Opens a file and reads what stands before the events. `size` and `unit` are what the user says; what the file
+    /// itself says of its size must agree.
+    ///
+    /// # Errors
+    /// When nobody says the sensor's size, or the line of names lacks one.
+    pub fn open(path: &Path, size: Option<Size>, unit: Option<TimeUnit>) -> Result<Self, EventFileError> {
+        let mut head = Head { size, places: [0, 1, 2, 3] };
+        let mut lines = BufReader::new(File::open(path)?).lines();
+        let (mut number, mut first) = (0, None);
+        while let Some(line) = lines.next().transpose()? {
+            number += 1;
+            if !head.takes(&line).map_err(|because| at(number, &because))? {
+                first = Some(line);
+                break;
+            }
+        }
+        let Some(size) = head.size.filter(|size| size.pixels() > 0) else {
+            let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
+            return Err(EventFileError::Container(because.to_owned()));
+        };
+        let header = Header { size, law: None };
+        Ok(Self { lines, number, first, places: head.places, unit, header })
+    }
+
+    /// What the file says beside the events.
+    #[must_use]
+    pub fn header(&self) -> Header {
+        self.header
+    }
+
+    fn line(&mut self) -> Result<Option<String>, EventFileError> {
+        if let Some(first) = self.first.take() {
+            return Ok(Some(first));
+        }
+        let line = self.lines.next().transpose()?;
+        self.number += u64::from(line.is_some());
+        Ok(line)
+    }
+
+    fn event(&self, line: &str) -> Result<Event, String> {
+        let fields: Vec<&str> = fields(line).collect();
+        let field = |k: usize| {
+            let found = fields.get(self.places[k]);
+            found.ok_or_else(|| {
+                format!("{} columns, and {} is in column {}", fields.len(), NAMES[k], self.places[k] + 1)
+            })
+        };
+        let t = time(field(0)?, self.unit)?;
+        if !(0..END_US).contains(&t.floor_micros()) {
+            return Err(format!("t = {} us, wanted 0 to {}", t.floor_micros(), END_US - 1));
+        }
+        let coordinate = |k: usize, end: u32| {
+            let text = field(k)?;
+            let found = text.parse::<u16>().ok().filter(|v| u32::from(*v) < end);
+            found.ok_or_else(|| format!("{} = {text}, wanted 0 to {}", NAMES[k], end - 1))
+        };
+        let Size { width, height } = self.header.size;
+        let polarity = match *field(3)? {
+            "1" | "+1" => Polarity::On,
+            "0" | "-1" => Polarity::Off,
+            other => return Err(format!("p = {other}, wanted 0 or 1, or -1 or 1")),
+        };
+        Ok(Event { t, x: coordinate(1, width)?, y: coordinate(2, height)?, polarity })
+    }
+}
+
+impl EventSource for Reader {
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+        out.clear();
+        while out.len() < CHUNK {
+            let Some(line) = self.line()? else { break };
+            let told = line.split('#').next().unwrap_or_default();
+            if !told.trim().is_empty() {
+                out.push(self.event(told).map_err(|because| at(self.number, &because))?);
+            }
+        }
+        Ok(!out.is_empty())
+    }
+}
+
+/// What stands before the events.
+struct Head {
+    size: Option<Size>,
+    places: [usize; 4],
+}
+
+impl Head {
+    /// Whether a line is of the head; what it says is noted.
+    fn takes(&mut self, line: &str) -> Result<bool, String> {
+        if let Some(comment) = line.trim().strip_prefix('#') {
+            // our own: `t x y p in us; sensor 640x360`
+            let size = comment.split_once("sensor ").and_then(|(_, size)| size.trim().split_once('x'));
+            return self.sized(size).map(|()| true);
+        }
+        let fields: Vec<&str> = fields(line).collect();
+        match fields[..] {
+            [] => Ok(true),
+            [width, height] => self.sized(Some((width, height))).map(|()| true),
+            _ if fields.iter().all(|f| f.parse::<f64>().is_err()) => self.named(&fields).map(|()| true),
+            _ => Ok(false),
+        }
+    }
+
+    fn sized(&mut self, found: Option<(&str, &str)>) -> Result<(), String> {
+        let Some((Ok(width), Ok(height))) = found.map(|(w, h)| (w.parse(), h.parse())) else { return Ok(()) };
+        let found = Size { width, height };
+        match self.size {
+            Some(said) if said != found => Err(format!("a sensor of {found}, and --size says {said}")),
+            _ => {
+                self.size = Some(found);
+                Ok(())
+            }
+        }
+    }
+
+    fn named(&mut self, names: &[&str]) -> Result<(), String> {
+        let others =
+            [&["t", "ts", "time", "timestamp", "t_us"][..], &["x"], &["y"], &["p", "polarity", "pol", "on"]];
+        for (k, known) in others.iter().enumerate() {
+            let place = names.iter().position(|name| known.contains(&name.to_lowercase().as_str()));
+            self.places[k] = place.ok_or_else(|| {
+                format!("no column is named {}, found {}", known.join(" or "), names.join(", "))
+            })?;
+        }
+        Ok(())
+    }
+}
+
+fn at(line: u64, because: &str) -> EventFileError {
+    EventFileError::Container(format!("line {line}: {because}"))
+}
+
+fn fields(line: &str) -> impl Iterator<Item = &str> {
+    line.split(|c: char| c.is_whitespace() || c == ',' || c == ';').filter(|field| !field.is_empty())
+}
+
+/// A decimal time, digit by digit: seconds since 1970 to the microsecond have more of them than an f64 holds. What lies
+/// below a nanosecond is cut off.
+fn time(text: &str, unit: Option<TimeUnit>) -> Result<Timestamp, String> {
+    let refuse = || format!("t = {text}, wanted a decimal number");
+    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+    let unit = match unit {
+        Some(unit) => unit,
+        None if !text.contains('.') => TimeUnit::Microsecond,
+        None => return Err(format!("t = {text} has a fraction: --time-unit s, ms, us or ns says what of")),
+    };
+    let negative = whole.starts_with('-');
+    let digits = whole.trim_start_matches(['-', '+']);
+    let sound = |part: &str| part.bytes().all(|b| b.is_ascii_digit());
+    if digits.is_empty() || !sound(digits) || !sound(fraction) {
+        return Err(refuse());
+    }
+    let places = unit.digits();
+    let kept = fraction.chars().chain(std::iter::repeat('0')).take(places);
+    let ns: i64 = digits.chars().chain(kept).collect::<String>().parse().map_err(|_| refuse())?;
+    Ok(Timestamp(if negative { -ns } else { ns }))
+}

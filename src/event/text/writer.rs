@@ -1,0 +1,58 @@
+//! Writing, line by line.
+
+use super::{END_US, NAMES, Table};
+use crate::event::order::Order;
+use crate::event::{Event, EventFileError, EventSink};
+use crate::image::Size;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
+
+/// Writes one stream, in memory that does not grow with it.
+#[derive(Debug)]
+pub struct Writer {
+    file: BufWriter<File>,
+    order: Order,
+    separator: char,
+}
+
+impl Writer {
+    /// Begins a file of a stream from a sensor of this size.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn create(path: &Path, table: Table, size: Size) -> Result<Self, EventFileError> {
+        let mut file = BufWriter::new(File::create(path)?);
+        let separator = match table {
+            Table::Txt => {
+                writeln!(file, "# {} in us; sensor {size}", NAMES.join(" "))?;
+                ' '
+            }
+            Table::Csv => {
+                writeln!(file, "{}", NAMES.join(","))?;
+                ','
+            }
+        };
+        Ok(Self { file, order: Order::new(size, END_US), separator })
+    }
+
+    /// Ends the file and returns the number of events.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> Result<u64, EventFileError> {
+        self.file.flush()?;
+        Ok(self.order.count())
+    }
+}
+
+impl EventSink for Writer {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        self.order.admit(events)?;
+        let s = self.separator;
+        for Event { t, x, y, polarity } in events {
+            writeln!(self.file, "{}{s}{x}{s}{y}{s}{}", t.floor_micros(), *polarity as u8)?;
+        }
+        Ok(())
+    }
+}
