@@ -21,7 +21,7 @@ pub use level::Instructions;
 use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::Size;
 use crate::scene::Gaussians;
-use activate::Activated;
+use activate::Block;
 use bin::{Grid, Lists};
 use project::{Eye, Projected, Projection};
 use raster::Frame;
@@ -34,7 +34,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Cpu {
     scene: Arc<Gaussians>,
-    activated: Vec<Activated>,
+    blocks: Vec<Block>,
     style: Style,
     instructions: Instructions,
     splats: Vec<Splat>,
@@ -63,19 +63,20 @@ impl Cpu {
     /// # Errors
     /// When the scene has more than 2^32 - 1 Gaussians or the background is not finite.
     pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
-        if u32::try_from(scene.len()).is_err() {
+        let Ok(count) = u32::try_from(scene.len()) else {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
-        }
+        };
         super::check_style(&style)?;
         if style.order == Layering::Blended {
             let because = "this gs2e blends orders with --backend reference alone";
             return Err(RenderError::Style(because.to_owned()));
         }
-        let activated = activate::activate(&scene);
+        let numbers: Vec<u32> = (0..count).collect();
+        let blocks = activate::activate(&scene, style.rules, &numbers);
         Ok(Self {
             scene,
-            activated,
+            blocks,
             style,
             instructions: Instructions::best(),
             splats: Vec::new(),
@@ -123,10 +124,17 @@ impl Cpu {
         super::check_view(view)?;
         let asked = Channels { depth: want.depth || want.flow, ..want };
         let eye = Eye::new(view, self.scene.origin, self.style.rules);
-        let (scene, activated) = (&self.scene, &self.activated);
-        let projection = Projection { scene, activated, style: self.style, eye, want: asked };
+        let projection = Projection {
+            scene: &self.scene,
+            blocks: &self.blocks,
+            sh_degree: self.scene.sh_degree,
+            style: self.style,
+            eye,
+            want: asked,
+            level: self.instructions.level,
+        };
         projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
-        let mut work = Work::default();
+        let mut work = Work { gaussians: self.scene.len() as u64, ..Work::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         done(Pass::Project);
 
