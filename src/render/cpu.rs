@@ -15,12 +15,15 @@ mod raster;
 mod resolve;
 mod sort;
 mod splat;
+mod unseen;
 
 pub use level::Instructions;
 
 use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use crate::camera::Camera;
 use crate::image::Size;
 use crate::scene::Gaussians;
+use crate::se3::Se3;
 use activate::Block;
 use bin::{Grid, Lists};
 use project::{Eye, Projected, Projection};
@@ -34,6 +37,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Cpu {
     scene: Arc<Gaussians>,
+    /// Of the Gaussians that some view may see.
     blocks: Vec<Block>,
     style: Style,
     instructions: Instructions,
@@ -136,6 +140,7 @@ impl Cpu {
         projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
         let mut work = Work { gaussians: self.scene.len() as u64, ..Work::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
+        work.unseen = work.gaussians - self.splats.len() as u64;
         done(Pass::Project);
 
         let order = self.sorter.run(&self.splats, &self.chunks);
@@ -160,6 +165,14 @@ impl Cpu {
 impl Renderer for Cpu {
     fn fingerprint(&self) -> &str {
         FINGERPRINT
+    }
+
+    /// What is kept is laid out anew, so that it takes no more memory than before; the list of it, while that is done,
+    /// 4 bytes a Gaussian.
+    fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
+        let numbers = unseen::seen(&self.scene, self.style.rules, camera, poses);
+        self.blocks = Vec::new();
+        self.blocks = activate::activate(&self.scene, self.style.rules, &numbers);
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
