@@ -22,7 +22,7 @@ pub use level::Instructions;
 use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::camera::Camera;
 use crate::image::Size;
-use crate::scene::Gaussians;
+use crate::scene::{Gaussians, sh};
 use crate::se3::Se3;
 use activate::Block;
 use bin::{Grid, Lists};
@@ -39,6 +39,8 @@ pub struct Cpu {
     scene: Arc<Gaussians>,
     /// Of the Gaussians that some view may see.
     blocks: Vec<Block>,
+    /// Degree of the harmonics that are not all zero.
+    sh_degree: u8,
     style: Style,
     instructions: Instructions,
     splats: Vec<Splat>,
@@ -78,9 +80,11 @@ impl Cpu {
         }
         let numbers: Vec<u32> = (0..count).collect();
         let blocks = activate::activate(&scene, style.rules, &numbers);
+        let sh_degree = activate::sh_degree(&scene);
         Ok(Self {
             scene,
             blocks,
+            sh_degree,
             style,
             instructions: Instructions::best(),
             splats: Vec::new(),
@@ -131,7 +135,7 @@ impl Cpu {
         let projection = Projection {
             scene: &self.scene,
             blocks: &self.blocks,
-            sh_degree: self.scene.sh_degree,
+            sh_degree: self.sh_degree,
             style: self.style,
             eye,
             want: asked,
@@ -140,7 +144,9 @@ impl Cpu {
         projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
         let mut work = Work { gaussians: self.scene.len() as u64, ..Work::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
+        let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
         work.unseen = work.gaussians - self.splats.len() as u64;
+        work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::len(self.sh_degree))) as u64;
         done(Pass::Project);
 
         let order = self.sorter.run(&self.splats, &self.chunks);

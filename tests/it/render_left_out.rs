@@ -1,4 +1,4 @@
-//! What the renderer leaves out changes no bit: Gaussians that no promised view can see.
+//! What the renderer leaves out changes no bit: Gaussians that no promised view can see, harmonics that are zero.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ALL, Blob, Draws, OFFICIAL, ahead, crowd, scene};
@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, Velocity, View, Work};
-use gs2e::scene::Gaussians;
+use gs2e::scene::{Gaussians, sh};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp;
 use proptest::prelude::*;
@@ -175,4 +175,50 @@ fn promises_are_replaced_and_one_of_no_pose_keeps_all() {
     assert_eq!(unseen(&[]), 0);
     let lost = Se3 { translation: DVec3::NAN, ..walk[0] };
     assert_eq!(unseen(&[walk[0], lost]), 0, "a pose that is not finite excludes nothing");
+}
+
+/// A crowd with harmonics up to `degree`, stored with those up to `stored`: the rest are zeros of both signs.
+fn harmonics(degree: u8, stored: u8) -> Gaussians {
+    let mut draws = Draws(3);
+    let mut scene = scene(&crowd(2000, 2));
+    let triple = |draws: &mut Draws| [(); 3].map(|()| draws.within(-0.3, 0.3));
+    scene.sh = scene
+        .sh
+        .iter()
+        .flat_map(|&first| {
+            let drawn: Vec<_> = (1..sh::len(degree)).map(|_| triple(&mut draws)).collect();
+            let zeros = (sh::len(degree)..sh::len(stored)).map(|n| [if n % 2 == 0 { 0.0 } else { -0.0 }; 3]);
+            std::iter::once(first).chain(drawn).chain(zeros).collect::<Vec<_>>()
+        })
+        .collect();
+    scene.sh_degree = stored;
+    scene
+}
+
+#[test]
+fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
+    let View { camera, world_from_camera, .. } = ahead(96, 64, 80.0);
+    let draw = |scene: Gaussians| {
+        frame(&mut Cpu::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera)
+    };
+    for degree in 0..=3 {
+        let (wanted, plain) = draw(harmonics(degree, degree));
+        assert_eq!(plain.zero_harmonics, 0);
+        let drawn = plain.gaussians - left_out(&plain);
+        for stored in degree..=3 {
+            let (found, work) = draw(harmonics(degree, stored));
+            assert!(found == wanted, "degree {degree} stored as {stored}");
+            let spared = drawn * (sh::len(stored) - sh::len(degree)) as u64;
+            assert_eq!(work, Work { zero_harmonics: spared, ..plain });
+        }
+    }
+}
+
+#[test]
+fn one_harmonic_that_is_not_zero_is_evaluated() {
+    let View { camera, world_from_camera, .. } = ahead(96, 64, 80.0);
+    let mut scene = harmonics(0, 3);
+    *scene.sh.last_mut().unwrap() = [0.0, 0.0, f32::MIN_POSITIVE];
+    let work = frame(&mut Cpu::new(Arc::new(scene), OFFICIAL).unwrap(), camera, world_from_camera).1;
+    assert_eq!(work.zero_harmonics, 0);
 }

@@ -2,7 +2,7 @@
 
 use super::extent;
 use crate::render::Rules;
-use crate::scene::Gaussians;
+use crate::scene::{Gaussians, sh};
 use glam::{DMat3, DQuat};
 use rayon::prelude::*;
 
@@ -36,6 +36,18 @@ const LEAST_NORM: f64 = 1e-12;
 /// Applies the activations to the Gaussians of these numbers, in f64 before the result is rounded.
 pub(super) fn activate(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<Block> {
     numbers.par_chunks(LANES).map(|numbers| block(scene, rules, numbers)).collect()
+}
+
+/// The highest degree with a harmonic that is not zero in the whole scene. Leaving out those above changes no bit: a
+/// colour's sum begins at +0 and so never is -0, and added to anything else a zero of either sign leaves it as it is.
+/// (Coefficients that are NaN belong to Gaussians that no view draws.)
+pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
+    let is_used = |degree: u8| {
+        let band = sh::len(degree - 1)..sh::len(degree);
+        let all = (0..scene.len()).into_par_iter().map(|i| scene.sh_of(i)[band.clone()].as_flattened());
+        all.any(|band: &[f32]| band.iter().any(|c| c.abs() > 0.0))
+    };
+    (1..=scene.sh_degree).rev().find(|&degree| is_used(degree)).unwrap_or(0)
 }
 
 fn block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
