@@ -243,7 +243,8 @@ pub trait Renderer {
     fn fingerprint(&self) -> &str;
 
     /// Promises that from now on only these poses of this camera are rendered: what none of them can see may be left
-    /// out, which changes no pixel.
+    /// out, which changes no pixel. A view that was not promised is rendered too, but may lack Gaussians. A later
+    /// promise takes the place of an earlier one; one of no pose leaves nothing out.
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         let _ = (camera, poses);
     }

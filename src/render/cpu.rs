@@ -15,13 +15,16 @@ mod raster;
 mod resolve;
 mod sort;
 mod splat;
+mod unseen;
 
 pub use level::Instructions;
 
 use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use crate::camera::Camera;
 use crate::image::Size;
-use crate::scene::Gaussians;
-use activate::Activated;
+use crate::scene::{Gaussians, sh};
+use crate::se3::Se3;
+use activate::Block;
 use bin::{Grid, Lists};
 use project::{Eye, Projected, Projection};
 use raster::Frame;
@@ -34,7 +37,10 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Cpu {
     scene: Arc<Gaussians>,
-    activated: Vec<Activated>,
+    /// Of the Gaussians that some view may see.
+    blocks: Vec<Block>,
+    /// Degree of the harmonics that are not all zero.
+    sh_degree: u8,
     style: Style,
     instructions: Instructions,
     splats: Vec<Splat>,
@@ -63,15 +69,18 @@ impl Cpu {
     /// # Errors
     /// When the scene has more than 2^32 - 1 Gaussians or the background is not finite.
     pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
-        if u32::try_from(scene.len()).is_err() {
+        let Ok(count) = u32::try_from(scene.len()) else {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
-        }
+        };
         super::check_style(&style)?;
-        let activated = activate::activate(&scene);
+        let numbers: Vec<u32> = (0..count).collect();
+        let blocks = activate::activate(&scene, style.rules, &numbers);
+        let sh_degree = activate::sh_degree(&scene);
         Ok(Self {
             scene,
-            activated,
+            blocks,
+            sh_degree,
             style,
             instructions: Instructions::best(),
             splats: Vec::new(),
@@ -119,11 +128,21 @@ impl Cpu {
         super::check_view(view)?;
         let asked = Channels { depth: want.depth || want.flow, ..want };
         let eye = Eye::new(view, self.scene.origin, self.style.rules);
-        let (scene, activated) = (&self.scene, &self.activated);
-        let projection = Projection { scene, activated, style: self.style, eye, want: asked };
+        let projection = Projection {
+            scene: &self.scene,
+            blocks: &self.blocks,
+            sh_degree: self.sh_degree,
+            style: self.style,
+            eye,
+            want: asked,
+            level: self.instructions.level,
+        };
         projection.run(&mut self.splats, &mut self.rates, &mut self.chunks);
-        let mut work = Work::default();
+        let mut work = Work { gaussians: self.scene.len() as u64, ..Work::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
+        let drawn: usize = self.chunks.iter().map(|chunk| chunk.drawn).sum();
+        work.unseen = work.gaussians - self.splats.len() as u64;
+        work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::len(self.sh_degree))) as u64;
         done(Pass::Project);
 
         let sorted = self.sorter.run(&self.splats, &self.chunks);
@@ -148,6 +167,14 @@ impl Cpu {
 impl Renderer for Cpu {
     fn fingerprint(&self) -> &str {
         FINGERPRINT
+    }
+
+    /// What is kept is laid out anew, so that it takes no more memory than before; the list of it, while that is done,
+    /// 4 bytes a Gaussian.
+    fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
+        let numbers = unseen::seen(&self.scene, self.style.rules, camera, poses);
+        self.blocks = Vec::new();
+        self.blocks = activate::activate(&self.scene, self.style.rules, &numbers);
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {

@@ -3,6 +3,8 @@
 //! Every operation carries the exact derivative of what it does beside its value, whose bits are those of the same
 //! operations on plain numbers. So what is written over [`Real`] is a computation and, at need, its derivative, with no
 //! formula for the derivative written down.
+//!
+//! All is inlined: into loops over many Gaussians that are compiled for each instruction set.
 
 use crate::scene::sh::Scalar;
 use std::cmp::Ordering;
@@ -26,19 +28,19 @@ pub(super) trait Real: Scalar + Div<Output = Self> + Neg<Output = Self> + Partia
     fn sqrt(self) -> Self;
 
     /// A constant.
+    #[inline(always)]
     fn constant(value: f64) -> Self {
         Self::nearest(value)
     }
 
     /// The square.
+    #[inline(always)]
     fn squared(self) -> Self {
         self * self
     }
 
     /// The larger of the two; of equal ones the second.
-    fn at_least(self, least: Self) -> Self {
-        if self > least { self } else { least }
-    }
+    fn at_least(self, least: Self) -> Self;
 }
 
 macro_rules! plain {
@@ -46,20 +48,29 @@ macro_rules! plain {
         impl Real for $t {
             type Plain = Self;
 
+            #[inline(always)]
             fn with_rate(value: Self, _: Self) -> Self {
                 value
             }
 
+            #[inline(always)]
             fn value(self) -> Self {
                 self
             }
 
+            #[inline(always)]
             fn rate(self) -> Self {
                 0.0
             }
 
+            #[inline(always)]
             fn sqrt(self) -> Self {
                 self.sqrt()
+            }
+
+            #[inline(always)]
+            fn at_least(self, least: Self) -> Self {
+                if self > least { self } else { least }
             }
         }
     )+};
@@ -76,32 +87,48 @@ pub(super) struct Dual<T> {
 impl<T: Real<Plain = T>> Real for Dual<T> {
     type Plain = T;
 
+    #[inline(always)]
     fn with_rate(value: T, rate: T) -> Self {
         Self { value, rate }
     }
 
+    #[inline(always)]
     fn value(self) -> T {
         self.value
     }
 
+    #[inline(always)]
     fn rate(self) -> T {
         self.rate
     }
 
+    #[inline(always)]
     fn sqrt(self) -> Self {
         let value = self.value.sqrt();
         Self { value, rate: self.rate / (value + value) }
+    }
+
+    #[inline(always)]
+    fn at_least(self, least: Self) -> Self {
+        let more = self.value > least.value;
+        // each by itself: a choice between pairs keeps the compiler from doing several at once
+        Self {
+            value: if more { self.value } else { least.value },
+            rate: if more { self.rate } else { least.rate },
+        }
     }
 }
 
 impl Dual<f64> {
     /// `e` to its power.
+    #[inline(always)]
     pub(super) fn exponential(self) -> Self {
         let value = libm::exp(self.value);
         Self { value, rate: self.rate * value }
     }
 
     /// Within bounds; at one of them it stands still.
+    #[inline(always)]
     pub(super) fn clamp(self, low: f64, high: f64) -> Self {
         let value = self.value.clamp(low, high);
         let inside = low < self.value && self.value < high;
@@ -112,6 +139,7 @@ impl Dual<f64> {
 impl<T: Real<Plain = T>> Add for Dual<T> {
     type Output = Self;
 
+    #[inline(always)]
     fn add(self, o: Self) -> Self {
         Self { value: self.value + o.value, rate: self.rate + o.rate }
     }
@@ -120,6 +148,7 @@ impl<T: Real<Plain = T>> Add for Dual<T> {
 impl<T: Real<Plain = T>> Sub for Dual<T> {
     type Output = Self;
 
+    #[inline(always)]
     fn sub(self, o: Self) -> Self {
         Self { value: self.value - o.value, rate: self.rate - o.rate }
     }
@@ -128,6 +157,7 @@ impl<T: Real<Plain = T>> Sub for Dual<T> {
 impl<T: Real<Plain = T>> Mul for Dual<T> {
     type Output = Self;
 
+    #[inline(always)]
     fn mul(self, o: Self) -> Self {
         Self { value: self.value * o.value, rate: self.rate * o.value + self.value * o.rate }
     }
@@ -136,6 +166,7 @@ impl<T: Real<Plain = T>> Mul for Dual<T> {
 impl<T: Real<Plain = T>> Div for Dual<T> {
     type Output = Self;
 
+    #[inline(always)]
     fn div(self, o: Self) -> Self {
         let value = self.value / o.value;
         Self { value, rate: (self.rate - value * o.rate) / o.value }
@@ -145,35 +176,41 @@ impl<T: Real<Plain = T>> Div for Dual<T> {
 impl<T: Real<Plain = T>> Neg for Dual<T> {
     type Output = Self;
 
+    #[inline(always)]
     fn neg(self) -> Self {
         Self { value: -self.value, rate: -self.rate }
     }
 }
 
 impl<T: PartialEq> PartialEq for Dual<T> {
+    #[inline(always)]
     fn eq(&self, o: &Self) -> bool {
         self.value == o.value
     }
 }
 
 impl<T: PartialOrd> PartialOrd for Dual<T> {
+    #[inline(always)]
     fn partial_cmp(&self, o: &Self) -> Option<Ordering> {
         self.value.partial_cmp(&o.value)
     }
 }
 
 impl<T: Real<Plain = T>> Scalar for Dual<T> {
+    #[inline(always)]
     fn nearest(x: f64) -> Self {
         Self { value: T::nearest(x), rate: T::nearest(0.0) }
     }
 }
 
 /// The scalar product.
+#[inline(always)]
 pub(super) fn dot<S: Real>(a: [S; 3], b: [S; 3]) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The vector product.
+#[inline(always)]
 pub(super) fn cross<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -38,12 +38,14 @@ pub trait Scalar: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
 }
 
 impl Scalar for f64 {
+    #[inline(always)]
     fn nearest(x: f64) -> Self {
         x
     }
 }
 
 impl Scalar for f32 {
+    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding to 32 bits is what is asked for")]
     fn nearest(x: f64) -> Self {
         x as f32
@@ -60,6 +62,7 @@ pub const fn len(degree: u8) -> usize {
 ///
 /// A degree above [`MAX_DEGREE`] gives the functions up to [`MAX_DEGREE`].
 #[must_use]
+#[inline(always)]
 pub fn basis<T: Scalar>(degree: u8, dir: [T; 3]) -> [T; MAX_LEN] {
     let mut b = [T::nearest(0.0); MAX_LEN];
     b[0] = T::nearest(C0);
@@ -77,31 +80,34 @@ pub fn basis<T: Scalar>(degree: u8, dir: [T; 3]) -> [T; MAX_LEN] {
     b
 }
 
+#[inline(always)]
 fn second_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 5] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
-    let [c0, c1, c2, c3, c4] = C2.map(T::nearest);
-    [c0 * (x * y), c1 * (y * z), c2 * (zz + zz - xx - yy), c3 * (x * z), c4 * (xx - yy)]
+    let c = |k: usize| T::nearest(C2[k]);
+    [c(0) * (x * y), c(1) * (y * z), c(2) * (zz + zz - xx - yy), c(3) * (x * z), c(4) * (xx - yy)]
 }
 
+#[inline(always)]
 fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     let three = T::nearest(3.0);
     let ring = T::nearest(4.0) * zz - xx - yy;
-    let [c0, c1, c2, c3, c4, c5, c6] = C3.map(T::nearest);
+    let c = |k: usize| T::nearest(C3[k]);
     [
-        c0 * y * (three * xx - yy),
-        c1 * (x * y) * z,
-        c2 * y * ring,
-        c3 * z * (zz + zz - three * (xx + yy)),
-        c4 * x * ring,
-        c5 * z * (xx - yy),
-        c6 * x * (xx - three * yy),
+        c(0) * y * (three * xx - yy),
+        c(1) * (x * y) * z,
+        c(2) * y * ring,
+        c(3) * z * (zz + zz - three * (xx + yy)),
+        c(4) * x * ring,
+        c(5) * z * (xx - yy),
+        c(6) * x * (xx - three * yy),
     ]
 }
 
 /// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` under the values of [`basis`], summed in the order of
 /// the functions; the shorter of the two ends the sum.
 #[must_use]
+#[inline(always)]
 pub fn colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(coefficients: &[[C; 3]], basis: &[T]) -> [T; 3] {
     let zero = T::nearest(0.0);
     let mut sum = [zero; 3];

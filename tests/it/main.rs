@@ -29,6 +29,7 @@ mod recipes;
 mod release;
 mod render_golden;
 mod render_layering;
+mod render_left_out;
 mod render_rates;
 mod render_rules;
 mod render_same_bytes;

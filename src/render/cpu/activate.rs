@@ -1,37 +1,90 @@
-//! What of a Gaussian no view changes: its scaled axes and its opacity.
+//! What of a Gaussian no view changes: its scaled axes and its opacity, laid out for many to be projected at a time.
 
-use crate::scene::Gaussians;
+use super::extent;
+use crate::render::Rules;
+use crate::scene::{Gaussians, sh};
 use glam::{DMat3, DQuat};
 use rayon::prelude::*;
 
-/// A Gaussian as every view uses it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Activated {
-    /// World directions of its own axes, each as long as the standard deviation along it: the columns of `Rq S`.
-    /// NaN where a stored field is not finite, so that no view draws it.
-    pub(super) axes: [[f32; 3]; 3],
+/// Gaussians that are projected together.
+pub(super) const LANES: usize = 64;
+
+/// One value of each of them.
+pub(super) type Lane = [f32; LANES];
+
+/// Gaussians as every view uses them, in the order of the file.
+#[derive(Debug, Clone)]
+pub(super) struct Block {
+    /// How many; what lies in the lanes beyond has no meaning.
+    pub(super) len: usize,
+    /// Their numbers in the scene.
+    pub(super) numbers: [u32; LANES],
+    /// Means relative to the scene's origin.
+    pub(super) positions: [Lane; 3],
+    /// World directions of a Gaussian's own axes, each as long as the standard deviation along it: the columns of
+    /// `Rq S`. NaN where a stored field is not finite, so that no view draws it.
+    pub(super) axes: [[Lane; 3]; 3],
     /// Opacity at the mean, 0..1.
-    pub(super) opacity: f32,
+    pub(super) opacity: Lane,
+    /// [`extent::reach`] of it.
+    pub(super) reach: Lane,
 }
 
 /// Least norm that a quaternion is divided by (`torch.nn.functional.normalize`).
 const LEAST_NORM: f64 = 1e-12;
 
-/// Applies the activations to every Gaussian, in f64 before the result is rounded.
-pub(super) fn activate(scene: &Gaussians) -> Vec<Activated> {
-    (0..scene.len()).into_par_iter().map(|i| one(scene, i)).collect()
+/// Applies the activations to the Gaussians of these numbers, in f64 before the result is rounded.
+pub(super) fn activate(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<Block> {
+    numbers.par_chunks(LANES).map(|numbers| block(scene, rules, numbers)).collect()
 }
 
-fn one(scene: &Gaussians, i: usize) -> Activated {
+/// The highest degree with a harmonic that is not zero in the whole scene. Leaving out those above changes no bit: a
+/// colour's sum begins at +0 and so never is -0, and added to anything else a zero of either sign leaves it as it is.
+/// (Coefficients that are NaN belong to Gaussians that no view draws.)
+pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
+    let is_used = |degree: u8| {
+        let band = sh::len(degree - 1)..sh::len(degree);
+        let all = (0..scene.len()).into_par_iter().map(|i| scene.sh_of(i)[band.clone()].as_flattened());
+        all.any(|band: &[f32]| band.iter().any(|c| c.abs() > 0.0))
+    };
+    (1..=scene.sh_degree).rev().find(|&degree| is_used(degree)).unwrap_or(0)
+}
+
+fn block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
+    let zero = [0.0; LANES];
+    let mut block = Block {
+        len: numbers.len(),
+        numbers: [0; LANES],
+        positions: [zero; 3],
+        axes: [[zero; 3]; 3],
+        opacity: zero,
+        reach: zero,
+    };
+    for (lane, &number) in numbers.iter().enumerate() {
+        let i = number as usize;
+        let opacity = opacity(scene.opacity_logits[i]);
+        block.numbers[lane] = number;
+        block.opacity[lane] = opacity;
+        block.reach[lane] = extent::reach(rules, opacity);
+        for (to, from) in block.positions.iter_mut().zip(scene.positions[i]) {
+            to[lane] = from;
+        }
+        for (to, from) in block.axes.as_flattened_mut().iter_mut().zip(axes(scene, i).as_flattened()) {
+            to[lane] = *from;
+        }
+    }
+    block
+}
+
+fn axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
     if !is_finite(scene, i) {
-        return Activated { axes: [[f32::NAN; 3]; 3], opacity: 0.0 };
+        return [[f32::NAN; 3]; 3];
     }
     let rotation = rotation(scene.rotations[i]);
-    let axis = |k: usize| {
+    [0, 1, 2].map(|k| {
         let deviation = libm::exp(f64::from(scene.log_scales[i][k]));
         (rotation.col(k) * deviation).as_vec3().to_array()
-    };
-    Activated { axes: [axis(0), axis(1), axis(2)], opacity: sigmoid(scene.opacity_logits[i]) }
+    })
 }
 
 fn is_finite(scene: &Gaussians, i: usize) -> bool {
@@ -51,8 +104,9 @@ fn rotation(stored: [f32; 4]) -> DMat3 {
     DMat3::from_quat(DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm))
 }
 
+/// The logistic function.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to 32 bits once, after the arithmetic")]
-fn sigmoid(logit: f32) -> f32 {
+pub(super) fn opacity(logit: f32) -> f32 {
     (1.0 / (1.0 + libm::exp(-f64::from(logit)))) as f32
 }
 
@@ -75,8 +129,8 @@ mod tests {
 
     #[test]
     fn opacity_keeps_its_full_range() {
-        assert_eq!([0.0, 40.0].map(|x| sigmoid(x).to_bits()), [0.5_f32, 1.0].map(f32::to_bits));
+        assert_eq!([0.0, 40.0].map(|x| opacity(x).to_bits()), [0.5_f32, 1.0].map(f32::to_bits));
         // far down the logistic function is the exponential
-        assert!((f64::from(sigmoid(-80.0)) / libm::exp(-80.0) - 1.0).abs() < 1e-7);
+        assert!((f64::from(opacity(-80.0)) / libm::exp(-80.0) - 1.0).abs() < 1e-7);
     }
 }

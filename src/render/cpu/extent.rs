@@ -1,7 +1,6 @@
 //! Which pixels a projected Gaussian may touch under each of the rules.
 
-use super::project::Footprint;
-use super::splat::{edge_margin, pixels_within};
+use super::splat::{edge_margin, pixels_within, within};
 use crate::render::Rules;
 use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TILE, least_alpha};
 
@@ -11,55 +10,81 @@ pub(super) fn reach(rules: Rules, opacity: f32) -> f32 {
     libm::log2f(opacity / least_alpha(rules)).max(0.0) * (1.0 + 1e-5) + 1e-5
 }
 
-/// First and end of the columns and of the rows that may be touched, or `None` where the image has none of them.
+/// First and end of the columns and of the rows that may be touched by a Gaussian of dilated covariance
+/// `[[a, b], [b, c]]`, px^2; empty ranges where the image has none of them.
+/// Without a branch once the rules are known, so that the compiler does several Gaussians at once.
 ///
 /// Under `official` and `gsplat` these are the pixels of the published tiles that the ellipse's bounding box reaches: pixels of a
 /// tile beyond the box are skipped for their opacity there, so leaving them out changes nothing.
+#[inline(always)]
 pub(super) fn pixels(
     rules: Rules,
     mean: [f32; 2],
-    shape: &Footprint<f32>,
+    [a, b, c]: [f32; 3],
     reach: f32,
     size: [f32; 2],
-) -> Option<[[u16; 2]; 2]> {
-    // q = log2(e)/2 * d^T S^-1 d, so the box's half-widths are sqrt(2 ln 2 q S_ii)
-    let half = [shape.a, shape.c].map(|v| (2.0 * std::f32::consts::LN_2 * reach * v).sqrt());
-    let radius = (EXTENT_SIGMAS * longest(shape).sqrt()).ceil();
-    let side = |k: usize| {
-        let wide = half[k] + edge_margin(half[k]);
-        let [first, end] = pixels_within(mean[k] - wide, mean[k] + wide, size[k]);
+) -> [[u16; 2]; 2] {
+    let longest = longest([a, b, c]);
+    let side = |k: usize, variance: f32| Side { mean: mean[k], variance, longest, reach, size: size[k] };
+    [side(0, a).pixels(rules), side(1, c).pixels(rules)]
+}
+
+/// What an extent along one axis of the image depends on.
+struct Side {
+    mean: f32,
+    /// Along the axis, px^2.
+    variance: f32,
+    /// The largest along any line, px^2.
+    longest: f32,
+    reach: f32,
+    size: f32,
+}
+
+impl Side {
+    #[inline(always)]
+    fn pixels(&self, rules: Rules) -> [u16; 2] {
+        // q = log2(e)/2 * d^T S^-1 d, so the box's half-widths are sqrt(2 ln 2 q S_ii)
+        let half = (2.0 * std::f32::consts::LN_2 * self.reach * self.variance).sqrt();
+        let wide = half + edge_margin(half);
+        let within = pixels_within(self.mean - wide, self.mean + wide, self.size);
         match rules {
-            Rules::Exact | Rules::Soft => [first, end],
+            Rules::Exact | Rules::Soft => within,
             Rules::Gsplat => {
                 // 2 ln(255 opacity) is 2 ln 2 times the reach
-                let sigmas = (2.0 * std::f32::consts::LN_2 * reach).sqrt().min(GSPLAT_SIGMAS);
-                let radius = (sigmas * [shape.a, shape.c][k].sqrt()).ceil();
-                let [low, high] = gsplat(mean[k], radius, size[k]);
-                [first.max(low), end.min(high)]
+                let sigmas = (2.0 * std::f32::consts::LN_2 * self.reach).sqrt().min(GSPLAT_SIGMAS);
+                let radius = (sigmas * self.variance.sqrt()).ceil();
+                common(within, gsplat(self.mean, radius, self.size))
             }
             Rules::Official => {
-                let [low, high] = official(mean[k] - 0.5, radius, size[k]);
-                [first.max(low), end.min(high)]
+                let radius = (EXTENT_SIGMAS * self.longest.sqrt()).ceil();
+                common(within, official(self.mean - 0.5, radius, self.size))
             }
         }
-    };
-    let [columns, rows] = [side(0), side(1)];
-    (columns[0] < columns[1] && rows[0] < rows[1]).then_some([columns, rows])
+    }
+}
+
+/// The pixels of both ranges.
+#[inline(always)]
+fn common([a0, a1]: [u16; 2], [b0, b1]: [u16; 2]) -> [u16; 2] {
+    [a0.max(b0), a1.min(b1)]
 }
 
 /// The larger eigenvalue of the dilated covariance, with the published floor under its root, px^2.
-fn longest(shape: &Footprint<f32>) -> f32 {
-    let (middle, half) = (0.5 * (shape.a + shape.c), 0.5 * (shape.a - shape.c));
-    middle + (half * half + shape.b * shape.b).max(EXTENT_ROOT_FLOOR).sqrt()
+#[inline(always)]
+fn longest([a, b, c]: [f32; 3]) -> f32 {
+    let (middle, half) = (0.5 * (a + c), 0.5 * (a - c));
+    middle + (half * half + b * b).max(EXTENT_ROOT_FLOOR).sqrt()
 }
 
 /// The published square rounded out to tiles, in pixels: `trunc((c - r) / 16)` to `trunc((c + r + 15) / 16)`.
+#[inline(always)]
 fn official(centre: f32, radius: f32, size: f32) -> [u16; 2] {
     let last = centre + radius + (TILE_PX - 1.0);
-    tiles([(centre - radius) / TILE_PX, last / TILE_PX].map(f32::trunc), size)
+    tiles([((centre - radius) / TILE_PX).trunc(), (last / TILE_PX).trunc()], size)
 }
 
 /// The published extent along one axis rounded out to tiles, in pixels.
+#[inline(always)]
 fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
     tiles([((centre - radius) / TILE_PX).floor(), ((centre + radius) / TILE_PX).ceil()], size)
 }
@@ -73,18 +98,14 @@ const TILE_PX: f32 = TILE as f32;
     clippy::cast_sign_loss,
     reason = "the values are whole, and clamped to the image first"
 )]
-fn tiles(range: [f32; 2], size: f32) -> [u16; 2] {
-    range.map(|tile| (tile * TILE_PX).clamp(0.0, size) as u16)
+#[inline(always)]
+fn tiles([first, end]: [f32; 2], size: f32) -> [u16; 2] {
+    [within(first * TILE_PX, size) as u16, within(end * TILE_PX, size) as u16]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn round(variance: f32) -> Footprint<f32> {
-        let det = variance * variance;
-        Footprint { a: variance, b: 0.0, c: variance, det, det0: det, depth_deviation: 0.0 }
-    }
 
     #[test]
     fn official_squares_are_rounded_out_to_tiles() {
@@ -107,11 +128,10 @@ mod tests {
             let [columns, rows] = pixels(
                 Rules::Exact,
                 [500.25, 300.375],
-                &round(variance),
+                [variance, 0.0, variance],
                 reach(Rules::Exact, opacity),
                 [1000.0, 600.0],
-            )
-            .unwrap();
+            );
             // alpha = opacity exp(-d^2 / 2 variance) >= 1/255
             let radius = (2.0 * f64::from(variance) * (255.0 * f64::from(opacity)).ln()).sqrt();
             let counts = |k: u32, mean: f64| (f64::from(k) + 0.5 - mean).abs() <= radius;

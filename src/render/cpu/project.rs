@@ -6,9 +6,10 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
-use super::activate::Activated;
+use super::activate::{Block, LANES, Lane};
 use super::extent;
 use super::splat::{MAX_FEATURES, Rates, Splat};
+use crate::camera::Camera;
 use crate::image::luminance;
 use crate::render::dual::{Dual, Real, cross, dot};
 use crate::render::shared::{
@@ -17,6 +18,7 @@ use crate::render::shared::{
 };
 use crate::render::{Channels, Rules, Style, Velocity, View, Work};
 use crate::scene::{Gaussians, sh};
+use fearless_simd::{Level, dispatch};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
@@ -36,13 +38,31 @@ pub(super) struct Eye {
     origin: DVec3,
     focal: [f64; 2],
     centre: [f64; 2],
-    /// Least and largest `x / z`, `y / z` at which the projection's derivative is taken.
+    /// [`slack`] of the camera.
     slack: [[f64; 2]; 2],
     size: [f32; 2],
     /// Of the camera, in its own axes.
     velocity: Velocity,
+    /// Its angular part, rounded.
+    turning: [f32; 3],
     /// How fast the ray from the camera to any point of the scene changes: world axes, units a second.
     ray_rate: DVec3,
+}
+
+/// Least and largest `x / z`, then `y / z`, at which the projection's derivative is taken.
+pub(super) fn slack(camera: &Camera, rules: Rules) -> [[f64; 2]; 2] {
+    let along = |focal: f64, centre: f64, edge: u32| match rules {
+        Rules::Official | Rules::Exact | Rules::Soft => {
+            let most = FRUSTUM_SLACK * f64::from(edge) / (2.0 * focal);
+            [-most, most]
+        }
+        Rules::Gsplat => {
+            let size = f64::from(edge);
+            let more = GSPLAT_SLACK * size / focal;
+            [-(centre / focal + more), (size - centre) / focal + more]
+        }
+    };
+    [along(camera.fx, camera.cx, camera.size.width), along(camera.fy, camera.cy, camera.size.height)]
 }
 
 impl Eye {
@@ -52,51 +72,45 @@ impl Eye {
         let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
         let size = [camera.size.width, camera.size.height].map(f64::from);
         let (focal, centre) = ([camera.fx, camera.fy], [camera.cx, camera.cy]);
-        let slack = |k: usize| match rules {
-            Rules::Official | Rules::Exact | Rules::Soft => {
-                let most = FRUSTUM_SLACK * size[k] / (2.0 * focal[k]);
-                [-most, most]
-            }
-            Rules::Gsplat => {
-                let more = GSPLAT_SLACK * size[k] / focal[k];
-                [-(centre[k] / focal[k] + more), (size[k] - centre[k]) / focal[k] + more]
-            }
-        };
         Self {
             camera_from_world,
             rows: [0, 1, 2].map(|k| camera_from_world.row(k).as_vec3().to_array()),
             origin: origin - view.world_from_camera.translation,
             focal,
             centre,
-            slack: [0, 1].map(slack),
+            slack: slack(&camera, rules),
             size: size.map(|v| v as f32),
             velocity: view.velocity,
+            turning: view.velocity.angular.as_vec3().to_array(),
             ray_rate: -(view.world_from_camera.rotation * view.velocity.linear),
         }
     }
 }
 
-/// Why a Gaussian is not drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Culled {
-    Behind,
-    Degenerate,
-    Outside,
-}
+/// What becomes of a Gaussian.
+type Fate = u32;
+const DRAWN: Fate = 0;
+const BEHIND: Fate = 1;
+const DEGENERATE: Fate = 2;
+const OUTSIDE: Fate = 3;
 
 /// What the pass reads.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projection<'a> {
     /// The scene.
     pub(super) scene: &'a Gaussians,
-    /// Its activated form.
-    pub(super) activated: &'a [Activated],
+    /// What of it may be seen, in its activated form: all blocks but the last are full.
+    pub(super) blocks: &'a [Block],
+    /// Degree that its harmonics are evaluated to.
+    pub(super) sh_degree: u8,
     /// Parameters.
     pub(super) style: Style,
     /// View.
     pub(super) eye: Eye,
     /// Which features the splats carry.
     pub(super) want: Channels,
+    /// The instruction set.
+    pub(super) level: Level,
 }
 
 /// Splats of one [`CHUNK`] of Gaussians and what happened to them.
@@ -108,135 +122,377 @@ pub(super) struct Projected {
     pub(super) work: Work,
 }
 
+/// A number, or one with its rate, of which a block has one of each Gaussian.
+trait Each: Real<Plain = f32> {
+    /// One for each lane.
+    type Lanes: Copy;
+    /// All zero.
+    const ZEROS: Self::Lanes;
+    /// Whether there are rates.
+    const MOVING: bool;
+
+    fn at(lanes: &Self::Lanes, i: usize) -> Self;
+    fn put(self, lanes: &mut Self::Lanes, i: usize);
+}
+
+impl Each for f32 {
+    type Lanes = Lane;
+    const ZEROS: Lane = [0.0; LANES];
+    const MOVING: bool = false;
+
+    #[inline(always)]
+    fn at(lanes: &Lane, i: usize) -> Self {
+        lanes[i]
+    }
+
+    #[inline(always)]
+    fn put(self, lanes: &mut Lane, i: usize) {
+        lanes[i] = self;
+    }
+}
+
+impl Each for Dual<f32> {
+    type Lanes = Dual<Lane>;
+    const ZEROS: Dual<Lane> = Dual { value: [0.0; LANES], rate: [0.0; LANES] };
+    const MOVING: bool = true;
+
+    #[inline(always)]
+    fn at(lanes: &Dual<Lane>, i: usize) -> Self {
+        Self { value: lanes.value[i], rate: lanes.rate[i] }
+    }
+
+    #[inline(always)]
+    fn put(self, lanes: &mut Dual<Lane>, i: usize) {
+        lanes.value[i] = self.value;
+        lanes.rate[i] = self.rate;
+    }
+}
+
+/// What a block's Gaussians come to, lane by lane: each loop over it is without a branch, so that the compiler does
+/// several at once.
+struct Seen<S: Each> {
+    fate: [Fate; LANES],
+    depth: S::Lanes,
+    mean: [S::Lanes; 2],
+    slopes: [S::Lanes; 2],
+    /// `a`, `b`, `c` of [`Footprint`].
+    covariance: [Lane; 3],
+    depth_deviation: Lane,
+    w: [S::Lanes; 3],
+    opacity: S::Lanes,
+    reach: Lane,
+    columns: [[u16; LANES]; 2],
+    rows: [[u16; LANES]; 2],
+    /// Lanes of those drawn, in order.
+    drawn: [u8; LANES],
+    /// Means of those drawn, one after another.
+    positions: [Lane; 3],
+    /// The harmonics in the directions of those drawn, one after another.
+    basis: [S::Lanes; sh::MAX_LEN],
+}
+
 impl Projection<'_> {
     /// Projects all Gaussians: those of chunk `k` come to lie from `splats[k * CHUNK]` on, in file order; their rates
     /// likewise, where a channel is a rate.
     pub(super) fn run(&self, splats: &mut Vec<Splat>, rates: &mut Vec<Rates>, chunks: &mut Vec<Projected>) {
-        splats.resize(self.scene.len(), Splat::default());
-        let parts = splats.par_chunks_mut(CHUNK).enumerate();
+        let count = self.blocks.iter().map(|block| block.len).sum();
+        splats.resize(count, Splat::default());
+        let parts = self.blocks.par_chunks(CHUNK / LANES).zip(splats.par_chunks_mut(CHUNK));
         if self.want.luminance_rate {
-            rates.resize(self.scene.len(), Rates::default());
+            rates.resize(count, Rates::default());
             let parts = parts.zip(rates.par_chunks_mut(CHUNK));
-            let project = |((k, out), rates): ((usize, &mut [Splat]), &mut [Rates])| {
-                self.chunk::<Dual<f32>>(k * CHUNK, out, |place, found| rates[place] = found)
-            };
+            let project = |((blocks, splats), rates): ((&[Block], &mut [Splat]), &mut [Rates])| dispatch!(self.level, _simd => self.chunk::<Dual<f32>>(blocks, splats, rates));
             parts.map(project).collect_into_vec(chunks);
         } else {
-            parts.map(|(k, out)| self.chunk::<f32>(k * CHUNK, out, |_, _| ())).collect_into_vec(chunks);
+            let project = |(blocks, splats): (&[Block], &mut [Splat])| dispatch!(self.level, _simd => self.chunk::<f32>(blocks, splats, &mut []));
+            parts.map(project).collect_into_vec(chunks);
         }
     }
 
-    fn chunk<S: Real<Plain = f32>>(
-        &self,
-        first: usize,
-        out: &mut [Splat],
-        mut keep: impl FnMut(usize, Rates),
-    ) -> Projected {
+    /// One chunk. Inlined, as is all below, into a function for each instruction set.
+    #[inline(always)]
+    fn chunk<S: Each>(&self, blocks: &[Block], splats: &mut [Splat], rates: &mut [Rates]) -> Projected {
         let mut done = Projected::default();
-        done.work.gaussians = out.len() as u64;
-        for i in first..first + out.len() {
-            match self.one::<S>(i, &mut done.work) {
-                Ok((splat, rates)) => {
-                    out[done.drawn] = splat;
-                    keep(done.drawn, rates);
-                    done.drawn += 1;
-                }
-                Err(Culled::Behind) => done.work.behind += 1,
-                Err(Culled::Degenerate) => done.work.degenerate += 1,
-                Err(Culled::Outside) => done.work.outside += 1,
-            }
+        let mut seen = Seen::<S>::new();
+        for block in blocks {
+            self.block(block, &mut seen, &mut done, splats, rates);
         }
         done
     }
 
-    fn one<S: Real<Plain = f32>>(&self, i: usize, work: &mut Work) -> Result<(Splat, Rates), Culled> {
-        let seen = self.scene.positions[i].map(f64::from);
-        let from_camera = self.eye.origin + DVec3::from_array(seen);
-        let point = self.eye.camera_from_world * from_camera;
-        let z = point.z as f32;
-        let rules = self.style.rules;
-        let in_front = match rules {
-            Rules::Official | Rules::Exact | Rules::Soft => z > NEAR,
-            Rules::Gsplat => (GSPLAT_NEAR..=GSPLAT_FAR).contains(&z),
-        };
-        if !in_front {
-            return Err(Culled::Behind);
-        }
-        let sight = self.eye.sight::<S>(point);
-        let mean = sight.mean.map(S::value);
-        let shape = sight.footprint(&self.eye, &self.activated[i].axes);
-        let plain = shape.plain();
-        if !(plain.det.is_finite() && plain.det > 0.0 && mean[0].is_finite() && mean[1].is_finite()) {
-            return Err(Culled::Degenerate);
-        }
-        let mut opacity = S::with_rate(self.activated[i].opacity, 0.0);
+    #[inline(always)]
+    fn block<S: Each>(
+        &self,
+        block: &Block,
+        seen: &mut Seen<S>,
+        done: &mut Projected,
+        splats: &mut [Splat],
+        rates: &mut [Rates],
+    ) {
+        seen.locate(&self.eye, self.style.rules, block);
         if self.style.antialiased {
-            opacity =
-                opacity * (shape.det0 / shape.det).at_least(S::nearest(COMPENSATION_FLOOR.into())).sqrt();
+            seen.shape::<true>(&self.eye, self.style.rules, block);
+            seen.reach_anew(self.style.rules);
+        } else {
+            seen.shape::<false>(&self.eye, self.style.rules, block);
+            seen.reach = block.reach;
         }
-        if opacity.value() < least_alpha(rules) {
-            return Err(Culled::Outside);
+        match self.style.rules {
+            Rules::Official => seen.bound(Rules::Official, self.eye.size),
+            Rules::Exact | Rules::Soft => seen.bound(Rules::Exact, self.eye.size),
+            Rules::Gsplat => seen.bound(Rules::Gsplat, self.eye.size),
         }
-        let w = shape.weights();
-        let splat = self.place(mean, &plain, w.map(S::value), opacity.value()).ok_or(Culled::Outside)?;
-        let doubtful = plain.depth_deviation > AFFINE_DOUBTFUL * z;
-        work.affine_doubtful += u64::from(doubtful);
-        work.affine_invalid += u64::from(plain.depth_deviation > AFFINE_INVALID * z);
-        let colour = self.colour::<S>(i, from_camera);
-        let grey = luminance(colour.map(S::value));
-        let rates = Rates {
-            mean: sight.mean.map(S::rate),
-            w: w.map(S::rate),
-            opacity: opacity.rate() / opacity.value(),
-            depth: sight.depth.rate(),
-            grey,
-            grey_rate: luminance(colour.map(S::rate)),
-        };
-        Ok((Splat { depth: z, features: self.features(colour.map(S::value), z, doubtful), ..splat }, rates))
-    }
-
-    /// The splat's geometry, or `None` where it touches no pixel.
-    fn place(&self, mean: [f32; 2], shape: &Footprint<f32>, w: [f32; 3], opacity: f32) -> Option<Splat> {
-        let reach = extent::reach(self.style.rules, opacity);
-        let [columns, rows] = extent::pixels(self.style.rules, mean, shape, reach, self.eye.size)?;
-        Some(Splat { mean, w, opacity, reach, columns, rows, ..Splat::default() })
+        let count = seen.count(block.len, &mut done.work);
+        let coloured = self.want.rgb || self.want.luminance || self.want.luminance_rate;
+        if coloured {
+            seen.face(&self.eye, block, self.sh_degree, count);
+        }
+        for k in 0..count {
+            let i = usize::from(seen.drawn[k]);
+            let mut colour = [S::nearest(0.0); 3];
+            if coloured {
+                let coefficients = self.scene.sh_of(block.numbers[i] as usize).as_flattened();
+                colour = seen.colour(k, &coefficients[..3 * sh::len(self.sh_degree)]);
+            }
+            let value = [colour[0].value(), colour[1].value(), colour[2].value()];
+            splats[done.drawn] = seen.splat(i, self.features(value, seen, i));
+            if S::MOVING {
+                let rate = [colour[0].rate(), colour[1].rate(), colour[2].rate()];
+                rates[done.drawn] = seen.rates(i, luminance(value), luminance(rate));
+            }
+            done.drawn += 1;
+        }
     }
 
     /// The values to blend, one after another as [`Channels`] lists them.
-    fn features(&self, colour: [f32; 3], z: f32, doubtful: bool) -> [f32; MAX_FEATURES] {
+    #[inline(always)]
+    fn features<S: Each>(&self, colour: [f32; 3], seen: &Seen<S>, i: usize) -> [f32; MAX_FEATURES] {
         let mut features = [0.0; MAX_FEATURES];
         let mut n = 0;
-        let mut push = |values: &[f32]| {
-            features[n..n + values.len()].copy_from_slice(values);
-            n += values.len();
-        };
         if self.want.rgb {
-            push(&colour);
+            features[..3].copy_from_slice(&colour);
+            n = 3;
         }
         if self.want.luminance {
-            push(&[luminance(colour)]);
+            features[n] = luminance(colour);
+            n += 1;
         }
         if self.want.depth {
-            push(&[z]);
+            features[n] = S::at(&seen.depth, i).value();
+            n += 1;
         }
         if self.want.doubtful {
-            push(&[f32::from(u8::from(doubtful))]);
+            features[n] = f32::from(u8::from(seen.is_deeper(i, AFFINE_DOUBTFUL)));
         }
         features
     }
+}
 
-    /// The colour seen from the camera, each channel at least 0; zero where no channel wants one.
-    fn colour<S: Real<Plain = f32>>(&self, i: usize, from_camera: DVec3) -> [S; 3] {
-        if !(self.want.rgb || self.want.luminance || self.want.luminance_rate) {
-            return [S::nearest(0.0); 3];
+impl<S: Each> Seen<S> {
+    #[inline(always)]
+    fn new() -> Self {
+        let zero = [0.0; LANES];
+        Self {
+            fate: [DRAWN; LANES],
+            depth: S::ZEROS,
+            mean: [S::ZEROS; 2],
+            slopes: [S::ZEROS; 2],
+            covariance: [zero; 3],
+            depth_deviation: zero,
+            w: [S::ZEROS; 3],
+            opacity: S::ZEROS,
+            reach: zero,
+            columns: [[0; LANES]; 2],
+            rows: [[0; LANES]; 2],
+            drawn: [0; LANES],
+            positions: [zero; 3],
+            basis: [S::ZEROS; sh::MAX_LEN],
         }
-        let direction = from_camera.normalize();
-        // The ray turns by what of its own rate is across it.
-        let rate = self.eye.ray_rate;
-        let turning = (rate - direction * direction.dot(rate)) / from_camera.length();
-        let direction = [0, 1, 2].map(|k| S::with_rate(direction[k] as f32, turning[k] as f32));
-        let basis = sh::basis(self.scene.sh_degree, direction);
-        sh::colour(self.scene.sh_of(i), &basis)
+    }
+
+    /// Where the means are seen.
+    #[inline(always)]
+    fn locate(&mut self, eye: &Eye, rules: Rules, block: &Block) {
+        let [x, y, z] = &block.positions;
+        let (nearest, farthest) = match rules {
+            Rules::Official | Rules::Exact | Rules::Soft => (NEAR.next_up(), f32::INFINITY),
+            Rules::Gsplat => (GSPLAT_NEAR, GSPLAT_FAR),
+        };
+        for i in 0..LANES {
+            let sight = eye.sight::<S>(eye.camera_from_world * eye.ray([x[i], y[i], z[i]]));
+            let depth = sight.depth.value();
+            let in_front = depth >= nearest && depth <= farthest;
+            self.fate[i] = if in_front { DRAWN } else { BEHIND };
+            sight.depth.put(&mut self.depth, i);
+            for k in 0..2 {
+                sight.mean[k].put(&mut self.mean[k], i);
+                sight.slopes[k].put(&mut self.slopes[k], i);
+            }
+        }
+    }
+
+    /// Their footprints, their opacities with them where they are `ANTIALIASED`.
+    #[inline(always)]
+    fn shape<const ANTIALIASED: bool>(&mut self, eye: &Eye, rules: Rules, block: &Block) {
+        let least = least_alpha(rules);
+        let [m0, m1, m2] = &block.axes;
+        for i in 0..LANES {
+            let slopes = [S::at(&self.slopes[0], i), S::at(&self.slopes[1], i)];
+            let mean = [S::at(&self.mean[0], i).value(), S::at(&self.mean[1], i).value()];
+            let axis = |m: &[Lane; 3]| [m[0][i], m[1][i], m[2][i]];
+            let axes = [axis(m0), axis(m1), axis(m2)];
+            let shape = eye.footprint(slopes, S::at(&self.depth, i), axes);
+            let mut opacity = S::with_rate(block.opacity[i], 0.0);
+            if ANTIALIASED {
+                let floor = S::nearest(COMPENSATION_FLOOR.into());
+                opacity = opacity * (shape.det0 / shape.det).at_least(floor).sqrt();
+            }
+            let det = shape.det.value();
+            let sound = det.is_finite() & (det > 0.0) & mean[0].is_finite() & mean[1].is_finite();
+            let fate = if opacity.value() < least { OUTSIDE } else { DRAWN };
+            let fate = if sound { fate } else { DEGENERATE };
+            self.fate[i] = if self.fate[i] == BEHIND { BEHIND } else { fate };
+            for (w, to) in shape.weights().iter().zip(&mut self.w) {
+                w.put(to, i);
+            }
+            opacity.put(&mut self.opacity, i);
+            self.covariance[0][i] = shape.a.value();
+            self.covariance[1][i] = shape.b.value();
+            self.covariance[2][i] = shape.c.value();
+            self.depth_deviation[i] = shape.depth_deviation;
+        }
+    }
+
+    /// How far their weakened opacities reach.
+    #[inline(always)]
+    fn reach_anew(&mut self, rules: Rules) {
+        for i in 0..LANES {
+            if self.fate[i] == DRAWN {
+                self.reach[i] = extent::reach(rules, S::at(&self.opacity, i).value());
+            }
+        }
+    }
+
+    /// Which pixels they may touch.
+    #[inline(always)]
+    fn bound(&mut self, rules: Rules, size: [f32; 2]) {
+        let [a, b, c] = &self.covariance;
+        for i in 0..LANES {
+            let mean = [S::at(&self.mean[0], i).value(), S::at(&self.mean[1], i).value()];
+            let [columns, rows] = extent::pixels(rules, mean, [a[i], b[i], c[i]], self.reach[i], size);
+            let empty = (columns[0] >= columns[1]) | (rows[0] >= rows[1]);
+            self.fate[i] = if empty & (self.fate[i] == DRAWN) { OUTSIDE } else { self.fate[i] };
+            for k in 0..2 {
+                self.columns[k][i] = columns[k];
+                self.rows[k][i] = rows[k];
+            }
+        }
+    }
+
+    /// Lists those that are drawn among the first lanes, and counts all.
+    #[inline(always)]
+    fn count(&mut self, len: usize, work: &mut Work) -> usize {
+        let mut drawn = 0;
+        for i in 0..len {
+            self.drawn[drawn] = i as u8;
+            drawn += usize::from(self.fate[i] == DRAWN);
+        }
+        let fates = |fate: Fate| self.fate[..len].iter().map(|&f| u64::from(f == fate)).sum::<u64>();
+        work.behind += fates(BEHIND);
+        work.degenerate += fates(DEGENERATE);
+        work.outside += fates(OUTSIDE);
+        for k in 0..drawn {
+            let i = usize::from(self.drawn[k]);
+            work.affine_doubtful += u64::from(self.is_deeper(i, AFFINE_DOUBTFUL));
+            work.affine_invalid += u64::from(self.is_deeper(i, AFFINE_INVALID));
+        }
+        drawn
+    }
+
+    /// Whether its deviation in depth is above this share of its depth.
+    #[inline(always)]
+    fn is_deeper(&self, i: usize, share: f32) -> bool {
+        self.depth_deviation[i] > share * S::at(&self.depth, i).value()
+    }
+
+    /// The harmonics in the directions of the drawn ones.
+    #[inline(always)]
+    fn face(&mut self, eye: &Eye, block: &Block, degree: u8, count: usize) {
+        for k in 0..count {
+            let i = usize::from(self.drawn[k]);
+            for (to, from) in self.positions.iter_mut().zip(&block.positions) {
+                to[k] = from[i];
+            }
+        }
+        match degree {
+            0 => self.face_to(eye, 0, count),
+            1 => self.face_to(eye, 1, count),
+            2 => self.face_to(eye, 2, count),
+            _ => self.face_to(eye, 3, count),
+        }
+    }
+
+    #[inline(always)]
+    fn face_to(&mut self, eye: &Eye, degree: u8, count: usize) {
+        // Whole vectors of the widest set; the lanes beyond hold what an earlier block left there.
+        for k in 0..count.next_multiple_of(16) {
+            let [x, y, z] = &self.positions;
+            let basis = sh::basis(degree, eye.direction::<S>([x[k], y[k], z[k]]));
+            for (value, to) in basis[..sh::len(degree)].iter().zip(&mut self.basis) {
+                value.put(to, k);
+            }
+        }
+    }
+
+    /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::colour`], the channels side by side.
+    #[inline(always)]
+    fn colour(&self, k: usize, coefficients: &[f32]) -> [S; 3] {
+        let (mut sum, mut rate) = ([0.0_f32; 4], [0.0_f32; 4]);
+        let last = coefficients.len() / 3 - 1;
+        for n in 0..last {
+            let b = S::at(&self.basis[n], k);
+            let c = &coefficients[3 * n..3 * n + 4];
+            for j in 0..4 {
+                sum[j] += c[j] * b.value();
+                rate[j] += c[j] * b.rate();
+            }
+        }
+        let b = S::at(&self.basis[last], k);
+        let one = |j: usize| {
+            let c = coefficients[3 * last + j];
+            let v = S::with_rate(sum[j] + c * b.value(), rate[j] + c * b.rate()) + S::nearest(0.5);
+            v.at_least(S::nearest(0.0))
+        };
+        [one(0), one(1), one(2)]
+    }
+
+    #[inline(always)]
+    fn splat(&self, i: usize, features: [f32; MAX_FEATURES]) -> Splat {
+        let value = |lanes: &S::Lanes| S::at(lanes, i).value();
+        Splat {
+            mean: [value(&self.mean[0]), value(&self.mean[1])],
+            w: [value(&self.w[0]), value(&self.w[1]), value(&self.w[2])],
+            opacity: value(&self.opacity),
+            reach: self.reach[i],
+            columns: [self.columns[0][i], self.columns[1][i]],
+            rows: [self.rows[0][i], self.rows[1][i]],
+            features,
+            depth: value(&self.depth),
+        }
+    }
+
+    #[inline(always)]
+    fn rates(&self, i: usize, grey: f32, grey_rate: f32) -> Rates {
+        let rate = |lanes: &S::Lanes| S::at(lanes, i).rate();
+        let opacity = S::at(&self.opacity, i);
+        Rates {
+            mean: [rate(&self.mean[0]), rate(&self.mean[1])],
+            w: [rate(&self.w[0]), rate(&self.w[1]), rate(&self.w[2])],
+            opacity: opacity.rate() / opacity.value(),
+            depth: rate(&self.depth),
+            grey,
+            grey_rate,
+        }
     }
 }
 
@@ -259,74 +515,69 @@ pub(super) struct Footprint<S> {
 
 impl<S: Real<Plain = f32>> Footprint<S> {
     /// `w1, w2, w3` of [`Splat`]. `w2` is `-b / sqrt(c det)` without the product, which overflows first.
+    #[inline(always)]
     pub(super) fn weights(&self) -> [S; 3] {
         let to_binary = S::with_rate(TO_BINARY, 0.0);
         let w1 = (self.c / self.det).sqrt() * to_binary;
         [w1, -(self.b / self.c) * w1, to_binary / self.c.sqrt()]
     }
-
-    /// Without rates.
-    fn plain(&self) -> Footprint<f32> {
-        let [a, b, c, det, det0] = [self.a, self.b, self.c, self.det, self.det0].map(S::value);
-        Footprint { a, b, c, det, det0, depth_deviation: self.depth_deviation }
-    }
 }
 
 /// Where a Gaussian's mean is seen.
 struct Sight<S> {
+    depth: S,
     /// px
     mean: [S; 2],
     /// `x / z` and `y / z` where the projection's derivative is taken.
     slopes: [S; 2],
-    /// Focal lengths over depth.
-    scale: [S; 2],
-    /// Scene units.
-    depth: S,
 }
 
 impl Eye {
+    /// From the camera's centre to a point relative to the scene's origin, world axes.
+    #[inline(always)]
+    fn ray(&self, [x, y, z]: [f32; 3]) -> DVec3 {
+        self.origin + DVec3::new(x.into(), y.into(), z.into())
+    }
+
     /// A point in camera axes; `qdot = -v - w x q` while the camera moves.
+    #[inline(always)]
     fn sight<S: Real<Plain = f32>>(&self, point: DVec3) -> Sight<S> {
         let rate = -self.velocity.linear - self.velocity.angular.cross(point);
-        let slope = |k: usize| {
-            let value = point[k] / point.z;
-            (value, (rate[k] - value * rate.z) / point.z)
-        };
-        let mean = |k: usize| {
-            let (value, rate) = slope(k);
-            S::with_rate((self.focal[k] * value + self.centre[k]) as f32, (self.focal[k] * rate) as f32)
-        };
-        let clamped = |k: usize| {
-            let ((value, rate), [low, high]) = (slope(k), self.slack[k]);
-            let inside = low < value && value < high;
-            S::with_rate(value.clamp(low, high) as f32, if inside { rate as f32 } else { 0.0 })
-        };
-        let z = S::with_rate(point.z as f32, rate.z as f32);
-        let scale = |k: usize| S::with_rate(self.focal[k] as f32, 0.0) / z;
+        let (u, v) = (point.x / point.z, point.y / point.z);
+        let (u_rate, v_rate) = ((rate.x - u * rate.z) / point.z, (rate.y - v * rate.z) / point.z);
         Sight {
-            mean: [mean(0), mean(1)],
-            slopes: [clamped(0), clamped(1)],
-            scale: [scale(0), scale(1)],
-            depth: z,
+            depth: S::with_rate(point.z as f32, rate.z as f32),
+            mean: [self.mean(0, u, u_rate), self.mean(1, v, v_rate)],
+            slopes: [self.clamped(0, u, u_rate), self.clamped(1, v, v_rate)],
         }
     }
-}
 
-impl<S: Real<Plain = f32>> Sight<S> {
+    #[inline(always)]
+    fn mean<S: Real<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
+        S::with_rate((self.focal[k] * slope + self.centre[k]) as f32, (self.focal[k] * rate) as f32)
+    }
+
+    #[inline(always)]
+    fn clamped<S: Real<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
+        let [low, high] = self.slack[k];
+        let inside = (low < slope) & (slope < high);
+        // `f64::clamp` without its look at the bounds
+        let slope = if slope < low { low } else { slope };
+        let slope = if slope > high { high } else { slope };
+        S::with_rate(slope as f32, if inside { rate as f32 } else { 0.0 })
+    }
+
     /// The footprint of a Gaussian with these scaled world axes.
-    fn footprint(&self, eye: &Eye, axes: &[[f32; 3]; 3]) -> Footprint<S> {
-        let turning = eye.velocity.angular.as_vec3().to_array();
-        // The axes in camera axes, which turn against the camera.
-        let [m0, m1, m2] = axes.map(|axis| {
-            let seen = eye.rows.map(|row| dot(row, axis));
-            let rate = cross(seen, turning);
-            [0, 1, 2].map(|k| S::with_rate(seen[k], rate[k]))
-        });
+    #[inline(always)]
+    fn footprint<S: Real<Plain = f32>>(&self, slopes: [S; 2], depth: S, axes: [[f32; 3]; 3]) -> Footprint<S> {
+        let [m0, m1, m2] = [self.turned(axes[0]), self.turned(axes[1]), self.turned(axes[2])];
         let along = [m0[2], m1[2], m2[2]];
         // rows of the projection's derivative times the axes: they stay in the Gaussian's own axes, where the
         // cross product does not cancel
-        let row = |k: usize| [m0, m1, m2].map(|m| self.scale[k] * (m[k] - self.slopes[k] * m[2]));
-        let (a0, a1) = (row(0), row(1));
+        let scale = |k: usize| S::with_rate(self.focal[k] as f32, 0.0) / depth;
+        let (s0, s1) = (scale(0), scale(1));
+        let a0 = [row(s0, slopes[0], m0, 0), row(s0, slopes[0], m1, 0), row(s0, slopes[0], m2, 0)];
+        let a1 = [row(s1, slopes[1], m0, 1), row(s1, slopes[1], m1, 1), row(s1, slopes[1], m2, 1)];
         let n = cross(a0, a1);
         let (aa, cc, det0) = (dot(a0, a0), dot(a1, a1), dot(n, n));
         let d = S::with_rate(DILATION, 0.0);
@@ -340,4 +591,32 @@ impl<S: Real<Plain = f32>> Sight<S> {
             depth_deviation,
         }
     }
+
+    /// A direction of the world in camera axes, which turn against the camera.
+    #[inline(always)]
+    fn turned<S: Real<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
+        let seen = [dot(self.rows[0], axis), dot(self.rows[1], axis), dot(self.rows[2], axis)];
+        let rate = cross(seen, self.turning);
+        [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
+    }
+
+    /// The direction from the camera to such a point. The ray turns by what of its own rate is across it.
+    #[inline(always)]
+    fn direction<S: Real<Plain = f32>>(&self, point: [f32; 3]) -> [S; 3] {
+        let ray = self.ray(point);
+        let direction = ray.normalize();
+        let rate = self.ray_rate;
+        let turning = (rate - direction * direction.dot(rate)) / ray.length();
+        [
+            S::with_rate(direction.x as f32, turning.x as f32),
+            S::with_rate(direction.y as f32, turning.y as f32),
+            S::with_rate(direction.z as f32, turning.z as f32),
+        ]
+    }
+}
+
+/// An entry of a row of the projection's derivative times one axis.
+#[inline(always)]
+fn row<S: Real<Plain = f32>>(scale: S, slope: S, axis: [S; 3], k: usize) -> S {
+    scale * (axis[k] - slope * axis[2])
 }

@@ -52,15 +52,23 @@ pub(super) struct Rates {
 /// Bound on what rounding moves an edge of an extent by, px, where the edge lies `distance` px from the mean: the
 /// raster forms `w1 dx + w2 dy` from terms of that size, each rounded twice at 2^-24 of it, and pixel coordinates
 /// below 65,536 are rounded at 2^-8.
+#[inline(always)]
 pub(super) fn edge_margin(distance: f32) -> f32 {
     0.02 + 1e-6 * distance
 }
 
 /// The pixels whose centres lie between `low` and `high`: first and end, within `0..end`.
-#[inline]
+#[inline(always)]
 pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
-    // floor(low + 1/2): after the clamp, truncation is floor; NaN becomes 0
-    [low, high].map(|edge| (edge + 0.5).clamp(0.0, end) as u16)
+    // floor(low + 1/2): after the clamp, truncation is floor
+    [within(low + 0.5, end) as u16, within(high + 0.5, end) as u16]
+}
+
+/// The value clamped to `0..=end`; NaN becomes 0. Two choices, where `f32::clamp` looks whether its bounds are sound.
+#[inline(always)]
+pub(super) fn within(value: f32, end: f32) -> f32 {
+    let value = if value > 0.0 { value } else { 0.0 };
+    if value < end { value } else { end }
 }
 
 impl Splat {
@@ -146,7 +154,10 @@ mod tests {
         };
         let reach = extent::reach(Rules::Exact, opacity);
         let size = [f32::from(EDGE); 2];
-        let [columns, rows] = extent::pixels(Rules::Exact, mean, &shape, reach, size)?;
+        let [columns, rows] = extent::pixels(Rules::Exact, mean, [shape.a, shape.b, shape.c], reach, size);
+        if columns[0] >= columns[1] || rows[0] >= rows[1] {
+            return None;
+        }
         let w = shape.weights();
         Some(Splat { mean, w, opacity, reach, columns, rows, ..Splat::default() })
     }

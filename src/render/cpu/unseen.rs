@@ -1,0 +1,211 @@
+//! What no view of a path can see: a bound, so that what is left out touches no pixel of any of them.
+//!
+//! **One view.** Let `q` be a Gaussian's mean in camera axes, `s` its largest standard deviation, `o` its opacity. It is
+//! drawn only where `q.z` is above the near plane, and along x it touches no pixel farther from its mean `fx u + cx`,
+//! `u = q.x / q.z`, than `k sqrt(a)`: under all rules extents lie within the box of `opacity >= least`, for which
+//! `k = sqrt(2 ln(o / least))`; antialiasing only lowers `o`. Of the dilated variance `a = |a0|^2 + 0.3`, `a0` is the row
+//! `fx/z (1, 0, -uc)` of the projection's derivative times `M`, whose norm is `s`; and `uc`, the slope at which it is
+//! taken, is clamped to `|uc| <= U`. So `sqrt(a) <= fx/z s V + sqrt(0.3)` with `V = sqrt(1 + U^2)`, and a pixel at or
+//! right of the image's left edge is touched only if
+//!
+//! ```text
+//! fx u + cx + k (fx/z s V + sqrt(0.3)) >= 0,    that is, as z > 0,    q.x + L q.z >= -k s V,    L = (cx + m) / fx
+//! ```
+//!
+//! with `m >= k sqrt(0.3)` for every opacity. That is a plane through the camera's centre, widened by `k s V`; the other
+//! three edges give the like. With the unit normal `n = (1, 0, L) / h` it reads `n.q >= -k s V / h`; the near plane is
+//! `n = (0, 0, 1)` with `n.q >= near`.
+//!
+//! **A run of views** with centres `C_j` and normals `N_j = R_j n` in the world. For any point `c` and any `N`
+//!
+//! ```text
+//! N_j.(p - C_j) = N.(p - c) + (N_j - N).(p - c) + N_j.(c - C_j) <= N.(p - c) + turn |p - c| + shift
+//! ```
+//!
+//! with `turn` the largest `|N_j - N|` and `shift` the largest `N_j.(c - C_j)` of the run. Where the right side is below
+//! the plane's bound, no view of the run sees the Gaussian. Runs are halves of halves of the path, so that most
+//! Gaussians are settled by few of them; one that the shortest run about it cannot exclude is kept.
+//!
+//! **Rounding.** The projection's 32 bits err by some units of 2^-24 of each term and its extents add 0.02 px and a
+//! millionth: [`SPREAD`] on `k s V` and [`GRACE_PX`] on `m` are far above both. 64-bit positions err by some units of
+//! 2^-53 of the largest coordinate: [`ROUNDING`] of it.
+
+#![expect(clippy::cast_possible_truncation, reason = "a scene has fewer than 2^32 Gaussians")]
+
+use super::project::slack;
+use super::{activate, extent};
+use crate::camera::Camera;
+use crate::render::Rules;
+use crate::render::shared::{DILATION, GSPLAT_NEAR, NEAR, least_alpha};
+use crate::scene::Gaussians;
+use crate::se3::Se3;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::f64::consts::LN_2;
+
+/// Shortest runs that a path is cut into, at most.
+const RUNS: usize = 64;
+/// More of a spread than any rounding of it.
+const SPREAD: f64 = 1.0 + 1e-4;
+/// More than the projection adds to an extent or rounds it by, px: 0.02 and a few units of 2^-8.
+const GRACE_PX: f64 = 0.1;
+/// More than 64-bit sums of coordinates err by, of the largest.
+const ROUNDING: f64 = 1e-14;
+/// Nothing is left out of images with a larger focal length or principal point, px: extents could overflow.
+const LARGEST_PX: f64 = 1e6;
+/// Nor is a Gaussian with a larger standard deviation, scene units.
+const LARGEST_DEVIATION: f64 = 1e9;
+
+/// The numbers of the Gaussians that some of the poses may see, in order; of all where there is no pose.
+pub(super) fn seen(scene: &Gaussians, rules: Rules, camera: &Camera, poses: &[Se3]) -> Vec<u32> {
+    let all = (0..scene.len()).into_par_iter().map(|i| i as u32);
+    let px = [camera.fx, camera.fy, camera.cx, camera.cy];
+    if poses.is_empty() || !px.iter().all(|v| v.abs() <= LARGEST_PX) {
+        return all.collect();
+    }
+    let hull = Hull::new(scene.origin, rules, camera, poses);
+    all.filter(|&i| !hull.excludes(scene, i as usize)).collect()
+}
+
+/// A plane in camera axes that what is seen lies in front of.
+struct Plane {
+    /// Of unit length, inwards.
+    normal: DVec3,
+    /// Least distance in front of it, scene units.
+    least: f64,
+    /// How much less for each `k s`.
+    spread: f64,
+}
+
+/// The near plane and the image's edges.
+fn frustum(rules: Rules, camera: &Camera) -> [Plane; 5] {
+    let near = if rules == Rules::Gsplat { GSPLAT_NEAR } else { NEAR };
+    let widest = sigmas(extent::reach(rules, 1.0));
+    let margin = widest * f64::from(DILATION).sqrt() + GRACE_PX;
+    let edge = |k: usize, sign: f64| {
+        let (focal, centre, size) =
+            [(camera.fx, camera.cx, camera.size.width), (camera.fy, camera.cy, camera.size.height)][k];
+        let room = if sign > 0.0 { centre } else { f64::from(size) - centre };
+        let mut normal = DVec3::new(0.0, 0.0, (room + margin) / focal);
+        normal[k] = sign;
+        let [low, high] = slack(camera, rules)[k];
+        let steepest = low.abs().max(high.abs());
+        let spread = SPREAD * steepest.hypot(1.0) / normal.length();
+        Plane { normal: normal.normalize(), least: 0.0, spread }
+    };
+    let near = Plane { normal: DVec3::Z, least: f64::from(near) * (1.0 - 1e-6), spread: 0.0 };
+    [near, edge(0, 1.0), edge(0, -1.0), edge(1, 1.0), edge(1, -1.0)]
+}
+
+/// Standard deviations that an extent of this reach is wide.
+fn sigmas(reach: f32) -> f64 {
+    (2.0 * LN_2 * f64::from(reach)).sqrt()
+}
+
+/// The planes of a path's runs.
+struct Hull {
+    planes: [Plane; 5],
+    rules: Rules,
+    /// Each run before its halves.
+    runs: Vec<Run>,
+}
+
+struct Run {
+    /// Where it is about, relative to the scene's origin.
+    centre: DVec3,
+    faces: [Face; 5],
+    /// Whether it has no halves.
+    shortest: bool,
+    /// Place behind the last of its parts.
+    end: usize,
+}
+
+/// A plane over a run: see the module's head.
+struct Face {
+    normal: DVec3,
+    turn: f64,
+    shift: f64,
+}
+
+impl Hull {
+    fn new(origin: DVec3, rules: Rules, camera: &Camera, poses: &[Se3]) -> Self {
+        let mut hull = Self { planes: frustum(rules, camera), rules, runs: Vec::new() };
+        hull.cut(origin, poses, poses.len().div_ceil(RUNS));
+        hull
+    }
+
+    /// Adds the run of these poses and, while it is longer than the `shortest`, its halves.
+    fn cut(&mut self, origin: DVec3, poses: &[Se3], shortest: usize) {
+        let place = self.runs.len();
+        self.runs.push(Run::new(&self.planes, origin, poses));
+        if poses.len() > shortest {
+            let (first, second) = poses.split_at(poses.len() / 2);
+            self.cut(origin, first, shortest);
+            self.cut(origin, second, shortest);
+        }
+        let end = self.runs.len();
+        self.runs[place].shortest = end == place + 1;
+        self.runs[place].end = end;
+    }
+
+    /// Whether no pose sees the Gaussian.
+    fn excludes(&self, scene: &Gaussians, i: usize) -> bool {
+        let opacity = activate::opacity(scene.opacity_logits[i]);
+        // a hair below, since the antialiased rule may round a factor of 1 up
+        if opacity < 0.999 * least_alpha(self.rules) {
+            return true;
+        }
+        let log_deviation = scene.log_scales[i].iter().fold(f32::NEG_INFINITY, |most, &v| most.max(v));
+        let deviation = libm::exp(f64::from(log_deviation));
+        if !(deviation <= LARGEST_DEVIATION && scene.log_scales[i].iter().all(|v| v.is_finite())) {
+            return false;
+        }
+        let wide = deviation * sigmas(extent::reach(self.rules, opacity));
+        let position = DVec3::from_array(scene.positions[i].map(f64::from));
+        let mut place = 0;
+        while let Some(run) = self.runs.get(place) {
+            if run.excludes(&self.planes, position, wide) {
+                place = run.end;
+            } else if run.shortest {
+                return false;
+            } else {
+                place += 1;
+            }
+        }
+        true
+    }
+}
+
+impl Run {
+    fn new(planes: &[Plane; 5], origin: DVec3, poses: &[Se3]) -> Self {
+        let share = 1.0 / poses.len() as f64;
+        let centre = poses.iter().map(|pose| pose.translation * share).sum::<DVec3>();
+        let farthest = poses.iter().fold(origin.length(), |most, pose| most.max(pose.translation.length()));
+        let face = |plane: &Plane| {
+            let normals = || poses.iter().map(|pose| pose.rotation_matrix() * plane.normal);
+            let normal = normals().map(|n| n * share).sum::<DVec3>();
+            let turn = normals().map(|n| (n - normal).length()).fold(0.0, larger);
+            let shifts = normals().zip(poses).map(|(n, pose)| n.dot(centre - pose.translation));
+            let shift = shifts.fold(f64::NEG_INFINITY, larger);
+            Face { normal, turn: turn + ROUNDING, shift: shift + ROUNDING * farthest }
+        };
+        let [a, b, c, d, e] = planes;
+        let faces = [face(a), face(b), face(c), face(d), face(e)];
+        Self { centre: centre - origin, faces, shortest: true, end: 0 }
+    }
+
+    /// Whether none of its poses sees a Gaussian of this mean, `wide` being `k s`.
+    fn excludes(&self, planes: &[Plane; 5], position: DVec3, wide: f64) -> bool {
+        let from_centre = position - self.centre;
+        let distance = from_centre.length();
+        self.faces.iter().zip(planes).any(|(face, plane)| {
+            let most = face.normal.dot(from_centre) + face.turn * distance + face.shift;
+            most < plane.least - plane.spread * wide
+        })
+    }
+}
+
+/// The larger of the two; NaN where one is, so that a pose that is not finite excludes nothing.
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b || a.is_nan() { a } else { b }
+}
