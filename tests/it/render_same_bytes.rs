@@ -1,7 +1,7 @@
 //! What must not change a rendered bit: threads, frames rendered before, other images asked for, the world's origin.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, render, scene};
+use crate::support::gaussians::{ALL, Blob, OFFICIAL, ahead, crowd, render, scene};
 use glam::{DQuat, DVec3};
 use gs2e::image::luminance;
 use gs2e::render::cpu::{Cpu, Instructions};
@@ -129,4 +129,33 @@ fn luminance_is_that_of_the_colour_up_to_rounding() {
         // the limit of numerics.md 7.4
         assert!(worst <= 2e-6, "{worst:e}");
     }
+}
+
+/// Tiles are looked at after every 64 of their splats. A wall of opacity 0.95 leaves 0.05, 0.0025 and 0.000125 of the
+/// light; its fourth layer would leave less than 0.0001, so that every pixel is finished there.
+#[test]
+fn what_lies_behind_finished_tiles() {
+    const LAYERS: usize = 200;
+    const LOOK: usize = 64;
+    // 2000 px wide at a focal length of 100 px, so that opacity falls by 1e-4 of itself towards the corners
+    let layer = |k: usize, x: f32, deviation: f32| Blob {
+        position: [x, 0.0, 4.0 + 0.01 * k as f32],
+        deviations: [deviation; 3],
+        opacity: 0.95,
+        colour: [0.1 + 0.004 * k as f32; 3],
+        ..Blob::default()
+    };
+    let view = ahead(32, 16, 100.0);
+    let wall: Vec<Blob> = (0..LAYERS).map(|k| layer(k, 0.0, 80.0)).collect();
+    let (image, work) = render(scene(&wall), OFFICIAL, &view);
+    assert_eq!((work.tile_pairs, work.hidden), (2 * LAYERS as u64, 2 * (LAYERS - LOOK) as u64));
+    assert_eq!((work.blended, work.stopped), (3 * 32 * 16, 32 * 16));
+    let (seen, rest) = render(scene(&wall[..LOOK]), OFFICIAL, &view);
+    assert_eq!((bits(&image), rest.hidden), (bits(&seen), 0));
+
+    // dots of 2 px about (8, 8): the left tile keeps its light at the edges, and nothing is hidden there
+    let dots: Vec<Blob> =
+        (0..LAYERS).map(|k| layer(k, -8.0 * (4.0 + 0.01 * k as f32) / 100.0, 0.08)).collect();
+    let (_, work) = render(scene(&dots), Style { rules: Rules::Exact, ..OFFICIAL }, &view);
+    assert_eq!((work.tile_pairs, work.hidden), (LAYERS as u64, 0));
 }

@@ -78,10 +78,11 @@ fn fill<T: Copy + Send>(
     let reused = image.take().filter(|i| i.size() == grid.size);
     let mut filled = reused.unwrap_or_else(|| Image::filled(grid.size, blank));
     filled.pixels_mut().par_chunks_mut(grid.size.width as usize).enumerate().for_each(|(y, row)| {
-        let first = y / TILE * grid.columns;
-        for (x, to) in row.iter_mut().enumerate() {
-            let tile = &tiles[(first + x / TILE) * stride..][..stride];
-            *to = value(Pixel { tile, index: y % TILE * TILE + x % TILE, features }, feature);
+        let tiles = tiles[y / TILE * grid.columns * stride..].chunks_exact(stride);
+        for (tile, run) in tiles.zip(row.chunks_mut(TILE)) {
+            for (x, to) in run.iter_mut().enumerate() {
+                *to = value(Pixel { tile, index: y % TILE * TILE + x, features }, feature);
+            }
         }
     });
     *image = Some(filled);

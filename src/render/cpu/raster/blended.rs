@@ -13,11 +13,14 @@ use crate::render::cpu::exp2::exp2_neg;
 use crate::render::cpu::splat::{Rates, Splat};
 use crate::render::dual::Real;
 use crate::render::shared::{BLENDED_DEPTHS, MAX_ALPHA, SOFT_MIN_ALPHA, STOP, TILE};
+use fearless_simd::{Simd, SimdBase as _};
 use std::collections::VecDeque;
 use std::f32::consts::LN_2;
 
 /// One tile with `N` features a splat, into its part of the planes (see [`super::run`]).
-pub(super) fn one<S: Real<Plain = f32>, const N: usize>(
+#[inline(always)]
+pub(super) fn one<V: Simd, S: Real<Plain = f32>, const N: usize>(
+    simd: V,
     frame: Frame<'_>,
     index: usize,
     out: &mut [f32],
@@ -32,7 +35,7 @@ pub(super) fn one<S: Real<Plain = f32>, const N: usize>(
     for y in 0..TILE {
         let inside = if row + y < height { width.saturating_sub(column) } else { 0 };
         let mut pixels = Row::<S, N>::new([column, row + y], inside);
-        layers.iter().for_each(|(splat, rates)| pixels.take(splat, rates));
+        layers.iter().for_each(|(splat, rates)| pixels.take(simd, splat, rates));
         pixels.finish();
         pixels.store(y, out);
         work.blended += pixels.blended;
@@ -84,12 +87,13 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
     }
 
     /// The next splat in depth.
-    fn take(&mut self, splat: &Splat, rates: &Rates) {
+    #[inline(always)]
+    fn take<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &Rates) {
         let [first, end] = splat.rows.map(f32::from);
         if self.first[1] < first || self.first[1] > end {
             return;
         }
-        let alpha = self.alphas(splat, rates);
+        let alpha = self.alphas(simd, splat, rates);
         let hits = alpha.iter().filter(|alpha| alpha.value() > 0.0).count();
         if hits == 0 {
             return;
@@ -106,20 +110,24 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
     }
 
     /// What the splat takes of the light at each pixel: 0 where it does not count or the pixel stops.
-    fn alphas(&mut self, splat: &Splat, rates: &Rates) -> [S; TILE] {
+    #[inline(always)]
+    fn alphas<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &Rates) -> [S; TILE] {
         let [mx, my] = [0, 1].map(|k| S::with_rate(splat.mean[k], rates.mean[k]));
         let [w1, w2, w3] = [0, 1, 2].map(|k| S::with_rate(splat.w[k], rates.w[k]));
         let dy = S::with_rate(self.first[1], 0.0) - my;
         let e2 = w3 * dy;
-        std::array::from_fn(|x| {
+        let q: [S; TILE] = std::array::from_fn(|x| {
             let e1 = w1 * (S::with_rate(self.first[0] + x as f32, 0.0) - mx) + w2 * dy;
-            let q = e1 * e1 + e2 * e2;
-            let free = splat.opacity * exp2_neg(q.value());
+            e1 * e1 + e2 * e2
+        });
+        let powers = powers(simd, q.map(S::value));
+        std::array::from_fn(|x| {
+            let free = splat.opacity * powers[x];
             if !self.open[x] || free < SOFT_MIN_ALPHA {
                 return S::constant(0.0);
             }
             let clamped = free >= MAX_ALPHA;
-            let rate = free * (rates.opacity - LN_2 * q.rate());
+            let rate = free * (rates.opacity - LN_2 * q[x].rate());
             let alpha = if clamped { S::with_rate(MAX_ALPHA, 0.0) } else { S::with_rate(free, rate) };
             let alpha = alpha * smoothstep(S::constant(255.0) * alpha - S::constant(0.5));
             let after = self.rest[x] * (S::constant(1.0) - alpha);
@@ -179,6 +187,15 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
             }
         }
     }
+}
+
+/// `2^-q` of each.
+#[inline(always)]
+fn powers<V: Simd>(simd: V, mut q: [f32; TILE]) -> [f32; TILE] {
+    for some in q.chunks_exact_mut(V::f32s::LEN) {
+        exp2_neg(simd, V::f32s::from_slice(simd, some)).store_slice(some);
+    }
+    q
 }
 
 /// How much of its opacity a layer of depth `of` takes from the light that reaches one of depth `at`.

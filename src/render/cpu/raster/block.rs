@@ -1,0 +1,242 @@
+//! The pixels of a tile, block by block, and what a layer does to them.
+
+#![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
+
+use super::{Batch, PIXELS, high, wide};
+use crate::image::Size;
+use crate::render::cpu::exp2::exp2_neg;
+use crate::render::cpu::splat::{Rates, Splat};
+use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
+use crate::render::{Rules, Work};
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
+use std::f32::consts::LN_2;
+
+/// One value for each pixel of a tile, block by block, each block row by row.
+type Plane = [f32; PIXELS];
+
+/// What the rules leave out.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    /// Least opacity that is blended.
+    least: f32,
+    /// Least rest of light that a pixel goes on with.
+    stop: f32,
+}
+
+/// The pixels of one tile while they are blended.
+pub(super) struct Pixels<const N: usize> {
+    limits: Limits,
+    /// Centres, px.
+    x: Plane,
+    y: Plane,
+    /// What is left of the light behind; negative once the pixel is finished.
+    light: Plane,
+    sums: [Plane; N],
+    /// Rate of the light behind.
+    light_rate: Plane,
+    /// Rate of the luminance.
+    grey_rate: Plane,
+    /// Bit `b`: block `b` has a pixel to blend.
+    open: u64,
+    /// Pixels of the tile that lie outside the image.
+    outside: usize,
+    blended: u64,
+}
+
+/// The place of a plane's value within the tile, its column and row.
+#[inline(always)]
+fn place<S: Simd>(i: usize) -> [usize; 2] {
+    let across = TILE / wide::<S>();
+    let (block, lane) = (i / S::f32s::LEN, i % S::f32s::LEN);
+    [block % across * wide::<S>() + lane % wide::<S>(), block / across * high::<S>() + lane / wide::<S>()]
+}
+
+impl<const N: usize> Pixels<N> {
+    /// The pixels of the tile at `corner` before the first layer.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(corner: [usize; 2], size: Size, rules: Rules) -> Self {
+        let nothing = [0.0; PIXELS];
+        let mut pixels = Self {
+            limits: Limits {
+                least: least_alpha(rules),
+                stop: if rules == Rules::Gsplat { STOP.next_up() } else { STOP },
+            },
+            x: nothing,
+            y: nothing,
+            light: [1.0; PIXELS],
+            sums: [nothing; N],
+            light_rate: nothing,
+            grey_rate: nothing,
+            open: 0,
+            outside: 0,
+            blended: 0,
+        };
+        for i in 0..PIXELS {
+            let [x, y] = place::<S>(i);
+            let [x, y] = [corner[0] + x, corner[1] + y];
+            [pixels.x[i], pixels.y[i]] = [x as f32 + 0.5, y as f32 + 0.5];
+            if x < size.width as usize && y < size.height as usize {
+                pixels.open |= 1 << (i / S::f32s::LEN);
+            } else {
+                pixels.light[i] = -1.0;
+                pixels.outside += 1;
+            }
+        }
+        pixels
+    }
+
+    /// Whether no pixel is left to blend.
+    #[inline(always)]
+    pub(super) fn is_finished(&self) -> bool {
+        self.open == 0
+    }
+
+    /// Whether the block has a pixel to blend.
+    #[inline(always)]
+    pub(super) fn is_open(&self, block: usize) -> bool {
+        self.open >> block & 1 == 1
+    }
+
+    /// Blends the splats of a batch that a mask has bits of over a block, front to back.
+    #[inline(always)]
+    pub(super) fn blend<S: Simd, const SOFT: bool, const RATE: bool>(
+        &mut self,
+        simd: S,
+        block: usize,
+        batch: &Batch,
+        mut mask: u64,
+    ) {
+        let range = block * S::f32s::LEN..(block + 1) * S::f32s::LEN;
+        let load = |plane: &Plane| S::f32s::from_slice(simd, &plane[range.clone()]);
+        let mut sums = [S::f32s::splat(simd, 0.0); N];
+        for (sums, plane) in sums.iter_mut().zip(&self.sums) {
+            *sums = load(plane);
+        }
+        let mut state = State {
+            x: load(&self.x),
+            y: load(&self.y),
+            light: load(&self.light),
+            sums,
+            blended: S::i32s::splat(simd, 0),
+            light_rate: load(&self.light_rate),
+            grey_rate: load(&self.grey_rate),
+        };
+        while mask != 0 {
+            let i = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            state.blend::<SOFT, RATE>(simd, &batch.splats[i], &batch.rates[i], self.limits);
+        }
+        let store = |value: S::f32s, plane: &mut Plane| value.store_slice(&mut plane[range.clone()]);
+        store(state.light, &mut self.light);
+        for (sums, plane) in state.sums.into_iter().zip(&mut self.sums) {
+            store(sums, plane);
+        }
+        if RATE {
+            store(state.light_rate, &mut self.light_rate);
+            store(state.grey_rate, &mut self.grey_rate);
+        }
+        self.blended += state.blended.as_slice().iter().map(|&v| u64::from(v.cast_unsigned())).sum::<u64>();
+        let is_open = state.light.simd_gt(0.0).to_bitmask() != 0;
+        self.open ^= u64::from(!is_open) << block;
+    }
+
+    /// Writes the planes, row by row.
+    #[inline(always)]
+    pub(super) fn store<S: Simd>(&self, out: &mut [f32]) {
+        let mut light = self.light;
+        for light in &mut light {
+            *light = light.abs();
+        }
+        for (n, out) in out.chunks_exact_mut(PIXELS).enumerate() {
+            let plane = match n.checked_sub(N) {
+                None => &self.sums[n],
+                Some(0) => &light,
+                Some(1) => &self.grey_rate,
+                Some(_) => &self.light_rate,
+            };
+            for (k, row) in plane.chunks_exact(wide::<S>()).enumerate() {
+                let [x, y] = place::<S>(k * wide::<S>());
+                out[y * TILE + x..][..wide::<S>()].copy_from_slice(row);
+            }
+        }
+    }
+
+    /// Counts what was blended and which pixels stopped early.
+    #[inline(always)]
+    pub(super) fn count(&self, work: &mut Work) {
+        work.blended += self.blended;
+        work.stopped += (self.light.iter().filter(|&&v| v < 0.0).count() - self.outside) as u64;
+    }
+}
+
+/// The pixels of one block.
+struct State<S: Simd, const N: usize> {
+    x: S::f32s,
+    y: S::f32s,
+    light: S::f32s,
+    sums: [S::f32s; N],
+    /// Blended layers.
+    blended: S::i32s,
+    light_rate: S::f32s,
+    grey_rate: S::f32s,
+}
+
+impl<S: Simd, const N: usize> State<S, N> {
+    /// One layer over the block; the rates are those of `numerics.md` 7.5.
+    #[inline(always)]
+    fn blend<const SOFT: bool, const RATE: bool>(
+        &mut self,
+        simd: S,
+        splat: &Splat,
+        rates: &Rates,
+        limits: Limits,
+    ) {
+        let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
+        let [w1, w2, w3] = splat.w;
+        let (dx, dy) = (self.x - splat.mean[0], self.y - splat.mean[1]);
+        let (e1, e2) = (dx * w1 + dy * w2, dy * w3);
+        let free = exp2_neg(simd, e1 * e1 + e2 * e2) * splat.opacity;
+        let mut alpha = free.min(MAX_ALPHA);
+        let counts = alpha.simd_ge(limits.least);
+        alpha = counts.select(alpha, zero);
+        let mut rate = zero;
+        if RATE {
+            let e1_rate = dx * rates.w[0] + (dy * rates.w[1] - w1 * rates.mean[0] - w2 * rates.mean[1]);
+            let q2_rate = e2 * (dy * rates.w[2] - w3 * rates.mean[1]);
+            let power_rate = (e1 * e1_rate + q2_rate) * (2.0 * LN_2);
+            let moves = counts & free.simd_lt(MAX_ALPHA);
+            rate = moves.select(alpha * (S::f32s::splat(simd, rates.opacity) - power_rate), zero);
+        }
+        if SOFT {
+            let (ramp, slope) = ramp(simd, alpha);
+            rate = rate * (ramp + alpha * slope);
+            alpha = alpha * ramp;
+        }
+        let after = self.light * (one - alpha);
+        // never for a finished pixel; always where alpha is 0 and the pixel is not
+        let goes_on = after.simd_ge(limits.stop);
+        let weight = goes_on.select(self.light * alpha, zero);
+        if RATE {
+            let weight_rate = goes_on.select(self.light_rate * alpha + self.light * rate, zero);
+            self.grey_rate += weight_rate * rates.grey + weight * rates.grey_rate;
+            self.light_rate -= weight_rate;
+        }
+        let finished = S::f32s::from_bits(self.light.to_bits() | SIGN);
+        self.light = goes_on.select(after, finished);
+        self.blended -= weight.simd_gt(zero).to_vector(); // true is -1
+        for (sums, feature) in self.sums.iter_mut().zip(splat.features) {
+            *sums += weight * feature;
+        }
+    }
+}
+
+/// The centred ramp of the rules `soft` and its derivative: 0 at half a grey step, 1 at one and a half
+/// (`numerics.md` 3.3).
+#[inline(always)]
+fn ramp<S: Simd>(simd: S, alpha: S::f32s) -> (S::f32s, S::f32s) {
+    let u = (alpha * 255.0 - 0.5).max(0.0).min(1.0);
+    (u * u * (S::f32s::splat(simd, 3.0) - u * 2.0), u * (6.0 * 255.0) * (S::f32s::splat(simd, 1.0) - u))
+}
+
+/// The bit that makes a number negative.
+const SIGN: u32 = 1 << 31;

@@ -1,0 +1,146 @@
+//! Which splats of a batch may touch which blocks of a tile.
+
+#![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
+
+use super::{BATCH, PIXELS, high, wide};
+use crate::render::cpu::splat::{MARGIN, Splat};
+use crate::render::shared::TILE;
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
+
+/// Blocks of a tile at most.
+const BLOCKS: usize = PIXELS / 4;
+
+/// The ellipses of a batch, one array a parameter.
+pub(super) struct Shapes {
+    mean: [[f32; BATCH]; 2],
+    w: [[f32; BATCH]; 3],
+    reach: [f32; BATCH],
+}
+
+impl Default for Shapes {
+    fn default() -> Self {
+        Self { mean: [[0.0; BATCH]; 2], w: [[1.0; BATCH]; 3], reach: [-1.0; BATCH] }
+    }
+}
+
+impl Shapes {
+    /// Takes the ellipses of a batch; places that it leaves free hold none.
+    #[inline(always)]
+    pub(super) fn fill(&mut self, splats: &[Splat]) {
+        for (i, splat) in splats.iter().enumerate() {
+            [self.mean[0][i], self.mean[1][i]] = splat.mean;
+            [self.w[0][i], self.w[1][i], self.w[2][i]] = splat.w;
+            self.reach[i] = splat.reach;
+        }
+        self.reach[splats.len()..].fill(-1.0);
+    }
+
+    /// For each block of the tile at `corner`, the splats that may touch it: bit `i` is that of splat `i`.
+    #[inline(always)]
+    pub(super) fn cover<S: Simd>(&self, simd: S, corner: [usize; 2]) -> [u64; BLOCKS] {
+        let mut masks = [0; BLOCKS];
+        for first in (0..BATCH).step_by(S::f32s::LEN) {
+            self.cover_some::<S>(simd, corner, first, &mut masks);
+        }
+        masks
+    }
+
+    /// The same for as many splats as a vector has lanes. In a row of pixels those from [`Splat::chord`] on are touched;
+    /// a block is where one of its rows is.
+    #[inline(always)]
+    fn cover_some<S: Simd>(&self, simd: S, corner: [usize; 2], first: usize, masks: &mut [u64; BLOCKS]) {
+        let load = |from: &[f32; BATCH]| S::f32s::from_slice(simd, &from[first..first + S::f32s::LEN]);
+        let [mean_x, mean_y] = [load(&self.mean[0]), load(&self.mean[1])];
+        let [w1, w2, w3] = [load(&self.w[0]), load(&self.w[1]), load(&self.w[2])];
+        let reach = load(&self.reach);
+        let inverse = S::f32s::splat(simd, 1.0) / w1;
+        let slope = w2 * inverse;
+        let (zero, nothing) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, f32::NEG_INFINITY));
+        for (k, masks) in masks[..PIXELS / S::f32s::LEN].chunks_exact_mut(TILE / wide::<S>()).enumerate() {
+            let [mut begin, mut end] = [-nothing, nothing];
+            for y in k * high::<S>()..(k + 1) * high::<S>() {
+                let dy = S::f32s::splat(simd, (corner[1] + y) as f32 + 0.5) - mean_y;
+                let e2 = w3 * dy;
+                let room = reach - e2 * e2;
+                let half = room.max(zero).sqrt() * inverse;
+                let shift = slope * dy;
+                let reached = half + (half + shift.abs()) * MARGIN[1] + MARGIN[0];
+                let reached = room.simd_ge(zero).select(reached, nothing);
+                let middle = mean_x - shift;
+                begin = begin.min(middle - reached);
+                end = end.max(middle + reached);
+            }
+            for (j, mask) in masks.iter_mut().enumerate() {
+                let left = (corner[0] + j * wide::<S>()) as f32 + 0.5;
+                let right = left + (wide::<S>() - 1) as f32;
+                let hit = begin.simd_le(right) & end.simd_ge(left);
+                *mask |= hit.to_bitmask() << first;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::splat::tests::{EDGE, counts, planted};
+    use super::*;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
+    /// The bits of the blocks, at the widest instruction set and at the narrowest.
+    fn by_each(shapes: &Shapes, corner: [usize; 2]) -> Vec<(usize, usize, [u64; BLOCKS])> {
+        #[inline(always)]
+        fn one<S: Simd>(simd: S, shapes: &Shapes, corner: [usize; 2]) -> (usize, usize, [u64; BLOCKS]) {
+            (wide::<S>(), high::<S>(), shapes.cover(simd, corner))
+        }
+        let sets = crate::render::cpu::Instructions::all();
+        sets.iter()
+            .map(|set| fearless_simd::dispatch!(set.level, simd => one(simd, shapes, corner)))
+            .collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(8),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        /// No block is left out that has a pixel that counts, and no splat takes the bit of another.
+        #[test]
+        fn every_block_with_a_pixel_that_counts(found in prop::collection::vec(planted(), 20)) {
+            let splats: Vec<Splat> = found.into_iter().flatten().collect();
+            let mut shapes = Shapes::default();
+            shapes.fill(&splats);
+            for corner in [[0, 0], [TILE, 2 * TILE], [usize::from(EDGE) - TILE, TILE]] {
+                for (wide, high, masks) in by_each(&shapes, corner) {
+                    prop_assert!(masks.iter().all(|mask| mask >> splats.len() == 0));
+                    for (i, splat) in splats.iter().enumerate() {
+                        for (x, y) in (0..PIXELS).map(|k| (k % TILE, k / TILE)) {
+                            let covered = masks[y / high * (TILE / wide) + x / wide] >> i & 1 == 1;
+                            let [px, py] = [corner[0] + x, corner[1] + y].map(|v| u16::try_from(v).expect("small"));
+                            prop_assert!(covered || !counts(splat, px, py), "{splat:?} at ({px}, {py})");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// A dot of half a pixel in the middle of a block touches no other.
+    #[test]
+    fn a_dot_touches_one_block() {
+        let dot = Splat { mean: [18.0, 22.0], w: [2.0, 0.0, 2.0], reach: 4.0, ..Splat::default() };
+        let mut shapes = Shapes::default();
+        shapes.fill(&[dot]);
+        for (wide, high, masks) in by_each(&shapes, [TILE, TILE]) {
+            // its reach is 1 px: columns 17 and 18, rows 21 and 22
+            let touched = [17, 18].map(|x| (x - TILE) / wide);
+            let rows = [21, 22].map(|y| (y - TILE) / high);
+            for (b, &mask) in masks.iter().enumerate() {
+                let inside = touched.contains(&(b % (TILE / wide))) && rows.contains(&(b / (TILE / wide)));
+                assert_eq!(mask, u64::from(inside), "block {b} of {wide}x{high}");
+            }
+        }
+    }
+}
