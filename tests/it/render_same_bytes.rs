@@ -1,4 +1,4 @@
-//! What must not change a rendered bit: threads, frames rendered before, other images asked for, the world's origin.
+//! What must not change a rendered bit: threads, frames rendered before, other images asked for.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, render, scene};
@@ -92,22 +92,6 @@ fn other_images_asked_for() {
     t(Channels { alpha: true, ..none }, |r| Rendered { alpha: r.alpha.take(), ..Rendered::default() });
     t(Channels { depth: true, ..none }, |r| Rendered { depth: r.depth.take(), ..Rendered::default() });
     t(Channels { rgb: true, ..none }, |r| Rendered { rgb: r.rgb.take(), ..Rendered::default() });
-}
-
-#[test]
-fn the_origin_of_the_world() {
-    // the shift is a power of two times 0.1 steps away from nothing: exact in 64 bits beside the camera's centre
-    let shift = DVec3::new(1_048_576.0, -524_288.0, 262_144.0);
-    let mut moved = scene(&crowd(GAUSSIANS, 1));
-    moved.origin = shift;
-    let mut view = askew();
-    // rounded to 2^-30, so that adding the shift loses nothing
-    let coarse = |v: f64| (v * f64::from(1 << 30)).round() / f64::from(1 << 30);
-    view.world_from_camera.translation = view.world_from_camera.translation.map(coarse);
-    let here = render(scene(&crowd(GAUSSIANS, 1)), OFFICIAL, &view);
-    view.world_from_camera.translation += shift;
-    let there = render(moved, OFFICIAL, &view);
-    assert_eq!((bits(&here.0), here.1), (bits(&there.0), there.1));
 }
 
 #[test]
