@@ -25,7 +25,7 @@ use crate::image::Size;
 use crate::scene::{Gaussians, sh};
 use crate::se3::Se3;
 use activate::Block;
-use bin::{Grid, Lists};
+use bin::{Grid, Lists, Ordered};
 use project::{Eye, Projected, Projection};
 use raster::Frame;
 use resolve::Blended;
@@ -87,7 +87,7 @@ impl Cpu {
             rates: Vec::new(),
             chunks: Vec::new(),
             sorter: Sorter::default(),
-            lists: Lists::default(),
+            lists: Lists::new(bin::BUDGET),
             tiles: Vec::new(),
         })
     }
@@ -114,7 +114,14 @@ impl Cpu {
         self.instructions = instructions;
     }
 
-    /// [`Renderer::render`] that tells when each pass is done.
+    /// Lists at most this many (Gaussian, tile) pairs at once from now on, but for a tile that has more by itself: the
+    /// same bits, in more or less memory.
+    pub fn set_list_budget(&mut self, pairs: usize) {
+        self.lists = Lists::new(pairs);
+    }
+
+    /// [`Renderer::render`] that tells when each pass is done; binning and blending take turns where the lists are over
+    /// their budget.
     ///
     /// # Errors
     /// When no image can be made of the view.
@@ -148,14 +155,15 @@ impl Cpu {
         let sorted = self.sorter.run(&self.splats, &self.chunks);
         done(Pass::Sort);
         let grid = Grid::new(view.camera.size);
-        work.tile_pairs = self.lists.run(sorted, &self.splats, grid);
-        done(Pass::Bin);
-        let (splats, rates, lists) = (&self.splats, &self.rates, &self.lists);
+        let (splats, rates, tiles) = (&self.splats, &self.rates, &mut self.tiles);
         let (Style { rules, order, .. }, level) = (self.style, self.instructions.level);
         let features = feature_count(asked);
-        let frame = Frame { splats, rates, lists, grid, rules, order, level };
-        work += raster(features, asked.luminance_rate, frame, &mut self.tiles);
-        done(Pass::Raster);
+        work.tile_pairs = self.lists.run(Ordered { order: sorted, splats, grid }, |lists| {
+            done(Pass::Bin);
+            let frame = Frame { splats, rates, lists, grid, rules, order, level };
+            work += raster(features, asked.luminance_rate, frame, tiles);
+            done(Pass::Raster);
+        });
         resolve::run(Blended { tiles: &self.tiles, features, grid }, asked, self.style.background, out);
         out.flow = if want.flow { out.depth.as_ref().map(|depth| flow::rates(depth, view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);

@@ -11,7 +11,7 @@ use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
 use super::{Channels, Layering, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::image::{Image, Size};
 use crate::scene::Gaussians;
-use project::{Eye, Layer, least_alpha};
+use project::{Culled, Eye, Layer, least_alpha};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -58,17 +58,37 @@ impl Reference {
         Ok(pixels.iter().map(Pixel::luminance).map(|grey| [grey.value, grey.rate]).collect())
     }
 
-    /// What is seen at every pixel, row by row, and how many layers there are.
-    fn pixels(&self, view: &View) -> Result<(Vec<Pixel>, u64), RenderError> {
+    /// What is seen at every pixel, row by row, and what became of the Gaussians.
+    fn pixels(&self, view: &View) -> Result<(Vec<Pixel>, Work), RenderError> {
         super::check_view(view)?;
         let eye = Eye::new(view, self.style, self.scene.origin);
-        let mut layers: Vec<Layer> =
-            (0..self.scene.len()).into_par_iter().filter_map(|i| eye.layer(&self.scene, i)).collect();
+        let all: Vec<Result<Layer, Culled>> =
+            (0..self.scene.len()).into_par_iter().map(|i| eye.layer(&self.scene, i)).collect();
+        let mut work = counts(&all);
+        let mut layers: Vec<Layer> = all.into_iter().flatten().collect();
         layers.sort_by_key(|layer| layer.order);
         let [width, height] = [view.camera.size.width, view.camera.size.height].map(|edge| edge as usize);
         let rows: Vec<Vec<Pixel>> =
             (0..height).into_par_iter().map(|y| self.row(&layers, y, width)).collect();
-        Ok((rows.into_iter().flatten().collect(), layers.len() as u64))
+        let pixels: Vec<Pixel> = rows.into_iter().flatten().collect();
+        work.blended = pixels.iter().map(|p| p.blended).sum();
+        work.stopped = pixels.iter().filter(|p| p.stopped).count() as u64;
+        Ok((pixels, work))
+    }
+}
+
+/// How many Gaussians there are, how many of them are left out, and why.
+fn counts(all: &[Result<Layer, Culled>]) -> Work {
+    let culled = |why| all.iter().filter(|one| one.as_ref().err() == Some(&why)).count() as u64;
+    let drawn = |is: fn(&Layer) -> bool| all.iter().flatten().filter(|layer| is(layer)).count() as u64;
+    Work {
+        gaussians: all.len() as u64,
+        behind: culled(Culled::Behind),
+        degenerate: culled(Culled::Degenerate),
+        outside: culled(Culled::Outside),
+        affine_doubtful: drawn(|layer| layer.doubtful),
+        affine_invalid: drawn(|layer| layer.invalid),
+        ..Work::default()
     }
 }
 
@@ -78,7 +98,7 @@ impl Renderer for Reference {
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-        let (pixels, drawn) = self.pixels(view)?;
+        let (pixels, work) = self.pixels(view)?;
         let size = view.camera.size;
         let image = |value: &dyn Fn(&Pixel) -> f64| {
             Image::from_vec(size, pixels.iter().map(|pixel| value(pixel) as f32).collect())
@@ -93,10 +113,7 @@ impl Renderer for Reference {
         let depth = (want.depth || want.flow).then(|| image(&Pixel::depth));
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(|depth| flow::rates(depth, view));
         out.depth = depth.filter(|_| want.depth);
-        let blended = pixels.iter().map(|p| p.blended).sum();
-        let stopped = pixels.iter().filter(|p| p.stopped).count() as u64;
-        let gaussians = self.scene.len() as u64;
-        Ok(Work { gaussians, outside: gaussians - drawn, blended, stopped, ..Work::default() })
+        Ok(work)
     }
 }
 

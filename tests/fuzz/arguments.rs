@@ -12,6 +12,8 @@ pub(crate) struct Arguments {
     pub(crate) first: u64,
     /// Runs of each reader, where the time does not end them before.
     pub(crate) runs: Option<u64>,
+    /// Readers at a time.
+    pub(crate) jobs: u64,
     /// Where a child says how far it is.
     pub(crate) progress: Option<PathBuf>,
     only: Vec<String>,
@@ -20,7 +22,8 @@ pub(crate) struct Arguments {
 impl Arguments {
     /// Reads the arguments; `names` are those of the readers.
     pub(crate) fn parse(mut args: impl Iterator<Item = String>, names: &[&str]) -> Result<Self, String> {
-        let mut read = Self { seconds: 300, seed: 1, first: 0, runs: None, progress: None, only: Vec::new() };
+        let mut read =
+            Self { seconds: 300, seed: 1, first: 0, runs: None, jobs: 1, progress: None, only: Vec::new() };
         while let Some(arg) = args.next() {
             let value = args.next().ok_or(format!("`{arg}` is unknown, or wants a value"))?;
             let number = || value.parse::<u64>().map_err(|e| format!("{arg}: {e}"));
@@ -29,11 +32,13 @@ impl Arguments {
                 "--seed" => read.seed = number()?,
                 "--first" => read.first = number()?,
                 "--runs" => read.runs = Some(number()?),
+                "--jobs" => read.jobs = number()?.max(1),
                 "--progress" => read.progress = Some(value.into()),
                 "--only" => read.only.push(value),
                 _ => {
                     return Err(format!(
-                        "unknown argument `{arg}`; there are --seconds N, --only READER, --seed N, --first N, --runs N"
+                        "unknown argument `{arg}`; there are --seconds N, --only READER, --seed N, --first N, --runs N, \
+                         --jobs N"
                     ));
                 }
             }

@@ -1,8 +1,8 @@
 //! The readers under fire: mutated files of a committed corpus, for a given time, and no reader may panic, die, take more
 //! than its share of memory or a second of time.
 //!
-//! `cargo xtask fuzz [--seconds N] [--only READER]... [--seed N] [--first N] [--runs N]` runs it, every reader in a
-//! process of its own. A run is its reader, its seed and its number, so that a failure is repeated by what is printed
+//! `cargo xtask fuzz [--seconds N] [--only READER]... [--seed N] [--first N] [--runs N] [--jobs N]` runs it, every reader
+//! in a process of its own, one or `--jobs` of them at a time. A run is its reader, its seed and its number, so that a failure is repeated by what is printed
 //! with it. A table ends it: runs, how many were read as sound, failures. Any failure makes the exit code 1.
 #![expect(clippy::unwrap_used, reason = "a harness that cannot go on panics")]
 
@@ -20,6 +20,7 @@ use child::Tally;
 use readers::READERS;
 use std::io::Write as _;
 use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 fn main() -> ExitCode {
@@ -36,9 +37,8 @@ fn main() -> ExitCode {
     if is_child {
         return child::run(&arguments);
     }
-    let chosen = READERS.iter().filter(|reader| arguments.has(reader.name));
-    let lines: Vec<(&str, Tally)> =
-        chosen.map(|reader| (reader.name, fuzz(reader.name, &arguments))).collect();
+    let chosen: Vec<&str> = names.into_iter().filter(|name| arguments.has(name)).collect();
+    let lines = fuzz_all(&chosen, &arguments);
     say(&format!("\n{:16} {:>10} {:>10} {:>9} {:>8}", "reader", "runs", "read", "failures", "seconds"));
     for (name, Tally { runs, sound, failures, seconds }) in &lines {
         say(&format!("{name:16} {runs:>10} {sound:>10} {failures:>9} {seconds:>8.1}"));
@@ -46,6 +46,25 @@ fn main() -> ExitCode {
     let failures: u64 = lines.iter().map(|(_, tally)| tally.failures).sum();
     say(&format!("{} readers, {failures} failures", lines.len()));
     if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Sends the readers through their runs, so many at a time as is asked for.
+fn fuzz_all<'a>(names: &[&'a str], arguments: &Arguments) -> Vec<(&'a str, Tally)> {
+    let waiting = Mutex::new(names.iter().enumerate());
+    let done = Mutex::new(vec![Tally::default(); names.len()]);
+    std::thread::scope(|scope| {
+        for _ in 0..arguments.jobs.min(names.len() as u64) {
+            scope.spawn(|| {
+                loop {
+                    let next = waiting.lock().unwrap().next();
+                    let Some((k, name)) = next else { return };
+                    let tally = fuzz(name, arguments);
+                    done.lock().unwrap()[k] = tally;
+                }
+            });
+        }
+    });
+    names.iter().copied().zip(done.into_inner().unwrap()).collect()
 }
 
 /// Sends a reader through its runs, in a child that may die of one: what is left goes on in the next.

@@ -1,7 +1,7 @@
 //! The readers, each with the files that it starts from. A container that guards its content with checksums is opened
 //! first and closed again around what has been changed: else nothing would pass it.
 
-use crate::corpus::{Corpus, files, h5, inflated, npz, zipped};
+use crate::corpus::{Corpus, files, inflated, zipped};
 use gs2e::event::{self, EventSource};
 use gs2e::recipe::{RecipeFile, read_files};
 use gs2e::scene::{ply, sog, splat, spz};
@@ -32,6 +32,12 @@ const PACKED: [&str; 3] = [
 ];
 const SPZ: [&str; 3] =
     ["tests/fuzz/corpus/v2.spz", "tests/fuzz/corpus/v3.spz", "tests/fuzz/corpus/extension.spz"];
+const EVENTS: [&str; 4] = [
+    "tests/fuzz/corpus/none.h5",
+    "tests/fuzz/corpus/three.h5",
+    "tests/fuzz/corpus/none.npz",
+    "tests/fuzz/corpus/many.npz",
+];
 const SOG: &str = "tests/golden/scenes/flat.sog";
 const PALETTE: &str = "tests/golden/scenes/palette.sog";
 
@@ -77,11 +83,7 @@ pub(crate) const READERS: [Reader; 14] = [
             })
         },
     },
-    Reader {
-        name: "events",
-        corpus: || [h5(), npz()].concat(),
-        read: |file| on_disk(file, "events", read_events),
-    },
+    Reader { name: "events", corpus: || files(&EVENTS), read: |file| on_disk(file, "events", read_events) },
 ];
 
 /// The three files of a model.

@@ -33,6 +33,7 @@ mod render_left_out;
 mod render_rates;
 mod render_rules;
 mod render_same_bytes;
+mod render_stress;
 mod render_verb;
 mod scenes;
 mod sources;

@@ -1,7 +1,10 @@
-//! How much memory a step takes: what the estimate says, and no more for a longer sequence.
+//! How much memory a step takes: what the estimate says, and no more for a longer sequence; and how much rendering a
+//! view takes: within 2.5 times the scene and 200 MB.
 
+use crate::support::gaussians::{crowd, scene};
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::Workspace;
+use gs2e::scene::{Gaussians, ply};
 use serde_json::{Value, json};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -76,4 +79,50 @@ fn a_step_takes_what_its_estimate_says() {
             "{output}, {gaussians}, {size:?}: {found} bytes, estimate {estimate}"
         );
     }
+}
+
+/// The largest resident memory of `gs2e render` for a view of a scene, and the bound, bytes.
+fn rendering(scene: &Gaussians, edge: u32) -> (f64, f64) {
+    let place = Workspace::new();
+    let mut file = std::io::BufWriter::new(std::fs::File::create(place.path("scene.ply")).unwrap());
+    ply::write_ply(scene, &mut file).unwrap();
+    drop(file);
+    let camera = json!({ "W": edge, "H": edge, "fx": edge, "fy": edge, "cx": edge / 2, "cy": edge / 2,
+        "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 1] });
+    place.write("camera.json", camera.to_string());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
+    let args = "render -q --scene scene.ply --view camera.json --channel luminance --out picture.npy";
+    let child = command.args(args.split(' ')).current_dir(place.path("")).stdout(Stdio::null()).spawn();
+    let found = high_water(&mut child.unwrap());
+    let floats = 3 + 3 + 4 + 1 + 3 * scene.sh_len();
+    (found, 2.5 * (4 * floats * scene.len()) as f64 + 200e6)
+}
+
+#[test]
+fn a_view_takes_two_and_a_half_times_its_scene() {
+    for (gaussians, sh_degree) in [(500_000, 3), (1_000_000, 0)] {
+        let mut scene = scene(&crowd(gaussians, 3));
+        scene.sh_degree = sh_degree;
+        scene.sh = scene.sh.iter().flat_map(|dc| std::iter::repeat_n(*dc, scene.sh_len())).collect();
+        // small ones, as those of a large scene are
+        scene.log_scales.iter_mut().flatten().for_each(|scale| *scale -= 2.0);
+        let (found, bound) = rendering(&scene, 640);
+        eprintln!("{gaussians} of degree {sh_degree}: {:.0} of {:.0} MB", found * 1e-6, bound * 1e-6);
+        assert!(found <= bound, "{gaussians} of degree {sh_degree}: {found} bytes, bound {bound}");
+    }
+}
+
+/// Each of 3,000 Gaussians covers all of 65,536 tiles: lists of them all would take 2.4 GB. What there may be: two
+/// planes and the picture, lists of up to 200 MB while they grow, the program, and what the allocator keeps.
+#[test]
+fn giants_take_no_more_than_the_budget_of_the_lists() {
+    let mut scene = scene(&crowd(3000, 3));
+    scene.log_scales.iter_mut().flatten().for_each(|scale| *scale = 6.0);
+    scene.opacity_logits.fill(3.0);
+    scene.positions.iter_mut().for_each(|position| position[2] = position[2].abs() + 1.0);
+    let edge = 4096;
+    let (found, _) = rendering(&scene, edge);
+    let planes = 3.0 * 4.0 * f64::from(edge).powi(2);
+    eprintln!("giants: {:.0} MB, {:.0} of them planes", found * 1e-6, planes * 1e-6);
+    assert!(found < planes + 300e6, "{found}");
 }

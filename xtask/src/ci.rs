@@ -1,19 +1,20 @@
 //! What CI runs, step by step, each with its seconds; the first failure stops it.
 
 use crate::command::{Outcome, cargo, program, root, say};
-use crate::{demo, faults, suite};
+use crate::{demo, faults, fuzz, suite};
 use std::ffi::OsStr;
 use std::time::Instant;
 
 type Step = (&'static str, fn() -> Outcome);
 
-const STEPS: [Step; 7] = [
+const STEPS: [Step; 8] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]).run()
     }),
     ("tests", || suite::run(&[])),
     ("faults", || faults::run(&[])),
+    ("fuzzing", fuzz::short),
     ("documentation", || {
         cargo(&["doc", "--quiet", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings").run()
     }),

@@ -14,10 +14,10 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask <task>
 
-  ci                 what CI runs: formatting, clippy, tests, faults, documentation, the README's first command
+  ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, documentation, the README's first command
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--minutes N`, `--only NAME`, `--seed N`)
-  fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`)
+  fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`, `--jobs N`)
   bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, names of workloads)
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)

@@ -26,6 +26,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         all.push(workload(&format!("{name}, luminance"), &scene, view, luminance));
         all.push(workload(&format!("{name}, rgb"), &scene, view, rgb));
         all.push(workload(&format!("{name}, luminance and its rate"), &scene, view, rate));
+        all.push(path(name, &scene, view, luminance));
         for (channels, want) in [("luminance", luminance), ("rgb", rgb), ("luminance and its rate", rate)] {
             eprintln!("{name}, {channels}: {}", split(&scene, moving(view), want));
         }
@@ -117,6 +118,31 @@ fn workload(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> W
             vec![amount(gaussians, "MGaussian"), amount(size.pixels(), "Mpixel"), amount(1, "frame")]
         })
     };
+    Workload { part: "render", what, rival: false, run: Box::new(run) }
+}
+
+/// Consecutive frames of a camera that turns about the scene's centre and comes nearer.
+fn path(name: &str, scene: &Arc<Gaussians>, view: View, want: Channels) -> Workload {
+    const FRAMES: u32 = 8;
+    let at = |frame: u32| {
+        let seconds = f64::from(frame) / 2400.0;
+        let (turn, nearer) = (DQuat::from_rotation_y(0.3 * seconds), 1.0 - 0.2 * seconds);
+        let Se3 { rotation, translation } = view.world_from_camera;
+        let world_from_camera = Se3 { rotation: turn * rotation, translation: turn * translation * nearer };
+        View { world_from_camera, ..view }
+    };
+    let views: Vec<View> = (0..FRAMES).map(at).collect();
+    let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
+    let mut out = Rendered::default();
+    let run = move || {
+        timed(|| {
+            for view in &views {
+                renderer.render(view, want, &mut out).expect("the view can be rendered");
+            }
+            vec![amount(views.len(), "frame")]
+        })
+    };
+    let what = format!("{name}, {FRAMES} frames along a path at 0.3 rad/s and 2,400 frames/s");
     Workload { part: "render", what, rival: false, run: Box::new(run) }
 }
 

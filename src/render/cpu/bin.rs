@@ -11,9 +11,12 @@ use crate::image::Size;
 use crate::render::shared::TILE;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Splats that one task bins: the lists of a tile are read chunk by chunk, so threads never share one.
 const CHUNK: usize = 1 << 15;
+/// Entries of a chunk between two looks at whether there is room for them.
+const STEP: usize = 1 << 12;
 
 /// The image cut into tiles, row by row.
 #[derive(Debug, Clone, Copy)]
@@ -39,9 +42,15 @@ impl Grid {
     }
 }
 
-/// The tiles' lists.
-#[derive(Debug, Default)]
+/// Entries that the lists of all tiles may have at once: about 100 MB at [`Pair`]'s 8 bytes and 4 more.
+pub(super) const BUDGET: usize = 1 << 23;
+
+/// The lists of a band of tiles: of all of them, where they are within the budget.
+#[derive(Debug)]
 pub(super) struct Lists {
+    budget: usize,
+    /// The tiles, by their numbers in the grid.
+    band: Range<usize>,
     chunks: Vec<Chunk>,
 }
 
@@ -56,42 +65,155 @@ struct Chunk {
 
 #[derive(Debug, Clone, Copy)]
 struct Pair {
+    /// Counted from the band's first.
     tile: u32,
     place: u32,
 }
 
+/// What a frame's lists are made of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ordered<'a> {
+    /// The frame's order.
+    pub(super) order: &'a [u64],
+    /// Where its places lead.
+    pub(super) splats: &'a [Splat],
+    /// The tiles.
+    pub(super) grid: Grid,
+}
+
 impl Lists {
-    /// Lists the splats of `order` for every tile, and counts the entries.
-    pub(super) fn run(&mut self, order: &[u64], splats: &[Splat], grid: Grid) -> u64 {
-        let used = order.len().div_ceil(CHUNK);
-        self.chunks.resize_with(used, Chunk::default);
-        self.chunks
-            .par_iter_mut()
-            .zip(order.par_chunks(CHUNK))
-            .map(|(chunk, order)| chunk.run(order, splats, grid))
-            .sum()
+    /// None yet, and never more than `budget` entries at once, but for a tile that by itself has more.
+    pub(super) fn new(budget: usize) -> Self {
+        Self { budget, band: 0..0, chunks: Vec::new() }
     }
 
-    /// The splats of a tile, front to back, in runs.
+    /// Lists the splats of every tile, band by band, and calls `each` with the lists of each band; returns the number
+    /// of entries. One band, where all tiles are within the budget.
+    pub(super) fn run(&mut self, frame: Ordered<'_>, mut each: impl FnMut(&Self)) -> u64 {
+        let all = 0..frame.grid.len();
+        if let Some(pairs) = self.fill(frame, all, self.budget) {
+            each(self);
+            return pairs;
+        }
+        let mut pairs = 0;
+        for band in self.bands(frame) {
+            pairs += self.fill(frame, band, usize::MAX).expect("there is no bound");
+            each(self);
+        }
+        pairs
+    }
+
+    /// The tiles that there are lists of.
+    pub(super) fn band(&self) -> Range<usize> {
+        self.band.clone()
+    }
+
+    /// The splats of a tile of the band, front to back, in runs.
     pub(super) fn of(&self, tile: usize) -> impl Iterator<Item = &[u32]> {
+        let tile = tile - self.band.start;
         self.chunks.iter().map(move |c| &c.places[c.starts[tile] as usize..c.starts[tile + 1] as usize])
+    }
+
+    /// Lists the splats of the band's tiles and counts the entries; `None`, and no lists, where there are more than
+    /// `bound`.
+    fn fill(&mut self, frame: Ordered<'_>, band: Range<usize>, bound: usize) -> Option<u64> {
+        let used = frame.order.len().div_ceil(CHUNK);
+        if used.saturating_mul(band.len()) > bound {
+            return None;
+        }
+        self.chunks.resize_with(used, Chunk::default);
+        self.band = band.clone();
+        let room = Room { bound, taken: AtomicUsize::new(0) };
+        let fill = |(chunk, order): (&mut Chunk, _)| chunk.run(Ordered { order, ..frame }, &band, &room);
+        // A sum that is above the bound is seen to be so by whoever adds to it last, in whichever order.
+        let within = self.chunks.par_iter_mut().zip(frame.order.par_chunks(CHUNK)).all(fill);
+        within.then(|| room.taken.into_inner() as u64)
+    }
+
+    /// Bands within the budget, from the first tile to the last.
+    fn bands(&self, frame: Ordered<'_>) -> Vec<Range<usize>> {
+        let most = (self.budget / frame.order.len().div_ceil(CHUNK)).max(1);
+        let mut bands: Vec<Range<usize>> = Vec::new();
+        let mut listed = usize::MAX;
+        for (tile, count) in lengths(frame).into_iter().enumerate() {
+            listed = listed.saturating_add(count as usize);
+            match bands.last_mut() {
+                Some(band) if listed <= self.budget && band.len() < most => band.end += 1,
+                _ => {
+                    bands.push(tile..tile + 1);
+                    listed = count as usize;
+                }
+            }
+        }
+        bands
+    }
+}
+
+/// How long the list of each tile is.
+fn lengths(frame: Ordered<'_>) -> Vec<u32> {
+    let none = || vec![0_u32; frame.grid.len() + 1];
+    // One more where a run of tiles begins and one less where it ends; modulo 2^32, since no tile has more splats.
+    let steps = frame.order.par_iter().with_min_len(CHUNK).fold(none, |mut steps, &key| {
+        each_run(&frame.splats[sort::place(key) as usize], frame.grid, &(0..frame.grid.len()), |run| {
+            steps[run.start] = steps[run.start].wrapping_add(1);
+            steps[run.end] = steps[run.end].wrapping_sub(1);
+        });
+        steps
+    });
+    let mut lengths = steps.reduce(none, |mut a, b| {
+        a.iter_mut().zip(b).for_each(|(a, b)| *a = a.wrapping_add(b));
+        a
+    });
+    let mut sum = 0_u32;
+    for step in &mut lengths {
+        sum = sum.wrapping_add(*step);
+        *step = sum;
+    }
+    lengths.pop();
+    lengths
+}
+
+/// How many entries there are of as many as there may be.
+struct Room {
+    bound: usize,
+    taken: AtomicUsize,
+}
+
+impl Room {
+    /// Whether there are this many more.
+    fn take(&self, entries: usize) -> bool {
+        self.taken.fetch_add(entries, Ordering::Relaxed) + entries <= self.bound
     }
 }
 
 impl Chunk {
-    fn run(&mut self, order: &[u64], splats: &[Splat], grid: Grid) -> u64 {
+    /// Lists the splats for the band; `false`, with nothing listed, where there is no room for that.
+    fn run(&mut self, frame: Ordered<'_>, band: &Range<usize>, room: &Room) -> bool {
         self.pairs.clear();
         self.starts.clear();
-        self.starts.resize(grid.len() + 1, 0);
-        for &key in order {
+        self.starts.resize(band.len() + 1, 0);
+        let mut told = 0;
+        for &key in frame.order {
             let place = sort::place(key);
-            each_tile(&splats[place as usize], grid, |tile| {
-                self.starts[tile] += 1;
-                self.pairs.push(Pair { tile: tile as u32, place });
+            each_run(&frame.splats[place as usize], frame.grid, band, |run| {
+                for tile in run {
+                    let tile = tile - band.start;
+                    self.starts[tile] += 1;
+                    self.pairs.push(Pair { tile: tile as u32, place });
+                }
             });
+            if self.pairs.len() - told >= STEP {
+                if !room.take(self.pairs.len() - told) {
+                    return false;
+                }
+                told = self.pairs.len();
+            }
         }
-        self.scatter();
-        self.pairs.len() as u64
+        let within = room.take(self.pairs.len() - told);
+        if within {
+            self.scatter();
+        }
+        within
     }
 
     /// Counting sort of the pairs by tile, stable, so that each list keeps the frame's order.
@@ -116,20 +238,23 @@ fn tiles([first, end]: [u16; 2]) -> Range<usize> {
     usize::from(first) / TILE..usize::from(end).div_ceil(TILE)
 }
 
-/// Calls `each` with every tile that the splat's ellipse may touch.
-fn each_tile(splat: &Splat, grid: Grid, mut each: impl FnMut(usize)) {
+/// Calls `each` with every run of tiles of the band, row by row, that the splat's ellipse may touch.
+fn each_run(splat: &Splat, grid: Grid, band: &Range<usize>, mut each: impl FnMut(Range<usize>)) {
     let rows = tiles(splat.rows);
     let one_row_or_column = rows.len() == 1 || tiles(splat.columns).len() == 1;
-    for row in rows {
-        let columns = if one_row_or_column { splat.columns } else { band(splat, row) };
-        for column in tiles(columns) {
-            each(row * grid.columns + column);
+    let within = band.start / grid.columns..band.end.div_ceil(grid.columns);
+    for row in rows.start.max(within.start)..rows.end.min(within.end) {
+        let columns = tiles(if one_row_or_column { splat.columns } else { columns_of(splat, row) });
+        let first = (row * grid.columns + columns.start).max(band.start);
+        let end = (row * grid.columns + columns.end).min(band.end);
+        if first < end {
+            each(first..end);
         }
     }
 }
 
 /// The columns that the splat may touch in one row of tiles.
-fn band(splat: &Splat, row: usize) -> [u16; 2] {
+fn columns_of(splat: &Splat, row: usize) -> [u16; 2] {
     let [first, end] = splat.rows;
     splat.columns_in(first.max((row * TILE) as u16), end.min(((row + 1) * TILE) as u16))
 }

@@ -56,8 +56,11 @@ pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
 ) -> Work {
     let stride = planes(N, RATE) * PIXELS;
     out.resize(frame.grid.len() * stride, 0.0);
+    let band = frame.lists.band();
     out.par_chunks_mut(stride)
         .enumerate()
+        .skip(band.start)
+        .take(band.len())
         .map(|(index, out)| match (frame.order, RATE) {
             (Layering::Depth, _) => {
                 dispatch!(frame.level, simd => blend::<_, N, SOFT, RATE>(simd, frame, index, out))

@@ -3,8 +3,8 @@
 use super::D;
 use crate::render::dual::{Real, cross, dot};
 use crate::render::shared::{
-    AFFINE_DOUBTFUL, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, FRUSTUM_SLACK,
-    GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
+    AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
+    FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
 };
 use crate::render::{Rules, Style, View};
 use crate::scene::{Gaussians, sh};
@@ -24,9 +24,19 @@ pub(super) struct Layer {
     pub(super) depth: D,
     /// Whether it is too deep for its distance.
     pub(super) doubtful: bool,
+    /// Whether it is much too deep.
+    pub(super) invalid: bool,
     /// Pixels that the rules let it touch.
     pub(super) columns: Range<usize>,
     pub(super) rows: Range<usize>,
+}
+
+/// Why a Gaussian is no layer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Culled {
+    Behind,
+    Degenerate,
+    Outside,
 }
 
 /// A view in the form that every Gaussian needs it in.
@@ -43,15 +53,12 @@ impl<'a> Eye<'a> {
         Self { view, camera_from_world, origin: scene_origin - view.world_from_camera.translation, style }
     }
 
-    /// The layer of Gaussian `i`, or `None` where the rules leave it out.
-    pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Option<Layer> {
-        if !is_finite(scene, i) {
-            return None;
-        }
+    /// The layer of Gaussian `i`, or why there is none.
+    pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Result<Layer, Culled> {
         let from_camera = self.origin + DVec3::from_array(scene.positions[i].map(f64::from));
         let [x, y, z] = self.moving(self.camera_from_world * from_camera, self.view.velocity.linear);
         if !self.in_depth(z.value) {
-            return None;
+            return Err(Culled::Behind);
         }
         let (u, v) = (x / z, y / z);
         let camera = self.view.camera;
@@ -61,22 +68,29 @@ impl<'a> Eye<'a> {
         ];
         let shape = self.shape(scene, i, [u, v], z);
         let opacity = self.opacity(scene.opacity_logits[i], &shape);
-        let sound = shape.det.value.is_finite()
-            && shape.det.value > 0.0
-            && mean.iter().all(|m| m.value.is_finite())
-            && (self.style.rules == Rules::Official || opacity.value >= least_alpha(self.style.rules));
-        if !sound {
-            return None;
+        // What overflows in 32 bits is left out by every back end.
+        let in_range = (shape.det.value as f32).is_finite() && shape.det.value > 0.0;
+        if !(is_finite(scene, i) && in_range && mean.iter().all(|m| m.value.is_finite())) {
+            return Err(Culled::Degenerate);
+        }
+        // Under the published rules too: nothing of it would be blended.
+        if opacity.value < least_alpha(self.style.rules) {
+            return Err(Culled::Outside);
         }
         let [columns, rows] = self.extent(mean.map(|m| m.value), &shape, opacity.value);
-        (!columns.is_empty() && !rows.is_empty()).then(|| Layer {
+        if columns.is_empty() || rows.is_empty() {
+            return Err(Culled::Outside);
+        }
+        let deep = self.depth_deviation(scene, i) / z.value;
+        Ok(Layer {
             order: ((z.value as f32).to_bits(), i),
             mean,
             w: shape.weights(),
             opacity,
             colour: self.colour(scene, i, from_camera),
             depth: z,
-            doubtful: self.doubtful(scene, i, z.value),
+            doubtful: deep > f64::from(AFFINE_DOUBTFUL),
+            invalid: deep > f64::from(AFFINE_INVALID),
             columns,
             rows,
         })
@@ -95,11 +109,9 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Whether its deviation in depth is so large that the affine approximation is doubtful.
-    fn doubtful(&self, scene: &Gaussians, i: usize, z: f64) -> bool {
-        let deviation =
-            self.axes(scene, i).map(|axis| axis[2].value).map(|v| v * v).iter().sum::<f64>().sqrt();
-        deviation > f64::from(AFFINE_DOUBTFUL) * z
+    /// Standard deviation of depth, scene units.
+    fn depth_deviation(&self, scene: &Gaussians, i: usize) -> f64 {
+        self.axes(scene, i).map(|axis| axis[2].value).map(|v| v * v).iter().sum::<f64>().sqrt()
     }
 
     fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [D; 2], z: D) -> Shape {
@@ -160,31 +172,32 @@ impl<'a> Eye<'a> {
         sh::colour(scene.sh_of(i), &basis)
     }
 
-    /// Columns and rows that the rules let a Gaussian touch.
+    /// Columns and rows that the rules let a Gaussian touch, without those where it is below the least opacity.
     fn extent(&self, mean: [f64; 2], shape: &Shape, opacity: f64) -> [Range<usize>; 2] {
         let size = [self.view.camera.size.width, self.view.camera.size.height].map(f64::from);
         let (a, c) = (shape.a.value, shape.c.value);
         let least = least_alpha(self.style.rules);
         let reach = (2.0 * libm::log((opacity / least).max(1.0))).sqrt();
         let tile = TILE as f64;
-        let side = |k: usize, variance: f64| match self.style.rules {
-            Rules::Official => {
-                let mid = 0.5 * (a + c);
-                let root = (mid * mid - shape.det.value).max(f64::from(EXTENT_ROOT_FLOOR)).sqrt();
-                let radius = (f64::from(EXTENT_SIGMAS) * (mid + root).sqrt()).ceil();
-                let index = mean[k] - 0.5;
-                let [first, end] = [(index - radius) / tile, (index + radius + tile - 1.0) / tile];
-                pixels(first.trunc() * tile, end.trunc() * tile, size[k])
-            }
-            Rules::Gsplat => {
-                let radius = (reach.min(f64::from(GSPLAT_SIGMAS)) * variance.sqrt()).ceil();
-                let [first, end] = [(mean[k] - radius) / tile, (mean[k] + radius) / tile];
-                pixels(first.floor() * tile, end.ceil() * tile, size[k])
-            }
-            Rules::Exact | Rules::Soft => {
-                let half = reach * (1.0 + 1e-9) * variance.sqrt() + 1.0;
-                pixels((mean[k] - half).floor(), (mean[k] + half).ceil(), size[k])
-            }
+        let side = |k: usize, variance: f64| {
+            // the ellipse's bounding box and what rounds away from it
+            let half = reach * variance.sqrt() * (1.0 + 1e-9) + 1e-9;
+            let [low, high] = [(mean[k] - half - 0.5).ceil(), (mean[k] + half + 0.5).floor()];
+            let [first, end] = match self.style.rules {
+                Rules::Official => {
+                    let mid = 0.5 * (a + c);
+                    let root = (mid * mid - shape.det.value).max(f64::from(EXTENT_ROOT_FLOOR)).sqrt();
+                    let radius = (f64::from(EXTENT_SIGMAS) * (mid + root).sqrt()).ceil();
+                    let index = mean[k] - 0.5;
+                    [(index - radius) / tile, (index + radius + tile - 1.0) / tile].map(|t| t.trunc() * tile)
+                }
+                Rules::Gsplat => {
+                    let radius = (reach.min(f64::from(GSPLAT_SIGMAS)) * variance.sqrt()).ceil();
+                    [((mean[k] - radius) / tile).floor() * tile, ((mean[k] + radius) / tile).ceil() * tile]
+                }
+                Rules::Exact | Rules::Soft => [low, high],
+            };
+            pixels(first.max(low), end.min(high), size[k])
         };
         [side(0, a), side(1, c)]
     }
