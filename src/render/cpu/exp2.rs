@@ -1,6 +1,6 @@
 //! `2^-q` for the opacity of a layer: the same bits on every machine and for any number of lanes.
 
-use fearless_simd::{Simd, SimdBase as _, SimdFloat as _};
+use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f32x16};
 
 /// Minimax polynomial of `2^f` over [-1/2, 1/2] with constant term 1, coefficients of `f` to `f^5`, each rounded to
 /// 32 bits before the next was fitted; relative error 9.2e-8 before rounding.
@@ -16,15 +16,15 @@ const LARGEST: f32 = 125.0;
 /// `2^-q` for `q >= 0`, relative error at most 2e-7 (tested) up to `q = 125`, and `2^-125` beyond. `q = 0` gives
 /// exactly 1.
 #[inline(always)]
-pub(super) fn exp2_neg<S: Simd>(simd: S, q: S::f32s) -> S::f32s {
-    let all = |v: f32| S::f32s::splat(simd, v);
+pub(super) fn exp2_neg<S: Simd>(simd: S, q: f32x16<S>) -> f32x16<S> {
+    let all = |v: f32| f32x16::splat(simd, v);
     let [c1, c2, c3, c4, c5] = POWER;
     let q = q.min(LARGEST);
     let shifted = all(ROUNDER) - q;
     // minus the fraction: the signs of the odd terms turn, and no rounding does
     let g = q + (shifted - ROUNDER);
     let p = all(1.0) - g * (all(c1) - g * (all(c2) - g * (all(c3) - g * (all(c4) - g * c5))));
-    S::f32s::from_bits(p.to_bits() + (shifted.to_bits() << 23))
+    f32x16::from_bits(p.to_bits() + (shifted.to_bits() << 23))
 }
 
 /// [`exp2_neg`] of one value.
@@ -32,7 +32,7 @@ pub(super) fn exp2_neg<S: Simd>(simd: S, q: S::f32s) -> S::f32s {
 pub(super) fn of_one(q: f32) -> f32 {
     #[inline(always)]
     fn first<S: Simd>(simd: S, q: f32) -> f32 {
-        exp2_neg(simd, S::f32s::splat(simd, q))[0]
+        exp2_neg(simd, f32x16::splat(simd, q))[0]
     }
     fearless_simd::dispatch!(fearless_simd::Level::new(), simd => first(simd, q))
 }

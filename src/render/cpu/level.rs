@@ -1,7 +1,7 @@
 //! Instruction sets: the one that the machine has, or a lesser one.
 //!
-//! The raster's arithmetic is written once, over vectors as long as those of the set. No set fuses a multiplication
-//! with an addition, so that every one gives the same bits.
+//! The raster's arithmetic is written once, over vectors that each set splits into its own. No set fuses a
+//! multiplication with an addition, so that every one gives the same bits.
 
 use fearless_simd::Level;
 

@@ -1,7 +1,8 @@
 //! Pass 4: blends each tile's splats, front to back.
 //!
-//! A tile is cut into blocks of as many pixels as a vector has lanes. Splats come in batches: `cover` says which of a
-//! batch may touch which block, and `block` blends those of one block while its pixels stay in registers.
+//! A tile is cut into blocks of 4x4 pixels. Splats come in batches: `cover` says which of a batch may touch which block,
+//! and `block` blends those of one block while its pixels stay in registers: in one of AVX-512, in several of the
+//! others, whose operations then need not wait for one another.
 
 mod blended;
 mod block;
@@ -14,11 +15,20 @@ use crate::render::shared::TILE;
 use crate::render::{Layering, Rules, Work};
 use block::Pixels;
 use cover::Shapes;
-use fearless_simd::{Level, Simd, SimdBase as _, dispatch};
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 /// Pixels of a tile.
 pub(super) const PIXELS: usize = TILE * TILE;
+
+/// Edge of a block, px.
+const SIDE: usize = 4;
+
+/// Pixels of a block.
+const LANES: usize = SIDE * SIDE;
+
+/// Blocks of a tile.
+const BLOCKS: usize = PIXELS / LANES;
 
 /// Splats between two looks at whether a tile is finished: as many as a mask has bits.
 const BATCH: usize = 64;
@@ -78,18 +88,6 @@ pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
         })
 }
 
-/// Width of a block of pixels, px.
-#[inline(always)]
-fn wide<S: Simd>() -> usize {
-    if S::f32s::LEN < 8 { 2 } else { 4 }
-}
-
-/// Height of a block of pixels, px.
-#[inline(always)]
-fn high<S: Simd>() -> usize {
-    S::f32s::LEN / wide::<S>()
-}
-
 /// The splats of a tile that are blended next.
 struct Batch {
     splats: [Splat; BATCH],
@@ -123,7 +121,7 @@ fn blend<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
     out: &mut [f32],
 ) -> Work {
     let corner = [index % frame.grid.columns * TILE, index / frame.grid.columns * TILE];
-    let mut pixels = Pixels::<N>::new::<S>(corner, frame.grid.size, frame.rules);
+    let mut pixels = Pixels::<N>::new(corner, frame.grid.size, frame.rules);
     let mut batch = Batch {
         splats: [Splat::default(); BATCH],
         rates: [Rates::default(); BATCH],
@@ -138,14 +136,14 @@ fn blend<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
             }
             batch.fill::<RATE>(frame, places);
             let masks = batch.shapes.cover::<S>(simd, corner);
-            for (b, &mask) in masks[..PIXELS / S::f32s::LEN].iter().enumerate() {
+            for (b, &mask) in masks.iter().enumerate() {
                 if mask != 0 && pixels.is_open(b) {
                     pixels.blend::<S, SOFT, RATE>(simd, b, &batch, mask);
                 }
             }
         }
     }
-    pixels.store::<S>(out);
+    pixels.store(out);
     pixels.count(&mut work);
     work
 }

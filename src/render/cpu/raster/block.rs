@@ -2,13 +2,13 @@
 
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
 
-use super::{Batch, PIXELS, high, wide};
+use super::{Batch, LANES, PIXELS, SIDE};
 use crate::image::Size;
 use crate::render::cpu::exp2::exp2_neg;
 use crate::render::cpu::splat::{Rates, Splat};
 use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
 use crate::render::{Rules, Work};
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x16, i32x16};
 use std::f32::consts::LN_2;
 
 /// One value for each pixel of a tile, block by block, each block row by row.
@@ -45,16 +45,16 @@ pub(super) struct Pixels<const N: usize> {
 
 /// The place of a plane's value within the tile, its column and row.
 #[inline(always)]
-fn place<S: Simd>(i: usize) -> [usize; 2] {
-    let across = TILE / wide::<S>();
-    let (block, lane) = (i / S::f32s::LEN, i % S::f32s::LEN);
-    [block % across * wide::<S>() + lane % wide::<S>(), block / across * high::<S>() + lane / wide::<S>()]
+fn place(i: usize) -> [usize; 2] {
+    let across = TILE / SIDE;
+    let (block, lane) = (i / LANES, i % LANES);
+    [block % across * SIDE + lane % SIDE, block / across * SIDE + lane / SIDE]
 }
 
 impl<const N: usize> Pixels<N> {
     /// The pixels of the tile at `corner` before the first layer.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(corner: [usize; 2], size: Size, rules: Rules) -> Self {
+    pub(super) fn new(corner: [usize; 2], size: Size, rules: Rules) -> Self {
         let nothing = [0.0; PIXELS];
         let mut pixels = Self {
             limits: Limits {
@@ -72,11 +72,11 @@ impl<const N: usize> Pixels<N> {
             blended: 0,
         };
         for i in 0..PIXELS {
-            let [x, y] = place::<S>(i);
+            let [x, y] = place(i);
             let [x, y] = [corner[0] + x, corner[1] + y];
             [pixels.x[i], pixels.y[i]] = [x as f32 + 0.5, y as f32 + 0.5];
             if x < size.width as usize && y < size.height as usize {
-                pixels.open |= 1 << (i / S::f32s::LEN);
+                pixels.open |= 1 << (i / LANES);
             } else {
                 pixels.light[i] = -1.0;
                 pixels.outside += 1;
@@ -106,9 +106,9 @@ impl<const N: usize> Pixels<N> {
         batch: &Batch,
         mut mask: u64,
     ) {
-        let range = block * S::f32s::LEN..(block + 1) * S::f32s::LEN;
-        let load = |plane: &Plane| S::f32s::from_slice(simd, &plane[range.clone()]);
-        let mut sums = [S::f32s::splat(simd, 0.0); N];
+        let range = block * LANES..(block + 1) * LANES;
+        let load = |plane: &Plane| f32x16::from_slice(simd, &plane[range.clone()]);
+        let mut sums = [f32x16::splat(simd, 0.0); N];
         for (sums, plane) in sums.iter_mut().zip(&self.sums) {
             *sums = load(plane);
         }
@@ -117,7 +117,7 @@ impl<const N: usize> Pixels<N> {
             y: load(&self.y),
             light: load(&self.light),
             sums,
-            blended: S::i32s::splat(simd, 0),
+            blended: i32x16::splat(simd, 0),
             light_rate: load(&self.light_rate),
             grey_rate: load(&self.grey_rate),
         };
@@ -126,7 +126,7 @@ impl<const N: usize> Pixels<N> {
             mask &= mask - 1;
             state.blend::<SOFT, RATE>(simd, &batch.splats[i], &batch.rates[i], self.limits);
         }
-        let store = |value: S::f32s, plane: &mut Plane| value.store_slice(&mut plane[range.clone()]);
+        let store = |value: f32x16<S>, plane: &mut Plane| value.store_slice(&mut plane[range.clone()]);
         store(state.light, &mut self.light);
         for (sums, plane) in state.sums.into_iter().zip(&mut self.sums) {
             store(sums, plane);
@@ -142,7 +142,7 @@ impl<const N: usize> Pixels<N> {
 
     /// Writes the planes, row by row.
     #[inline(always)]
-    pub(super) fn store<S: Simd>(&self, out: &mut [f32]) {
+    pub(super) fn store(&self, out: &mut [f32]) {
         let mut light = self.light;
         for light in &mut light {
             *light = light.abs();
@@ -154,9 +154,9 @@ impl<const N: usize> Pixels<N> {
                 Some(1) => &self.grey_rate,
                 Some(_) => &self.light_rate,
             };
-            for (k, row) in plane.chunks_exact(wide::<S>()).enumerate() {
-                let [x, y] = place::<S>(k * wide::<S>());
-                out[y * TILE + x..][..wide::<S>()].copy_from_slice(row);
+            for (k, row) in plane.chunks_exact(SIDE).enumerate() {
+                let [x, y] = place(k * SIDE);
+                out[y * TILE + x..][..SIDE].copy_from_slice(row);
             }
         }
     }
@@ -171,14 +171,14 @@ impl<const N: usize> Pixels<N> {
 
 /// The pixels of one block.
 struct State<S: Simd, const N: usize> {
-    x: S::f32s,
-    y: S::f32s,
-    light: S::f32s,
-    sums: [S::f32s; N],
+    x: f32x16<S>,
+    y: f32x16<S>,
+    light: f32x16<S>,
+    sums: [f32x16<S>; N],
     /// Blended layers.
-    blended: S::i32s,
-    light_rate: S::f32s,
-    grey_rate: S::f32s,
+    blended: i32x16<S>,
+    light_rate: f32x16<S>,
+    grey_rate: f32x16<S>,
 }
 
 impl<S: Simd, const N: usize> State<S, N> {
@@ -191,7 +191,7 @@ impl<S: Simd, const N: usize> State<S, N> {
         rates: &Rates,
         limits: Limits,
     ) {
-        let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
         let [w1, w2, w3] = splat.w;
         let (dx, dy) = (self.x - splat.mean[0], self.y - splat.mean[1]);
         let (e1, e2) = (dx * w1 + dy * w2, dy * w3);
@@ -205,12 +205,12 @@ impl<S: Simd, const N: usize> State<S, N> {
             let q2_rate = e2 * (dy * rates.w[2] - w3 * rates.mean[1]);
             let power_rate = (e1 * e1_rate + q2_rate) * (2.0 * LN_2);
             let moves = counts & free.simd_lt(MAX_ALPHA);
-            rate = moves.select(alpha * (S::f32s::splat(simd, rates.opacity) - power_rate), zero);
+            rate = moves.select(alpha * (f32x16::splat(simd, rates.opacity) - power_rate), zero);
         }
         if SOFT {
             let (ramp, slope) = ramp(simd, alpha);
-            rate = rate * (ramp + alpha * slope);
-            alpha = alpha * ramp;
+            rate *= ramp + alpha * slope;
+            alpha *= ramp;
         }
         let after = self.light * (one - alpha);
         // never for a finished pixel; always where alpha is 0 and the pixel is not
@@ -221,7 +221,7 @@ impl<S: Simd, const N: usize> State<S, N> {
             self.grey_rate += weight_rate * rates.grey + weight * rates.grey_rate;
             self.light_rate -= weight_rate;
         }
-        let finished = S::f32s::from_bits(self.light.to_bits() | SIGN);
+        let finished = f32x16::from_bits(self.light.to_bits() | SIGN);
         self.light = goes_on.select(after, finished);
         self.blended -= weight.simd_gt(zero).to_vector(); // true is -1
         for (sums, feature) in self.sums.iter_mut().zip(splat.features) {
@@ -233,9 +233,9 @@ impl<S: Simd, const N: usize> State<S, N> {
 /// The centred ramp of the rules `soft` and its derivative: 0 at half a grey step, 1 at one and a half
 /// (`numerics.md` 3.3).
 #[inline(always)]
-fn ramp<S: Simd>(simd: S, alpha: S::f32s) -> (S::f32s, S::f32s) {
+fn ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     let u = (alpha * 255.0 - 0.5).max(0.0).min(1.0);
-    (u * u * (S::f32s::splat(simd, 3.0) - u * 2.0), u * (6.0 * 255.0) * (S::f32s::splat(simd, 1.0) - u))
+    (u * u * (f32x16::splat(simd, 3.0) - u * 2.0), u * (6.0 * 255.0) * (f32x16::splat(simd, 1.0) - u))
 }
 
 /// The bit that makes a number negative.

@@ -2,13 +2,10 @@
 
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
 
-use super::{BATCH, PIXELS, high, wide};
+use super::{BATCH, BLOCKS, SIDE};
 use crate::render::cpu::splat::{MARGIN, Splat};
 use crate::render::shared::TILE;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
-
-/// Blocks of a tile at most.
-const BLOCKS: usize = PIXELS / 4;
 
 /// The ellipses of a batch, one array a parameter.
 pub(super) struct Shapes {
@@ -56,9 +53,9 @@ impl Shapes {
         let inverse = S::f32s::splat(simd, 1.0) / w1;
         let slope = w2 * inverse;
         let (zero, nothing) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, f32::NEG_INFINITY));
-        for (k, masks) in masks[..PIXELS / S::f32s::LEN].chunks_exact_mut(TILE / wide::<S>()).enumerate() {
+        for (k, masks) in masks.chunks_exact_mut(TILE / SIDE).enumerate() {
             let [mut begin, mut end] = [-nothing, nothing];
-            for y in k * high::<S>()..(k + 1) * high::<S>() {
+            for y in k * SIDE..(k + 1) * SIDE {
                 let dy = S::f32s::splat(simd, (corner[1] + y) as f32 + 0.5) - mean_y;
                 let e2 = w3 * dy;
                 let room = reach - e2 * e2;
@@ -71,8 +68,8 @@ impl Shapes {
                 end = end.max(middle + reached);
             }
             for (j, mask) in masks.iter_mut().enumerate() {
-                let left = (corner[0] + j * wide::<S>()) as f32 + 0.5;
-                let right = left + (wide::<S>() - 1) as f32;
+                let left = (corner[0] + j * SIDE) as f32 + 0.5;
+                let right = left + (SIDE - 1) as f32;
                 let hit = begin.simd_le(right) & end.simd_ge(left);
                 *mask |= hit.to_bitmask() << first;
             }
@@ -82,21 +79,19 @@ impl Shapes {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::splat::tests::{EDGE, counts, planted};
     use super::*;
+    use crate::render::cpu::Instructions;
+    use crate::render::cpu::raster::PIXELS;
+    use crate::render::cpu::splat::tests::{EDGE, counts, planted};
+    use fearless_simd::dispatch;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
+    use std::array::from_fn;
 
-    /// The bits of the blocks, at the widest instruction set and at the narrowest.
-    fn by_each(shapes: &Shapes, corner: [usize; 2]) -> Vec<(usize, usize, [u64; BLOCKS])> {
-        #[inline(always)]
-        fn one<S: Simd>(simd: S, shapes: &Shapes, corner: [usize; 2]) -> (usize, usize, [u64; BLOCKS]) {
-            (wide::<S>(), high::<S>(), shapes.cover(simd, corner))
-        }
-        let sets = crate::render::cpu::Instructions::all();
-        sets.iter()
-            .map(|set| fearless_simd::dispatch!(set.level, simd => one(simd, shapes, corner)))
-            .collect()
+    /// The bits of the blocks by every instruction set.
+    fn by_each(shapes: &Shapes, corner: [usize; 2]) -> Vec<[u64; BLOCKS]> {
+        let sets = Instructions::all();
+        sets.iter().map(|set| dispatch!(set.level, simd => shapes.cover(simd, corner))).collect()
     }
 
     proptest! {
@@ -113,11 +108,11 @@ mod tests {
             let mut shapes = Shapes::default();
             shapes.fill(&splats);
             for corner in [[0, 0], [TILE, 2 * TILE], [usize::from(EDGE) - TILE, TILE]] {
-                for (wide, high, masks) in by_each(&shapes, corner) {
+                for masks in by_each(&shapes, corner) {
                     prop_assert!(masks.iter().all(|mask| mask >> splats.len() == 0));
                     for (i, splat) in splats.iter().enumerate() {
                         for (x, y) in (0..PIXELS).map(|k| (k % TILE, k / TILE)) {
-                            let covered = masks[y / high * (TILE / wide) + x / wide] >> i & 1 == 1;
+                            let covered = masks[y / SIDE * (TILE / SIDE) + x / SIDE] >> i & 1 == 1;
                             let [px, py] = [corner[0] + x, corner[1] + y].map(|v| u16::try_from(v).expect("small"));
                             prop_assert!(covered || !counts(splat, px, py), "{splat:?} at ({px}, {py})");
                         }
@@ -133,14 +128,9 @@ mod tests {
         let dot = Splat { mean: [18.0, 22.0], w: [2.0, 0.0, 2.0], reach: 4.0, ..Splat::default() };
         let mut shapes = Shapes::default();
         shapes.fill(&[dot]);
-        for (wide, high, masks) in by_each(&shapes, [TILE, TILE]) {
-            // its reach is 1 px: columns 17 and 18, rows 21 and 22
-            let touched = [17, 18].map(|x| (x - TILE) / wide);
-            let rows = [21, 22].map(|y| (y - TILE) / high);
-            for (b, &mask) in masks.iter().enumerate() {
-                let inside = touched.contains(&(b % (TILE / wide))) && rows.contains(&(b / (TILE / wide)));
-                assert_eq!(mask, u64::from(inside), "block {b} of {wide}x{high}");
-            }
+        for masks in by_each(&shapes, [TILE, TILE]) {
+            // a reach of 1 px: columns 17 and 18, rows 21 and 22, all in the first column and the second row of blocks
+            assert_eq!(masks.map(|mask| mask == 1), from_fn(|b| b == 4), "{masks:?}");
         }
     }
 }
