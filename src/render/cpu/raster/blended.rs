@@ -13,7 +13,7 @@ use crate::render::cpu::exp2::exp2_neg;
 use crate::render::cpu::splat::{Rates, Splat};
 use crate::render::dual::Real;
 use crate::render::shared::{BLENDED_DEPTHS, MAX_ALPHA, SOFT_MIN_ALPHA, STOP, TILE};
-use fearless_simd::{Simd, SimdBase as _};
+use fearless_simd::{Simd, SimdBase as _, f32x16};
 use std::collections::VecDeque;
 use std::f32::consts::LN_2;
 
@@ -192,9 +192,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
 /// `2^-q` of each.
 #[inline(always)]
 fn powers<V: Simd>(simd: V, mut q: [f32; TILE]) -> [f32; TILE] {
-    for some in q.chunks_exact_mut(V::f32s::LEN) {
-        exp2_neg(simd, V::f32s::from_slice(simd, some)).store_slice(some);
-    }
+    exp2_neg(simd, f32x16::from_slice(simd, &q)).store_slice(&mut q);
     q
 }
 
