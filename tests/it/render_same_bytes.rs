@@ -121,7 +121,7 @@ fn luminance_is_that_of_the_colour_up_to_rounding() {
 fn what_lies_behind_finished_tiles() {
     const LAYERS: usize = 200;
     const LOOK: usize = 64;
-    // 2000 px wide at a focal length of 100 px, so that opacity falls by 1e-4 of itself towards the corners
+    // the wall's deviation is 80 * 100 / 4 = 2000 px, so that its opacity falls by 1e-4 of itself towards the corners
     let layer = |k: usize, x: f32, deviation: f32| Blob {
         position: [x, 0.0, 4.0 + 0.01 * k as f32],
         deviations: [deviation; 3],

@@ -1,8 +1,8 @@
 //! Pass 4: blends each tile's splats, front to back.
 //!
-//! A tile is cut into blocks of 4x4 pixels. Splats come in batches: `cover` says which of a batch may touch which block,
-//! and `block` blends those of one block while its pixels stay in registers: in one of AVX-512, in several of the
-//! others, whose operations then need not wait for one another.
+//! A tile is cut into blocks of 4x4 pixels. Splats come in batches: `cover` says which of a batch may touch which
+//! block, and `block` blends those of one block while its pixels stay in registers: in one of AVX-512, in several of
+//! the others, whose operations then need not wait for one another.
 
 mod blended;
 mod block;

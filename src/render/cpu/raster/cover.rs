@@ -42,8 +42,8 @@ impl Shapes {
         masks
     }
 
-    /// The same for as many splats as a vector has lanes. In a row of pixels those from [`Splat::chord`] on are touched;
-    /// a block is where one of its rows is.
+    /// The same for as many splats as a vector has lanes: a row of pixels is touched along [`Splat::chord`], a block
+    /// from the least to the greatest end of those of its rows.
     #[inline(always)]
     fn cover_some<S: Simd>(&self, simd: S, corner: [usize; 2], first: usize, masks: &mut [u64; BLOCKS]) {
         let load = |from: &[f32; BATCH]| S::f32s::from_slice(simd, &from[first..first + S::f32s::LEN]);
