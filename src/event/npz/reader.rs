@@ -189,8 +189,9 @@ mod tests {
 
     #[test]
     fn heads_that_take_long_to_parse_are_refused() {
-        let stored =
-            |text: &str| [b"\x93NUMPY\x01\x00", &[u8::try_from(text.len()).unwrap(), 0][..], text.as_bytes()].concat();
+        let stored = |text: &str| {
+            [b"\x93NUMPY\x01\x00", &[u8::try_from(text.len()).unwrap(), 0][..], text.as_bytes()].concat()
+        };
         let t = |text: &str, sound: bool| assert_eq!(head(&mut &stored(text)[..]).is_ok(), sound, "{text}");
         t("{'descr': '<u2', 'fortran_order': False, 'shape': (300, ), }\n", true);
         t(&"{".repeat(54), false);
