@@ -189,8 +189,6 @@ pub struct Work {
     pub outside: u64,
     /// Of those drawn: harmonics not evaluated, since they are zero in the whole scene.
     pub zero_harmonics: u64,
-    /// Frames whose order was carried over from the frame before and mended, in place of a sort.
-    pub orders_kept: u64,
     /// (Gaussian, tile) pairs listed.
     pub tile_pairs: u64,
     /// Of those, left out: every pixel of the tile was finished before.
@@ -213,7 +211,6 @@ impl std::ops::AddAssign for Work {
         self.degenerate += o.degenerate;
         self.outside += o.outside;
         self.zero_harmonics += o.zero_harmonics;
-        self.orders_kept += o.orders_kept;
         self.tile_pairs += o.tile_pairs;
         self.hidden += o.hidden;
         self.blended += o.blended;

@@ -24,7 +24,7 @@ pub struct Checking {
 
 impl Stage for Checking {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 2;
+    const REVISION: u32 = 3;
     type Inputs = (Target<Motion>, Option<Target<EventStream>>);
     type Output = Verdicts;
 

@@ -47,7 +47,7 @@ const FLOW_SAMPLES: usize = 9;
 
 impl Stage for Simulating {
     const NAME: &'static str = "events";
-    const REVISION: u32 = 1;
+    const REVISION: u32 = 2;
     type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
     type Output = EventStream;
 

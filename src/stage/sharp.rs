@@ -37,7 +37,7 @@ const BYTES_A_PIXEL: u64 = 104;
 
 impl Stage for Photographing {
     const NAME: &'static str = "sharp";
-    const REVISION: u32 = 1;
+    const REVISION: u32 = 2;
     type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
     type Output = Pictures;
 

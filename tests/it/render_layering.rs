@@ -1,6 +1,5 @@
 //! Layers of nearly the same depth that cover each other in part: rules `soft`, `order: blended`.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
-#![expect(clippy::print_stdout, reason = "the figures")]
 
 use crate::support::gaussians::{ALL, Blob, OFFICIAL, ahead, crowd, render, scene};
 use crate::support::{ply, shared};

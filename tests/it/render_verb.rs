@@ -360,7 +360,7 @@ fn programs_get_one_object() {
         "backend": null, "seconds": null, "warnings": [],
         "style": { "rules": "official", "order": "depth", "antialiased": false, "background": BEHIND },
         "work": { "gaussians": 1, "unseen": 0, "behind": 0, "degenerate": 0, "outside": 0, "zero_harmonics": 0,
-            "orders_kept": 0, "tile_pairs": null, "hidden": 0, "blended": blended, "stopped": 0, "affine_doubtful": 0,
+            "tile_pairs": null, "hidden": 0, "blended": blended, "stopped": 0, "affine_doubtful": 0,
             "affine_invalid": 0 },
         "screening": { "read": 1, "non_finite": 0, "zero_quaternions": 0 },
     });
