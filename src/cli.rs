@@ -118,7 +118,7 @@ impl Verb {
     /// The back ends that the verb can do its work with.
     fn backends(&self) -> &'static [Backend] {
         match self {
-            Self::Render(_) => &[Backend::Auto, Backend::Cpu, Backend::Reference],
+            Self::Render(_) => &[Backend::Auto, Backend::Cpu, Backend::Gpu, Backend::Reference],
             _ => &[Backend::Auto, Backend::Cpu],
         }
     }

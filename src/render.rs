@@ -4,6 +4,7 @@ pub mod centre;
 pub mod cpu;
 mod dual;
 pub mod flow;
+pub mod gpu;
 pub mod reference;
 pub mod shared;
 
@@ -234,6 +235,9 @@ pub enum RenderError {
     /// A parameter has a value that no image can be made with.
     #[error("the style cannot be rendered: {0}")]
     Style(String),
+    /// The GPU failed, or has no room.
+    #[error(transparent)]
+    Gpu(#[from] gpu::GpuError),
 }
 
 /// A back end that holds one scene and renders views of it.

@@ -10,9 +10,10 @@ use super::output::{self, Output};
 use super::problem::{Exit, Problem};
 use super::{Backend, Common, input};
 use crate::render::cpu::Cpu;
+use crate::render::gpu::{Choice, Device, Gpu};
 use crate::render::reference::Reference;
 use crate::render::{
-    Antialiased, Layering, RenderChoice, RenderError, Rendered, Renderer, Rules, Style, Velocity, View,
+    Antialiased, Layering, RenderChoice, RenderError, Rendered, Renderer, Rules, Style, Velocity, View, Work,
 };
 use crate::scene::{self, Gaussians};
 use crate::source::{self, view};
@@ -59,6 +60,9 @@ pub(super) struct Render {
     /// The camera's own linear (units/s) and angular (rad/s) velocity in camera axes, for luminance-rate and flow
     #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::velocity, allow_hyphen_values = true)]
     velocity: Option<Velocity>,
+    /// Which GPU renders, by its place in the list of all from 0 or by a part of its name [default: the most capable]
+    #[arg(long, value_name = "NAME or INDEX")]
+    gpu: Option<Choice>,
     /// Where the picture goes: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`: .npy to stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -113,9 +117,10 @@ impl Render {
         let started = Instant::now();
         let style = self.style(&gaussians);
         let view = View { camera: chosen.camera, world_from_camera: chosen.world_from_camera, velocity };
-        let mut renderer = renderer(common.backend, gaussians, style).map_err(failed)?;
         let mut rendered = Rendered::default();
-        let work = renderer.render(&view, self.channel.wanted(), &mut rendered).map_err(failed)?;
+        let scene = Arc::new(gaussians);
+        let (backend, work) =
+            self.rendered(common.backend, &scene, (style, &view), &mut rendered, console)?;
         let rendering = started.elapsed();
 
         let picture = Picture::take(self.channel, rendered).expect("the channel was asked for");
@@ -123,7 +128,7 @@ impl Render {
         output::write(&[Output { path: &self.out, fill: &fill }])?;
         let account = Account {
             channel: self.channel.name(),
-            backend: renderer.fingerprint().to_owned(),
+            backend,
             view: chosen.name,
             size: chosen.camera.size,
             work,
@@ -197,17 +202,42 @@ impl Render {
     }
 }
 
-/// The back end that was asked for, with the scene.
-fn renderer(backend: Backend, gaussians: Gaussians, style: Style) -> Result<Box<dyn Renderer>, RenderError> {
-    let scene = Arc::new(gaussians);
-    Ok(match backend {
-        Backend::Reference => Box::new(Reference::new(scene, style)?),
-        Backend::Auto | Backend::Cpu | Backend::Gpu => Box::new(Cpu::new(scene, style)?),
-    })
+impl Render {
+    /// Renders by the back end that was asked for; tells its class and what it did.
+    fn rendered(
+        &self,
+        backend: Backend,
+        scene: &Arc<Gaussians>,
+        (style, view): (Style, &View),
+        out: &mut Rendered,
+        console: &Console,
+    ) -> Result<(String, Work), Problem> {
+        let want = self.channel.wanted();
+        let mut by = |renderer: &mut dyn Renderer| {
+            let work = renderer.render(view, want, out)?;
+            Ok::<_, RenderError>((renderer.fingerprint().to_owned(), work))
+        };
+        // One in software is taken where it is asked for, and else only where nothing but a GPU will do.
+        let otherwise = if backend == Backend::Gpu { Choice::Any } else { Choice::Hardware };
+        let choice = self.gpu.clone().unwrap_or(otherwise);
+        let mut by_gpu = || by(&mut Gpu::new(Device::open(&choice)?, scene, style)?);
+        let done = match backend {
+            Backend::Gpu => by_gpu(),
+            Backend::Reference => by(&mut Reference::new(scene.clone(), style).map_err(failed)?),
+            Backend::Cpu => by(&mut Cpu::new(scene.clone(), style).map_err(failed)?),
+            Backend::Auto => by_gpu().or_else(|error| {
+                let RenderError::Gpu(because) = &error else { return Err(error) };
+                console.say(&format!("on the CPU, since {because}"));
+                by(&mut Cpu::new(scene.clone(), style)?)
+            }),
+        };
+        done.map_err(failed)
+    }
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
 fn failed(error: RenderError) -> Problem {
-    let message = Message::new(Level::Error, "step-failed", "failed to render");
-    Problem::of(Exit::Failed, message.because(error.to_string()))
+    let code = if matches!(error, RenderError::Gpu(_)) { "no-adapter" } else { "step-failed" };
+    let message = Message::new(Level::Error, code, "failed to render").because(error.to_string());
+    Problem::of(Exit::Failed, message)
 }

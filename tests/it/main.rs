@@ -27,6 +27,7 @@ mod real;
 mod recipes;
 mod release;
 mod render_golden;
+mod render_gpu;
 mod render_rates;
 mod render_rules;
 mod render_same_bytes;

@@ -6,19 +6,19 @@ use rayon::prelude::*;
 
 /// A Gaussian as every view uses it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Activated {
+pub(in crate::render) struct Activated {
     /// World directions of its own axes, each as long as the standard deviation along it: the columns of `Rq S`.
     /// NaN where a stored field is not finite, so that no view draws it.
-    pub(super) axes: [[f32; 3]; 3],
+    pub(in crate::render) axes: [[f32; 3]; 3],
     /// Opacity at the mean, 0..1.
-    pub(super) opacity: f32,
+    pub(in crate::render) opacity: f32,
 }
 
 /// Least norm that a quaternion is divided by (`torch.nn.functional.normalize`).
 const LEAST_NORM: f64 = 1e-12;
 
 /// Applies the activations to every Gaussian, in f64 before the result is rounded.
-pub(super) fn activate(scene: &Gaussians) -> Vec<Activated> {
+pub(in crate::render) fn activate(scene: &Gaussians) -> Vec<Activated> {
     (0..scene.len()).into_par_iter().map(|i| one(scene, i)).collect()
 }
 
