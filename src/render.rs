@@ -251,6 +251,12 @@ pub trait Renderer {
         let _ = (camera, poses);
     }
 
+    /// Says that this view is going to be rendered, after those said before: a back end that works beside the program may
+    /// begin it now. What fails is told when it is rendered.
+    fn expect(&mut self, view: &View, want: Channels) {
+        let _ = (view, want);
+    }
+
     /// Renders one view into `out`, reusing its images where their size fits.
     ///
     /// # Errors

@@ -111,6 +111,9 @@ impl Render {
         let started = Instant::now();
         let (chosen, told) = self.chosen()?;
         warnings.extend(told.iter().map(ToString::to_string));
+        if self.gpu.is_some() && matches!(common.backend, Backend::Cpu | Backend::Reference) {
+            warnings.push("no GPU has a part in this, whatever --gpu says".to_owned());
+        }
         let gaussians = self.gaussians()?;
         let (screening, reading) = (gaussians.screening, started.elapsed());
 
@@ -237,7 +240,9 @@ impl Render {
 
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
 fn failed(error: RenderError) -> Problem {
-    let code = if matches!(error, RenderError::Gpu(_)) { "no-adapter" } else { "step-failed" };
+    let on_gpu = matches!(error, RenderError::Gpu(_));
+    let code = if on_gpu { "no-adapter" } else { "step-failed" };
     let message = Message::new(Level::Error, code, "failed to render").because(error.to_string());
-    Problem::of(Exit::Failed, message)
+    let problem = Problem::of(Exit::Failed, message);
+    if on_gpu { problem.help("--backend cpu, or leave it out") } else { problem }
 }

@@ -5,9 +5,11 @@
 //! the rounding of quotients, roots and powers, and where a product is fused with a sum.
 //!
 //! A frame is submitted without waiting for counts from the device: where splats or pairs had no room, the frame says so
-//! when it is read, and is made again with more room, or in regions where no more can be bound.
+//! when it is read, and is made again with more room, or in regions where no more can be bound. Views that are expected are
+//! under way while those before them are read.
 
 mod buffers;
+mod clock;
 mod device;
 mod frame;
 mod passes;
@@ -15,6 +17,7 @@ mod readback;
 mod scene;
 mod shader;
 
+pub use clock::Stage;
 pub use device::{Choice, Device, GpuError, PORTABLE_LIMIT};
 
 use super::shared::TILE;
@@ -22,11 +25,14 @@ use super::{Channels, Layering, RenderError, Rendered, Renderer, Style, View, Wo
 use crate::image::Size;
 use crate::scene::Gaussians;
 use buffers::{Buffers, Room, most_pairs, most_splats};
+use clock::Clock;
 use glam::DVec3;
 use passes::{Layouts, Passes, Pipelines};
 use readback::{Copy, Ring};
 use scene::Part;
 use shader::{Layout, Total, Variant, splat_rows};
+use std::collections::VecDeque;
+use std::time::Duration;
 
 /// A scene on a device.
 #[derive(Debug)]
@@ -41,11 +47,23 @@ pub struct Gpu {
     pipelines: Vec<(Layout, Pipelines)>,
     buffers: Buffers,
     ring: Ring,
+    clock: Option<Clock>,
+    times: Option<[Duration; Stage::ALL.len()]>,
+    /// Views that are going to be rendered, in that order.
+    expected: VecDeque<Expected>,
+}
+
+/// A view that is going to be rendered.
+#[derive(Debug)]
+struct Expected {
+    view: View,
+    want: Channels,
+    begun: Result<Pending, RenderError>,
 }
 
 /// A view that the device is at work on.
 #[derive(Debug)]
-pub struct Pending {
+struct Pending {
     view: View,
     want: Channels,
     shots: Vec<Shot>,
@@ -84,6 +102,7 @@ impl Gpu {
             ..Room::default()
         };
         let buffers = Buffers::new(&device, &layouts, &parts, room)?;
+        let clock = Clock::new(&device);
         Ok(Self {
             device,
             style,
@@ -95,40 +114,47 @@ impl Gpu {
             pipelines: Vec::new(),
             buffers,
             ring: Ring::default(),
+            clock,
+            times: None,
+            expected: VecDeque::new(),
         })
     }
 
-    /// Sets the device to work on a view. Several may be begun before the first is finished: the device makes one while
-    /// those before it are read.
-    ///
-    /// # Errors
-    /// When no image can be made of the view, or the device fails.
-    pub fn begin(&mut self, view: &View, want: Channels) -> Result<Pending, RenderError> {
+    /// How long the device was at each of [`Stage::ALL`] of the last frame, or of its last region; `None` before a frame, and
+    /// of a device without a clock.
+    #[must_use]
+    pub fn times(&self) -> Option<[Duration; Stage::ALL.len()]> {
+        self.times
+    }
+
+    /// Sets the device to work on a view.
+    fn begin(&mut self, view: &View, want: Channels) -> Result<Pending, RenderError> {
         super::check_view(view)?;
         let mut shots = Vec::new();
         self.shoot(view, want, Region::whole(view.camera.size), &mut shots)?;
         Ok(Pending { view: *view, want, shots })
     }
 
-    /// Waits for a view and takes its images, reusing those of `out` where their size fits.
-    ///
-    /// # Errors
-    /// When the device fails, or one tile needs more than it can bind.
-    pub fn finish(&mut self, pending: Pending, out: &mut Rendered) -> Result<Work, RenderError> {
+    /// Waits for a view and takes its images.
+    fn finish(&mut self, pending: Pending, out: &mut Rendered) -> Result<Work, RenderError> {
         let Pending { view, want, mut shots } = pending;
         let (size, layout) = (view.camera.size, Layout::new(want));
         let mut work: Option<Work> = None;
         while let Some(Shot { region, room, copy }) = shots.pop() {
             let floats = region.pixels(size) as u64 * u64::from(layout.floats);
             let gaussians = self.gaussians;
-            let (totals, found) = self.ring.read(&self.device, copy, floats, |totals, images| {
-                let fits = totals.of_count(Total::Splats) <= room.splats
-                    && totals.of_count(Total::Pairs) <= room.pairs;
-                if fits {
-                    readback::place(images, region, size, (want, layout), out);
-                }
-                (*totals, fits.then(|| totals.work(gaussians)))
-            })?;
+            let clock = self.clock.as_ref();
+            let (totals, times, found) =
+                self.ring.read(&self.device, copy, floats, |totals, stamps, images| {
+                    let fits = totals.of_count(Total::Splats) <= room.splats
+                        && totals.of_count(Total::Pairs) <= room.pairs;
+                    if fits {
+                        readback::place(images, region, size, (want, layout), out);
+                    }
+                    let times = clock.map(|clock| clock.times(stamps));
+                    (*totals, times, fits.then(|| totals.work(gaussians)))
+                })?;
+            self.times = times;
             match found {
                 Some(done) => work = Some(work.map_or(done, |sum| joined(sum, done))),
                 None => self.again(&view, want, (region, totals), &mut shots)?,
@@ -164,8 +190,9 @@ impl Gpu {
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let (pipelines, buffers) = (&self.pipelines[at].1, &self.buffers);
-        Passes { pipelines, buffers, parts: &self.parts, region }.record(&mut encoder);
-        let copy = self.ring.submit(&self.device, encoder, buffers, needed.floats)?;
+        let clock = self.clock.as_ref();
+        Passes { pipelines, buffers, parts: &self.parts, region, clock }.record(&mut encoder);
+        let copy = self.ring.submit(&self.device, encoder, (buffers, needed.floats), clock)?;
         shots.push(Shot { region, room, copy });
         Ok(())
     }
@@ -221,8 +248,20 @@ impl Renderer for Gpu {
         self.device.fingerprint()
     }
 
+    fn expect(&mut self, view: &View, want: Channels) {
+        let begun = self.begin(view, want);
+        self.expected.push_back(Expected { view: *view, want, begun });
+    }
+
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-        let pending = self.begin(view, want)?;
+        let expected = self.expected.pop_front().filter(|e| e.view == *view && e.want == want);
+        let pending = match expected {
+            Some(expected) => expected.begun?,
+            None => {
+                self.expected.clear();
+                self.begin(view, want)?
+            }
+        };
         self.finish(pending, out)
     }
 }

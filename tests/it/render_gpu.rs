@@ -13,12 +13,13 @@ use crate::support::{gpu, ply, shared};
 use glam::DVec3;
 use gs2e::image::{Image, Size, luminance, png};
 use gs2e::render::cpu::Cpu;
-use gs2e::render::gpu::{Choice, Device, Gpu, GpuError};
+use gs2e::render::gpu::{Choice, Device, Gpu, GpuError, Stage};
 use gs2e::render::{Channels, RenderError, Rendered, Renderer, Rules, Style, Velocity, View, Work};
 use gs2e::scene::Gaussians;
 use gs2e::source::nerfstudio;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
 /// Every image of a camera that moves.
@@ -232,12 +233,12 @@ fn views_in_flight_are_those_made_one_by_one() {
         .collect();
     let want = Channels { luminance: true, luminance_rate: true, ..Channels::default() };
     let mut gpu = Gpu::new(device, &scene, OFFICIAL).unwrap();
-    let pending: Vec<_> = views.iter().map(|view| gpu.begin(view, want).unwrap()).collect();
-    let ahead: Vec<(Rendered, Work)> = pending
-        .into_iter()
-        .map(|pending| {
+    views.iter().for_each(|view| gpu.expect(view, want));
+    let ahead: Vec<(Rendered, Work)> = views
+        .iter()
+        .map(|view| {
             let mut out = Rendered::default();
-            let work = gpu.finish(pending, &mut out).unwrap();
+            let work = gpu.render(view, want, &mut out).unwrap();
             (out, work)
         })
         .collect();
@@ -248,6 +249,19 @@ fn views_in_flight_are_those_made_one_by_one() {
         assert!(alone.rgb.is_none() && alone.depth.is_none());
     }
     assert!(ahead.windows(2).all(|pair| pair[0].0.luminance != pair[1].0.luminance), "the views differ");
+    if let Some(times) = gpu.times() {
+        println!("{times:?} of {:?}", Stage::ALL);
+        assert!(times[Stage::Raster as usize] > Duration::ZERO);
+    }
+    // A view that was not expected is rendered all the same, and what is expected of one that cannot be is told of it.
+    gpu.expect(&views[0], want);
+    let mut other = Rendered::default();
+    gpu.render(&views[1], want, &mut other).unwrap();
+    assert!(other.luminance == ahead[1].0.luminance);
+    let mut blind = views[0];
+    blind.camera.fx = f64::NAN;
+    gpu.expect(&blind, want);
+    assert!(matches!(gpu.render(&blind, want, &mut other), Err(RenderError::View(_))));
 }
 
 #[test]

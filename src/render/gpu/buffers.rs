@@ -128,7 +128,7 @@ impl Buffers {
             };
             let cleared = BufferUsages::STORAGE | BufferUsages::COPY_DST;
             let frame = buffer(frame::BYTES, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
-            let totals = buffer(4 * TOTALS, cleared | BufferUsages::COPY_SRC);
+            let totals = buffer(4 * TOTALS as u64, cleared | BufferUsages::COPY_SRC);
             let groups = buffer(12 * DISPATCHES, cleared | BufferUsages::INDIRECT);
             let lists = buffer(8 * u64::from(room.tiles), cleared);
             let images = buffer(4 * room.floats, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
@@ -159,7 +159,7 @@ impl Sizes {
         Self {
             drawn: 4 * u64::from(part_groups) * u64::from(GROUP),
             sums: 4 * u64::from(part_groups.max(room.splats.div_ceil(GROUP))),
-            counts: 4 * u64::from(blocks) << DIGIT_BITS,
+            counts: (4 * u64::from(blocks)) << DIGIT_BITS,
             splats: 16 * u64::from(room.splats) * u64::from(room.splat_rows),
             order: 8 * u64::from(room.splats),
             touched: 4 * u64::from(room.splats),
@@ -208,7 +208,7 @@ impl Inner {
         let digit = BufferBinding { buffer: digits, offset: 0, size: BufferSize::new(8) };
         let sort = |from: &Buffer, to: &Buffer| {
             let whole = [from, to, counts, totals].map(|b| b.as_entire_buffer_binding());
-            bind(gpu, &layouts.sort, &[&[digit.clone()], &whole[..]].concat())
+            bind(gpu, &layouts.sort, &[std::slice::from_ref(&digit), &whole[..]].concat())
         };
         let bin = |pairs| group(&layouts.bin, &[splats, a, touched, sums, totals, pairs, lists]);
         let raster = |pairs| group(&layouts.raster, &[splats, pairs, lists, images, totals]);

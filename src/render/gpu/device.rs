@@ -135,7 +135,8 @@ impl Device {
             ..Limits::default()
         };
         let limit = theirs.max_storage_buffer_binding_size.min(theirs.max_buffer_size);
-        let wanted = wgpu::DeviceDescriptor { required_limits, ..wgpu::DeviceDescriptor::default() };
+        let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let wanted = wgpu::DeviceDescriptor { required_features, required_limits, ..Default::default() };
         let (device, queue) = wait(adapter.request_device(&wanted))
             .map_err(|e| GpuError::Refused { adapter: name.clone(), because: e.to_string() })?;
         let trouble = Arc::new(Mutex::new(None));

@@ -2,6 +2,7 @@
 
 use super::Region;
 use super::buffers::{ALIGNED, Buffers, DIGITS};
+use super::clock::{Clock, Stage};
 use super::device::Device;
 use super::scene::Part;
 use super::shader::{DIGIT_BITS, Dispatch, Shader, Variant};
@@ -157,6 +158,7 @@ pub(super) struct Passes<'a> {
     pub(super) buffers: &'a Buffers,
     pub(super) parts: &'a [Part],
     pub(super) region: Region,
+    pub(super) clock: Option<&'a Clock>,
 }
 
 impl Passes<'_> {
@@ -166,14 +168,14 @@ impl Passes<'_> {
         for buffer in [&buffers.totals, &buffers.groups, &buffers.lists] {
             encoder.clear_buffer(buffer, 0, None);
         }
-        self.stage(encoder, "project", |pass| self.project(pass));
+        self.stage(encoder, Stage::Project, |pass| self.project(pass));
         let bound = &buffers.bound;
         let (by, scan) = (Dispatch::SplatBlocks, &self.pipelines.scan_splat_digits);
-        self.stage(encoder, "sort", |pass| self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan)));
-        self.stage(encoder, "list", |pass| self.list(pass));
+        self.stage(encoder, Stage::Sort, |pass| self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan)));
+        self.stage(encoder, Stage::List, |pass| self.list(pass));
         let digits = self.tile_digits();
         let (by, scan) = (Dispatch::PairBlocks, &self.pipelines.scan_pair_digits);
-        self.stage(encoder, "bin", |pass| {
+        self.stage(encoder, Stage::Bin, |pass| {
             self.sort(pass, (DIGITS, digits), &bound.sort_pairs, (by, scan));
             self.indirect(
                 pass,
@@ -182,7 +184,7 @@ impl Passes<'_> {
                 Dispatch::PairBlocks,
             );
         });
-        self.stage(encoder, "raster", |pass| {
+        self.stage(encoder, Stage::Raster, |pass| {
             let [columns, rows] = self.region.tiles();
             pass.set_pipeline(&self.pipelines.raster);
             pass.set_bind_group(1, &bound.raster[(digits % 2) as usize], &[]);
@@ -190,8 +192,9 @@ impl Passes<'_> {
         });
     }
 
-    fn stage(&self, encoder: &mut CommandEncoder, label: &str, fill: impl FnOnce(&mut ComputePass<'_>)) {
-        let described = ComputePassDescriptor { label: Some(label), timestamp_writes: None };
+    fn stage(&self, encoder: &mut CommandEncoder, stage: Stage, fill: impl FnOnce(&mut ComputePass<'_>)) {
+        let timestamp_writes = self.clock.map(|clock| clock.stamp(stage));
+        let described = ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
         let mut pass = encoder.begin_compute_pass(&described);
         pass.set_bind_group(0, &self.buffers.bound.frame, &[]);
         fill(&mut pass);

@@ -1,5 +1,6 @@
 //! Images and counts on their way from the device.
 
+use super::clock::{self, Clock};
 use super::device::{Device, GpuError};
 use super::shader::{Layout, TOTALS, Total, UNDEFINED};
 use super::{Region, buffers::Buffers};
@@ -24,8 +25,9 @@ pub(super) struct Copy {
     submitted: SubmissionIndex,
 }
 
-/// Bytes of the counts, which come before the images.
-const HEAD: u64 = 4 * TOTALS;
+/// Bytes of the counts and of the clock's stamps, which come before the images.
+const COUNTS: usize = 4 * TOTALS;
+const HEAD: usize = COUNTS + clock::BYTES;
 
 impl Ring {
     /// Submits what the encoder holds and then a copy of the counts and of so many floats of images.
@@ -33,10 +35,10 @@ impl Ring {
         &mut self,
         device: &Device,
         mut encoder: CommandEncoder,
-        from: &Buffers,
-        floats: u64,
+        (from, floats): (&Buffers, u64),
+        clock: Option<&Clock>,
     ) -> Result<Copy, GpuError> {
-        let size = HEAD + 4 * floats;
+        let size = HEAD as u64 + 4 * floats;
         let at = self.idle.iter().position(|b| b.size() >= size);
         let buffer = match at {
             Some(at) => self.idle.swap_remove(at),
@@ -53,9 +55,12 @@ impl Ring {
                 })?
             }
         };
-        encoder.copy_buffer_to_buffer(&from.totals, 0, &buffer, 0, HEAD);
+        encoder.copy_buffer_to_buffer(&from.totals, 0, &buffer, 0, COUNTS as u64);
+        if let Some(clock) = clock {
+            clock.copy(&mut encoder, &buffer, COUNTS as u64);
+        }
         if floats > 0 {
-            encoder.copy_buffer_to_buffer(&from.images, 0, &buffer, HEAD, 4 * floats);
+            encoder.copy_buffer_to_buffer(&from.images, 0, &buffer, HEAD as u64, 4 * floats);
         }
         let submitted = device.queue.submit([encoder.finish()]);
         let (tell, mapped) = mpsc::channel();
@@ -64,23 +69,24 @@ impl Ring {
         Ok(Copy { buffer, mapped, submitted })
     }
 
-    /// Waits for the copy and has it read.
+    /// Waits for the copy and has it read: counts, the clock's stamps, images.
     pub(super) fn read<T>(
         &mut self,
         device: &Device,
         copy: Copy,
         floats: u64,
-        read: impl FnOnce(&Totals, &[u8]) -> T,
+        read: impl FnOnce(&Totals, &[u8], &[u8]) -> T,
     ) -> Result<T, GpuError> {
         let wait = PollType::Wait { submission_index: Some(copy.submitted), timeout: None };
         device.device.poll(wait).map_err(|e| device.lost(&e.to_string()))?;
         device.check()?;
         let mapped = copy.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
         mapped.map_err(|e| device.lost(&e.to_string()))?;
-        let view = copy.buffer.slice(..HEAD + 4 * floats).get_mapped_range();
+        let view = copy.buffer.slice(..HEAD as u64 + 4 * floats).get_mapped_range();
         let view: BufferView = view.map_err(|e| device.lost(&e.to_string()))?;
-        let (head, images) = view.split_at(usize::try_from(HEAD).unwrap_or(usize::MAX));
-        let done = read(&Totals::of(head), images);
+        let (head, images) = view.split_at(HEAD);
+        let (counts, stamps) = head.split_at(COUNTS);
+        let done = read(&Totals::of(counts), stamps, images);
         drop(view);
         copy.buffer.unmap();
         self.idle.push(copy.buffer);
@@ -90,7 +96,7 @@ impl Ring {
 
 /// The counts of a region.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Totals([u32; TOTALS as usize]);
+pub(super) struct Totals([u32; TOTALS]);
 
 impl Totals {
     fn of(bytes: &[u8]) -> Self {

@@ -42,7 +42,7 @@ pub(super) enum Total {
 }
 
 /// Counts in `totals`.
-pub(super) const TOTALS: u64 = Total::BlendedCarry as u64 + 1;
+pub(super) const TOTALS: usize = Total::BlendedCarry as usize + 1;
 
 /// A dispatch whose size the device decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
