@@ -18,7 +18,7 @@ mod scene;
 mod shader;
 
 pub use clock::Stage;
-pub use device::{Choice, Device, GpuError, PORTABLE_LIMIT};
+pub use device::{Choice, Device, GpuError};
 
 use super::shared::TILE;
 use super::{Channels, Layering, RenderError, Rendered, Renderer, Style, View, Work, flow};
@@ -176,7 +176,7 @@ impl Gpu {
         let layout = Layout::new(want);
         let pixels = region.pixels(view.camera.size) as u64;
         let needed = buffers::room_of(region, pixels, layout.floats);
-        if 4 * needed.floats > self.device.limit || 8 * u64::from(needed.tiles) > self.device.limit {
+        if readback::bytes(needed.floats).max(8 * u64::from(needed.tiles)) > self.device.limit {
             let [one, other] = region.halves().ok_or_else(|| self.device.too_small("images"))?;
             self.shoot(view, want, other, shots)?;
             return self.shoot(view, want, one, shots);

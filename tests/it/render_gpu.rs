@@ -7,6 +7,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table of differences")]
 
+mod events;
+
 use crate::render_golden::{Case, cases, difference, npy, row};
 use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, scene};
 use crate::support::{gpu, ply, shared};

@@ -97,9 +97,6 @@ pub struct Device {
 /// The numerical class but for the GPU and its driver; raised with every change of a pixel's bits.
 const CLASS: &str = "gpu/1";
 
-/// Bytes that every device can bind at once, as WebGPU promises.
-pub const PORTABLE_LIMIT: u64 = 128 << 20;
-
 impl Device {
     /// Opens one of the machine's GPUs.
     ///

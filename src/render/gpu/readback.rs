@@ -29,6 +29,11 @@ pub(super) struct Copy {
 const COUNTS: usize = 4 * TOTALS;
 const HEAD: usize = COUNTS + clock::BYTES;
 
+/// Bytes of a copy with so many floats of images.
+pub(super) fn bytes(floats: u64) -> u64 {
+    HEAD as u64 + 4 * floats
+}
+
 impl Ring {
     /// Submits what the encoder holds and then a copy of the counts and of so many floats of images.
     pub(super) fn submit(
@@ -38,7 +43,7 @@ impl Ring {
         (from, floats): (&Buffers, u64),
         clock: Option<&Clock>,
     ) -> Result<Copy, GpuError> {
-        let size = HEAD as u64 + 4 * floats;
+        let size = bytes(floats);
         let at = self.idle.iter().position(|b| b.size() >= size);
         let buffer = match at {
             Some(at) => self.idle.swap_remove(at),
@@ -82,7 +87,7 @@ impl Ring {
         device.check()?;
         let mapped = copy.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
         mapped.map_err(|e| device.lost(&e.to_string()))?;
-        let view = copy.buffer.slice(..HEAD as u64 + 4 * floats).get_mapped_range();
+        let view = copy.buffer.slice(..bytes(floats)).get_mapped_range();
         let view: BufferView = view.map_err(|e| device.lost(&e.to_string()))?;
         let (head, images) = view.split_at(HEAD);
         let (counts, stamps) = head.split_at(COUNTS);

@@ -14,8 +14,8 @@ struct Outline {
     rows: vec2u,
 }
 
-// No pixel with a larger exponent reaches the least opacity. WGSL's log2 errs by 2^-21 or 3 units in the last place, its exp2 by
-// 3 + 2q units (q < 8: 2e-6 of the opacity, 3e-6 of q): the margin is twice their sum.
+// No pixel with a larger exponent reaches the least opacity. WGSL's log2 errs by 2^-21 or 3 units in the last place and its
+// exp2 by 3 + 2q units: for q < 8 together less than 5e-6, to which q adds some units of its own.
 fn reach_of(opacity: f32) -> f32 {
     return max(log2(opacity / LEAST_ALPHA), 0.0) * (1.0 + 1e-5) + 2e-5;
 }
