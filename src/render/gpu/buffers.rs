@@ -106,7 +106,7 @@ impl Buffers {
     ) -> Result<Self, GpuError> {
         let groups = parts.iter().map(|p| p.groups).max().unwrap_or(0);
         let sizes = Sizes::new(room, groups);
-        let made = device.allocate("splats, pairs and images", sizes.sum(), |gpu| {
+        device.allocate("splats, pairs and images", sizes.sum(), |gpu| {
             let buffer = |size: u64, usage| {
                 let size = size.max(16);
                 gpu.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
@@ -136,8 +136,7 @@ impl Buffers {
             let bound = inner.bind(gpu, layouts, parts, outer);
             device.queue.write_buffer(&inner.digits, 0, &digits());
             Self { room, frame, totals, groups, lists, images, bound }
-        })?;
-        Ok(made)
+        })
     }
 }
 
@@ -176,11 +175,11 @@ impl Sizes {
 
 /// The uniform entries of all digits, of splats and then of pairs.
 fn digits() -> Vec<u8> {
-    let mut bytes = vec![0; (2 * DIGITS * ALIGNED) as usize];
-    for (k, entry) in bytes.chunks_exact_mut(ALIGNED as usize).enumerate() {
-        let (of_pairs, digit) = (u8::from(k >= DIGITS as usize), k % DIGITS as usize);
-        entry[0] = u8::try_from(digit).unwrap_or(0) * u8::try_from(DIGIT_BITS).unwrap_or(0);
-        entry[4] = of_pairs;
+    let entries = (0..2 * DIGITS).map(|k| [k % DIGITS * DIGIT_BITS, u32::from(k >= DIGITS)]);
+    let mut bytes = Vec::new();
+    for (entry, end) in entries.zip((ALIGNED as usize..).step_by(ALIGNED as usize)) {
+        bytes.extend(entry.into_iter().flat_map(u32::to_le_bytes));
+        bytes.resize(end, 0);
     }
     bytes
 }
@@ -237,6 +236,6 @@ fn bind(gpu: &wgpu::Device, layout: &BindGroupLayout, bound: &[BufferBinding<'_>
 
 /// Room for the tiles and images of a region.
 pub(super) fn room_of(region: Region, pixels: u64, floats: u32) -> Room {
-    let [columns, rows] = [0, 1].map(|k| region.end[k] - region.first[k]);
+    let [columns, rows] = region.tiles();
     Room { tiles: columns * rows, floats: pixels * u64::from(floats), ..Room::default() }
 }

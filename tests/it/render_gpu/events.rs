@@ -36,7 +36,7 @@ fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16),
     };
     let trajectory = Trajectory {
         world_from_camera: (0..FRAMES).map(pose).collect(),
-        stamps_us: (0..).step_by(STEP_US as usize).take(FRAMES).collect(),
+        stamps_us: (0..).map(|k| k * STEP_US).take(FRAMES).collect(),
     };
     let mut frames = RenderedFrames::new(renderer, capture.views[0].camera.resized(SIZE), trajectory);
     let mut all: Vec<Event> = Vec::new();
