@@ -25,6 +25,7 @@ mod trajectory;
 mod why;
 
 use crate::render::backend::Backend;
+use crate::render::gpu::{self, Device, GpuError};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use console::Console;
 use problem::{Exit, Problem};
@@ -88,6 +89,9 @@ struct Common {
     /// What renders
     #[arg(long, value_enum, default_value_t = Choice::Auto, global = true)]
     backend: Choice,
+    /// Which GPU, where one renders: its place in the list of all, from 0, or a part of its name
+    #[arg(long, value_name = "NAME or INDEX", global = true)]
+    gpu: Option<gpu::Choice>,
     /// Fail instead of waiting when another gs2e works in the store
     #[arg(long, global = true)]
     no_wait: bool,
@@ -106,12 +110,22 @@ impl Common {
     /// Where built things are kept unless the user says otherwise.
     const STORE: &'static str = ".gs2e";
 
-    /// The back end that renders.
-    fn backend(&self) -> Backend {
+    /// The back end of steps, which their keys depend on: the CPU unless another one is asked for.
+    fn backend(&self) -> Result<Backend, Problem> {
         match self.backend {
-            Choice::Auto | Choice::Cpu | Choice::Gpu => Backend::Cpu,
-            Choice::Reference => Backend::Reference,
+            Choice::Gpu => self.device(gpu::Choice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e)),
+            _ if self.gpu.is_some() => {
+                Err(Problem::usage("no-adapter", "--gpu chooses among GPUs, and none renders".to_owned())
+                    .help("--backend gpu with it"))
+            }
+            Choice::Auto | Choice::Cpu => Ok(Backend::Cpu),
+            Choice::Reference => Ok(Backend::Reference),
         }
+    }
+
+    /// The GPU that `--gpu` chooses, else one of these.
+    fn device(&self, otherwise: gpu::Choice) -> Result<Device, GpuError> {
+        Device::open(self.gpu.as_ref().unwrap_or(&otherwise))
     }
 
     /// Keeps a single step to the cores that it may use.
@@ -131,15 +145,9 @@ enum Choice {
     Reference,
 }
 
-impl Choice {
-    /// Refuses a back end that this program does not have.
-    fn screen(self) -> Result<(), Problem> {
-        if self != Self::Gpu {
-            return Ok(());
-        }
-        let message = "the back end `gpu` is not built into this gs2e: it renders on the CPU".to_owned();
-        Err(Problem::usage("no-adapter", message).help("--backend cpu, or leave it out"))
-    }
+/// What is told where the GPU that was asked for is not there or cannot be used.
+fn no_adapter(error: &GpuError) -> Problem {
+    Problem::usage("no-adapter", error.to_string()).help("--backend cpu, or leave it out")
 }
 
 /// The recipes or folders that a verb works on.
@@ -193,7 +201,6 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
             Problem::usage("input-missing", format!("cannot work in {}: {e}", directory.display()))
         })?;
     }
-    cli.common.backend.screen()?;
     let common = &cli.common;
     match cli.verb {
         Verb::Build(verb) => verb.run(common, console),

@@ -5,6 +5,7 @@ pub mod centre;
 pub mod cpu;
 mod dual;
 pub mod flow;
+pub mod gpu;
 pub mod reference;
 pub mod shared;
 
@@ -232,6 +233,9 @@ pub enum RenderError {
     /// A parameter has a value that no image can be made with.
     #[error("the style cannot be rendered: {0}")]
     Style(String),
+    /// The GPU failed, or has no room.
+    #[error(transparent)]
+    Gpu(#[from] gpu::GpuError),
 }
 
 /// A back end that holds one scene and renders views of it.
@@ -244,6 +248,12 @@ pub trait Renderer {
     /// promise takes the place of an earlier one; one of no pose leaves nothing out.
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         let _ = (camera, poses);
+    }
+
+    /// Says that this view is going to be rendered, after those said before: a back end that works beside the program may
+    /// begin it now. What fails is told when it is rendered.
+    fn expect(&mut self, view: &View, want: Channels) {
+        let _ = (view, want);
     }
 
     /// Renders one view into `out`, reusing its images where their size fits.

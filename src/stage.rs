@@ -211,7 +211,8 @@ fn rendering_need(backend: &Backend, choice: Option<CameraChoice>, files: &[File
     let size = camera.map(|camera| camera.size);
     let scene = files.get(1).map_or(0, Files::bytes);
     let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
-    Need::memory(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]))
+    let need = Need::memory(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]));
+    Need { gpu: backend.takes_gpu(), ..need }
 }
 
 /// What a running stage may use beside its inputs.

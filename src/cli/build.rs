@@ -1,5 +1,6 @@
 //! `gs2e build`: makes what is stale, and nothing else.
 
+use super::Choice;
 use super::console::Console;
 use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
@@ -10,6 +11,7 @@ use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
 use crate::plan::survey::{Settled, Survey, survey, unsettled};
 use crate::recipe::{self, Recipe};
+use crate::render::backend::Backend;
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
@@ -65,16 +67,17 @@ impl Build {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let started = Instant::now();
         let paths = &self.targets.recipes;
+        let backend = common.backend()?;
         if !common.store.exists() {
             // A recipe that is wrong shall leave no store behind.
-            read_plan(paths, common)?;
+            read_plan(paths, &backend)?;
         }
         let store = open(common, &self.care, console)?;
         // What is to be made again must be in the plan.
         let surveyed = if self.care.recheck.is_some() {
-            unsettled(paths, &common.backend())
+            unsettled(paths, &backend)
         } else {
-            survey(paths, &common.backend(), &store, &tag(common))
+            survey(paths, &backend, &store, &tag(&backend))
         };
         let Survey { settled, plan } = surveyed?;
         tell_settled(&settled, &store, console);
@@ -83,7 +86,7 @@ impl Build {
             Summary::default()
         } else {
             let (targets, care) = (&self.targets, &self.care);
-            Building { settled, targets, common, care, console }.build(&plan, &store)?
+            Building { settled, targets, backend: &backend, common, care, console }.build(&plan, &store)?
         };
         summary.kept += settled;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
@@ -92,14 +95,14 @@ impl Build {
 }
 
 /// Names this program and those of its options that may change a key.
-pub(super) fn tag(common: &Common) -> Digest {
+pub(super) fn tag(backend: &Backend) -> Digest {
     let program = std::env::current_exe().and_then(|path| path.metadata()).map(|about| Stat::from(&about));
-    Digest::of(format!("{:?} {:?}", program.ok(), common.backend).as_bytes())
+    Digest::of(format!("{:?} {}", program.ok(), backend.class()).as_bytes())
 }
 
 /// Reads recipes into a plan.
-pub(super) fn read_plan(recipes: &[PathBuf], common: &Common) -> Result<Plan, Problem> {
-    Ok(Plan::new(recipe::read_all(recipes)?, &common.backend()))
+pub(super) fn read_plan(recipes: &[PathBuf], backend: &Backend) -> Result<Plan, Problem> {
+    Ok(Plan::new(recipe::read_all(recipes)?, backend))
 }
 
 /// For programs, a line for each step of the scenes that are up to date at a glance.
@@ -190,6 +193,7 @@ pub(super) struct Building<'a> {
     /// Steps that were up to date at a glance.
     pub(super) settled: usize,
     pub(super) targets: &'a Targets,
+    pub(super) backend: &'a Backend,
     pub(super) common: &'a Common,
     pub(super) care: &'a Care,
     pub(super) console: &'a Console,
@@ -220,7 +224,7 @@ impl Building<'_> {
             console.say(&failure::again(&failed, &self.to_find()));
         }
         let summary = summary?;
-        match run::settle(plan, &summary, store, &tag(common)) {
+        match run::settle(plan, &summary, store, &tag(self.backend)) {
             // Told already, with the step; the records that are whole count without the database.
             Err(error) if summary.is_full() && error.is_full() => {}
             settled => settled?,
@@ -250,7 +254,7 @@ fn options(common: &Common, care: &Care) -> Options {
     let seed =
         SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::from(since.subsec_nanos()));
     Options {
-        budget: Budget { cores, memory, gpus: 0 },
+        budget: Budget { cores, memory, gpus: usize::from(common.backend == Choice::Gpu) },
         keep_going: common.keep_going,
         recheck: care.recheck.map(|share| Recheck { share, seed }),
     }

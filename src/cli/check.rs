@@ -28,7 +28,7 @@ pub(super) struct Check {
 
 impl Check {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.recipes, common)?;
+        let plan = read_plan(&self.recipes, &common.backend()?)?;
         if let Some(name) = self.scenes.iter().find(|name| plan.scenes().iter().all(|r| r.scene != **name)) {
             return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }

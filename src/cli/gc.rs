@@ -31,7 +31,7 @@ pub(super) struct Gc {
 
 impl Gc {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes, common)?;
+        let plan = read_plan(&self.targets.recipes, &common.backend()?)?;
         // A look needs no lock and makes no store.
         let store = if self.dry_run || !common.store.exists() {
             Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?

@@ -50,8 +50,8 @@ impl Show {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let opening = Opening { verify: self.verify, ..opening(common, Access::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
-        let Survey { settled, plan } =
-            survey(&self.targets.recipes, &common.backend(), &store, &tag(common))?;
+        let backend = common.backend()?;
+        let Survey { settled, plan } = survey(&self.targets.recipes, &backend, &store, &tag(&backend))?;
         let assessed = assess(&plan, &store)?;
         // What goes to programs is one array.
         super::build::tell_notices(&store, &console.for_people());

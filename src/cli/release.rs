@@ -38,7 +38,8 @@ pub(super) struct Release {
 
 impl Release {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes, common)?;
+        let backend = &common.backend()?;
+        let plan = read_plan(&self.targets.recipes, backend)?;
         let info = recipe::read_release(&self.targets.recipes)?;
         // No source that needs an entry there can be built yet; a file that is wrong is told all the same.
         recipe::read_sources(&self.targets.recipes)?;
@@ -48,7 +49,8 @@ impl Release {
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
-        let building = Building { settled: 0, targets: &self.targets, common, care: &self.care, console };
+        let building =
+            Building { settled: 0, targets: &self.targets, backend, common, care: &self.care, console };
         let summary = building.build(&plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit(&summary);

@@ -8,9 +8,11 @@ use super::console::Console;
 use super::message::{Level, Message};
 use super::output::{self, Output};
 use super::problem::{Exit, Problem};
-use super::{Common, input};
+use super::{Choice, Common, input};
+use crate::render::backend::Backend;
+use crate::render::gpu;
 use crate::render::{
-    Antialiased, Layering, RenderChoice, RenderError, Rendered, Rules, Style, Velocity, View,
+    Antialiased, Layering, RenderChoice, RenderError, Rendered, Rules, Style, Velocity, View, Work,
 };
 use crate::scene::{self, Gaussians};
 use crate::source::{self, view};
@@ -111,9 +113,9 @@ impl Render {
         let started = Instant::now();
         let style = self.style(&gaussians);
         let view = View { camera: chosen.camera, world_from_camera: chosen.world_from_camera, velocity };
-        let mut renderer = common.backend().renderer(Arc::new(gaussians), style).map_err(failed)?;
         let mut rendered = Rendered::default();
-        let work = renderer.render(&view, self.channel.wanted(), &mut rendered).map_err(failed)?;
+        let scene = Arc::new(gaussians);
+        let (backend, work) = self.rendered(common, &scene, (style, &view), &mut rendered, console)?;
         let rendering = started.elapsed();
 
         let picture = Picture::take(self.channel, rendered).expect("the channel was asked for");
@@ -121,7 +123,7 @@ impl Render {
         output::write(&[Output { path: &self.out, fill: &fill }])?;
         let account = Account {
             channel: self.channel.name(),
-            backend: renderer.fingerprint().to_owned(),
+            backend,
             view: chosen.name,
             size: chosen.camera.size,
             work,
@@ -195,8 +197,42 @@ impl Render {
     }
 }
 
+impl Render {
+    /// Renders by the back end that was asked for; tells its class and what it did.
+    fn rendered(
+        &self,
+        common: &Common,
+        scene: &Arc<Gaussians>,
+        (style, view): (Style, &View),
+        out: &mut Rendered,
+        console: &Console,
+    ) -> Result<(String, Work), Problem> {
+        let want = self.channel.wanted();
+        let mut by = |backend: &Backend| {
+            let work = backend.renderer(scene.clone(), style)?.render(view, want, out)?;
+            Ok::<_, RenderError>((backend.class(), work))
+        };
+        if common.backend != Choice::Auto {
+            return by(&common.backend()?).map_err(failed);
+        }
+        // One in software is slower than the CPU renderer.
+        let device = common.device(gpu::Choice::Hardware).map_err(RenderError::from);
+        let done = device.and_then(|device| by(&Backend::Gpu(device))).or_else(|error| {
+            let RenderError::Gpu(because) = &error else { return Err(error) };
+            console.say(&format!("on the CPU, since {because}"));
+            by(&Backend::Cpu)
+        });
+        done.map_err(failed)
+    }
+}
+
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
 fn failed(error: RenderError) -> Problem {
-    let message = Message::new(Level::Error, "step-failed", "failed to render");
-    Problem::of(Exit::Failed, message.because(error.to_string()))
+    let message = Message::new(Level::Error, "step-failed", "failed to render").because(error.to_string());
+    let problem = Problem::of(Exit::Failed, message);
+    if matches!(error, RenderError::Gpu(_)) {
+        problem.help("--backend cpu, or leave it out")
+    } else {
+        problem
+    }
 }

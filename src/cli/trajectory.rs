@@ -64,7 +64,7 @@ impl Trajectory {
         let mut warnings = Vec::new();
         let captured = self.captured(&chain, &mut warnings)?;
         let camera = camera(&fragment, captured.as_ref().map(|c| &c.capture), &mut warnings);
-        let meter = self.meter(&fragment, &chain, camera, &common.backend())?;
+        let meter = self.meter(&fragment, &chain, camera, &common.backend()?)?;
         let made = Maker { fragment: &fragment, captured: captured.as_ref(), meter }.make(&chain)?;
         warnings.extend(made.before);
         let account =

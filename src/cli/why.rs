@@ -26,7 +26,7 @@ pub(super) struct Why {
 
 impl Why {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.recipes, common)?;
+        let plan = read_plan(&self.recipes, &common.backend()?)?;
         let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
         let assessed = assess(&plan, &store)?;
         let (scene, chosen) = choose(&plan, &self.name)?;

@@ -10,6 +10,21 @@ use crate::units::Timestamp;
 /// The grey scale of [`Frame::luminance`] over that of [`Rendered::luminance`].
 const GREY_SCALE: f32 = 255.0;
 
+/// Frames that the renderer is told of before they are asked for: one is read while the next is made, and the one after
+/// it waits.
+const AHEAD: usize = 2;
+
+/// What is rendered of each.
+const WANT: Channels = Channels {
+    luminance: true,
+    rgb: false,
+    alpha: false,
+    depth: false,
+    flow: false,
+    luminance_rate: false,
+    doubtful: false,
+};
+
 /// The luminance that a camera sees at each pose of a trajectory; frame `j` is rendered at pose `j` when it is
 /// asked for.
 pub struct RenderedFrames {
@@ -17,6 +32,8 @@ pub struct RenderedFrames {
     camera: Camera,
     trajectory: Trajectory,
     done: usize,
+    /// Frames that the renderer was told of.
+    expected: usize,
     rendered: Rendered,
     work: Work,
 }
@@ -43,7 +60,12 @@ impl RenderedFrames {
         let (poses, stamps) = (trajectory.world_from_camera.len(), trajectory.stamps_us.len());
         assert_eq!(poses, stamps, "a trajectory has one stamp a pose");
         renderer.keep_to(&camera, &trajectory.world_from_camera);
-        Self { renderer, camera, trajectory, done: 0, rendered: Rendered::default(), work: Work::default() }
+        let (rendered, work) = (Rendered::default(), Work::default());
+        Self { renderer, camera, trajectory, done: 0, expected: 0, rendered, work }
+    }
+
+    fn view(&self, index: usize) -> Option<View> {
+        self.trajectory.world_from_camera.get(index).map(|pose| View::still(self.camera, *pose))
     }
 
     /// What rendering the frames so far took, summed.
@@ -64,12 +86,14 @@ impl Frames for RenderedFrames {
 
     fn next(&mut self) -> Result<Option<Frame>, FrameError> {
         let index = self.done;
-        let Some(&world_from_camera) = self.trajectory.world_from_camera.get(index) else { return Ok(None) };
-        let view = View::still(self.camera, world_from_camera);
-        let want = Channels { luminance: true, ..Channels::default() };
+        let Some(view) = self.view(index) else { return Ok(None) };
+        while let Some(next) = self.view(self.expected).filter(|_| self.expected <= index + AHEAD) {
+            self.renderer.expect(&next, WANT);
+            self.expected += 1;
+        }
         self.work += self
             .renderer
-            .render(&view, want, &mut self.rendered)
+            .render(&view, WANT, &mut self.rendered)
             .map_err(|source| FrameError::Render { index, source })?;
         let mut luminance = self.rendered.luminance.take().expect("a renderer renders what it is asked for");
         luminance.pixels_mut().iter_mut().for_each(|v| *v *= GREY_SCALE);
@@ -93,18 +117,29 @@ mod tests {
 
     const SIZE: Size = Size { width: 3, height: 2 };
 
-    /// Paints every pixel with the camera's x.
-    struct Flat;
+    /// Paints every pixel with the camera's x, of views that it was told of in their order.
+    #[derive(Default)]
+    struct Flat {
+        expected: std::collections::VecDeque<View>,
+    }
 
     impl Renderer for Flat {
         fn fingerprint(&self) -> &str {
             "flat/1"
         }
 
+        fn expect(&mut self, view: &View, _: Channels) {
+            self.expected.push_back(*view);
+        }
+
         #[expect(clippy::cast_possible_truncation, reason = "the test's values are small")]
         fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
             assert_eq!(want, Channels { luminance: true, ..Channels::default() }, "one channel is blended");
             let x = view.world_from_camera.translation.x;
+            if !x.is_nan() {
+                assert_eq!(self.expected.pop_front(), Some(*view));
+                assert!(self.expected.len() <= AHEAD, "as many ahead as there is memory for");
+            }
             if x > 8.0 {
                 return Err(RenderError::View("too far".into()));
             }
@@ -120,7 +155,7 @@ mod tests {
             stamps_us: [0, 417, 833, 1250][..xs.len()].to_vec(),
         };
         let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0 };
-        RenderedFrames::new(Box::new(Flat), camera, trajectory)
+        RenderedFrames::new(Box::new(Flat::default()), camera, trajectory)
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Back ends: which renderer steps are made with, and the numerical class that this puts into their keys.
 
 use super::cpu::{self, Cpu};
+use super::gpu::{self, Device, Gpu};
 use super::reference::{self, Reference};
 use super::{RenderError, Renderer, Style};
 use crate::image::Size;
@@ -15,6 +16,8 @@ pub enum Backend {
     Cpu,
     /// The CPU, in f64, slowly.
     Reference,
+    /// A GPU.
+    Gpu(Device),
 }
 
 impl Backend {
@@ -24,6 +27,7 @@ impl Backend {
         match self {
             Self::Cpu => cpu::FINGERPRINT.to_owned(),
             Self::Reference => reference::FINGERPRINT.to_owned(),
+            Self::Gpu(device) => device.fingerprint().to_owned(),
         }
     }
 
@@ -35,15 +39,23 @@ impl Backend {
         Ok(match self {
             Self::Cpu => Box::new(Cpu::new(scene, style)?),
             Self::Reference => Box::new(Reference::new(scene, style)?),
+            Self::Gpu(device) => Box::new(Gpu::new(device.clone(), &scene, style)?),
         })
     }
 
-    /// Memory that rendering a scene of this many bytes at this size takes, bytes.
+    /// Memory of the machine that rendering a scene of this many bytes at this size takes, bytes.
     #[must_use]
     pub fn memory(&self, scene_bytes: u64, size: Size) -> u64 {
         match self {
             Self::Cpu => cpu::memory(scene_bytes, size),
             Self::Reference => reference::memory(scene_bytes, size),
+            Self::Gpu(_) => gpu::memory(scene_bytes, size),
         }
+    }
+
+    /// Whether it takes a GPU.
+    #[must_use]
+    pub fn takes_gpu(&self) -> bool {
+        matches!(self, Self::Gpu(_))
     }
 }

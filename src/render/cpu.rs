@@ -5,7 +5,7 @@
 //! part in a pixel, and the order of every sum is fixed: the bytes are the same on every machine and at every
 //! number of threads.
 
-mod activate;
+pub(super) mod activate;
 mod bin;
 mod exp2;
 mod extent;

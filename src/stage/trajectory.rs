@@ -67,7 +67,8 @@ impl Stage for Moving {
         const SMALL: Size = Size { width: 160, height: 90 };
         match (&self.seeing, files) {
             (Some(seeing), [others @ .., scene]) => {
-                Need::memory([super::copies(others), seeing.backend.memory(scene.bytes(), SMALL)])
+                let need = Need::memory([super::copies(others), seeing.backend.memory(scene.bytes(), SMALL)]);
+                Need { gpu: seeing.backend.takes_gpu(), ..need }
             }
             _ => Need::memory([super::copies(files)]),
         }

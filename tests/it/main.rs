@@ -28,6 +28,7 @@ mod real;
 mod recipes;
 mod release;
 mod render_golden;
+mod render_gpu;
 mod render_layering;
 mod render_left_out;
 mod render_rates;

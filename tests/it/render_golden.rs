@@ -28,15 +28,15 @@ const LARGEST_LIMIT: f64 = 5e-3;
 const REFERENCE_MEAN_LIMIT: f64 = 1e-6;
 
 #[derive(Deserialize)]
-struct Case {
-    name: String,
+pub(super) struct Case {
+    pub(super) name: String,
     ply: String,
     mode: String,
     antialiased: bool,
     background: [f32; 3],
     camera: GoldenCamera,
-    stats: Stats,
-    same_as: Option<String>,
+    pub(super) stats: Stats,
+    pub(super) same_as: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -59,9 +59,9 @@ struct GoldenCamera {
 }
 
 #[derive(Deserialize)]
-struct Stats {
-    blended_pixels: u64,
-    stopped_pixels: u64,
+pub(super) struct Stats {
+    pub(super) blended_pixels: u64,
+    pub(super) stopped_pixels: u64,
 }
 
 impl GoldenCamera {
@@ -84,7 +84,7 @@ impl Case {
         }
     }
 
-    fn style(&self) -> Style {
+    pub(super) fn style(&self) -> Style {
         Style {
             rules: self.rules(),
             order: Layering::Depth,
@@ -93,11 +93,11 @@ impl Case {
         }
     }
 
-    fn scene(&self, root: &Path) -> Arc<Gaussians> {
+    pub(super) fn scene(&self, root: &Path) -> Arc<Gaussians> {
         Arc::new(ply::read(&root.join(&self.ply)))
     }
 
-    fn render(&self, renderer: &mut dyn Renderer) -> (Rendered, Work) {
+    pub(super) fn render(&self, renderer: &mut dyn Renderer) -> (Rendered, Work) {
         let mut out = Rendered::default();
         let work = renderer.render(&self.camera.view(), ALL, &mut out).unwrap();
         (out, work)
@@ -108,17 +108,17 @@ impl Case {
     }
 }
 
-fn cases(root: &Path) -> Vec<Case> {
+pub(super) fn cases(root: &Path) -> Vec<Case> {
     serde_json::from_slice(&std::fs::read(root.join("manifest.json")).unwrap()).unwrap()
 }
 
-fn npy(path: &Path) -> Vec<f32> {
+pub(super) fn npy(path: &Path) -> Vec<f32> {
     let bytes = std::fs::read(path).unwrap();
     npyz::NpyFile::new(&bytes[..]).unwrap().into_vec().unwrap()
 }
 
 /// Mean, maximum, and share above 1e-3 of the absolute differences.
-fn difference(found: &[f32], wanted: &[f32]) -> [f64; 3] {
+pub(super) fn difference(found: &[f32], wanted: &[f32]) -> [f64; 3] {
     assert_eq!(found.len(), wanted.len());
     let n = wanted.len() as f64;
     let each = || found.iter().zip(wanted).map(|(a, b)| f64::from((a - b).abs()));
@@ -126,7 +126,7 @@ fn difference(found: &[f32], wanted: &[f32]) -> [f64; 3] {
     [each().sum::<f64>() / n, each().fold(0.0, f64::max), each().filter(|&d| d > 1e-3).count() as f64 / n]
 }
 
-fn row(name: &str, what: &str, [mean, largest, share]: [f64; 3]) -> bool {
+pub(super) fn row(name: &str, what: &str, [mean, largest, share]: [f64; 3]) -> bool {
     let within = mean <= MEAN_LIMIT && largest <= LARGEST_LIMIT && share <= 1e-3;
     let verdict = if within { "" } else { "  OVER" };
     println!("{name:28} {what:9} {mean:9.2e} {largest:9.2e} {share:9.2e}{verdict}");

@@ -3,6 +3,7 @@
 
 pub(crate) mod gaussians;
 pub(crate) mod given;
+pub(crate) mod gpu;
 pub(crate) mod pipe;
 pub(crate) mod ply;
 pub(crate) mod shared;

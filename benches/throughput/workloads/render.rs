@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::Size;
 use gs2e::render::cpu::{Cpu, Instructions, Pass};
+use gs2e::render::gpu::{Choice, Device, Gpu, Stage};
 use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, Velocity, View, Work};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{self, Gaussians};
@@ -30,6 +31,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         for (channels, want) in [("luminance", luminance), ("rgb", rgb), ("luminance and its rate", rate)] {
             eprintln!("{name}, {channels}: {}", split(&scene, moving(view), want));
         }
+        all.extend(on_gpu(name, &scene, view, [rgb, luminance, rate]));
     }
     eprintln!("{PEER}");
     all
@@ -77,6 +79,58 @@ fn split(scene: &Arc<Gaussians>, view: View, want: Channels) -> String {
         ));
     }
     lines.join("\n    ")
+}
+
+/// The same on the GPU, one that is none in software, at two sizes; where its time goes is told on stderr.
+fn on_gpu(name: &str, scene: &Gaussians, view: View, wants: [Channels; 3]) -> Vec<Workload> {
+    let device = match Device::open(&Choice::Hardware) {
+        Ok(device) => device,
+        Err(because) => {
+            eprintln!("{name}: left out on the GPU: {because}");
+            return Vec::new();
+        }
+    };
+    let sizes = [Size { width: 1280, height: 720 }, Size { width: 1920, height: 1080 }];
+    let views = sizes.map(|size| View { camera: view.camera.resized(size), ..moving(view) });
+    let names = ["rgb", "luminance", "luminance and its rate"];
+    let pairs = views
+        .iter()
+        .flat_map(|view| names.into_iter().zip(wants).map(move |(what, want)| (view, what, want)));
+    pairs
+        .map(|(view, what, want)| gpu_workload(&format!("{name}, {what}"), scene, &device, (*view, want)))
+        .collect()
+}
+
+/// Frames one after another, each begun while the one before it is read.
+fn gpu_workload(name: &str, scene: &Gaussians, device: &Device, (view, want): (View, Channels)) -> Workload {
+    const FRAMES: usize = 20;
+    let mut renderer = Gpu::new(device.clone(), scene, STYLE).expect("the scene can be rendered");
+    let mut out = Rendered::default();
+    let mut render = move || {
+        renderer.expect(&view, want);
+        for frame in 0..FRAMES {
+            if frame + 1 < FRAMES {
+                renderer.expect(&view, want);
+            }
+            renderer.render(&view, want, &mut out).expect("the view can be rendered");
+        }
+        renderer.times()
+    };
+    let words: Vec<String> = Stage::ALL
+        .iter()
+        .zip(render().into_iter().flatten())
+        .map(|(stage, time)| format!("{} {:.3} ms", stage.name(), time.as_secs_f64() * 1e3))
+        .collect();
+    let size = view.camera.size;
+    eprintln!("{name}, {size}, on {}: {}", device.name(), words.join(", "));
+    let what = format!("{name}, {} Gaussians, {size}, rules official, on {}", scene.len(), device.name());
+    let run = move || {
+        timed(|| {
+            render();
+            vec![amount(FRAMES * size.pixels(), "Mpixel"), amount(FRAMES, "frame")]
+        })
+    };
+    Workload { part: "render", what, rival: false, run: Box::new(run) }
 }
 
 /// The demo's scene from the middle of its capture.

@@ -30,10 +30,22 @@ pub(super) struct Block {
     pub(super) reach: Lane,
 }
 
+/// A Gaussian as every view uses it: see [`Block`].
+#[derive(Debug, Clone, Copy)]
+pub(in crate::render) struct Activated {
+    pub(in crate::render) axes: [[f32; 3]; 3],
+    pub(in crate::render) opacity: f32,
+}
+
+/// Applies the activations to one Gaussian, in f64 before the result is rounded.
+pub(in crate::render) fn one(scene: &Gaussians, i: usize) -> Activated {
+    Activated { axes: axes(scene, i), opacity: opacity(scene.opacity_logits[i]) }
+}
+
 /// Least norm that a quaternion is divided by (`torch.nn.functional.normalize`).
 const LEAST_NORM: f64 = 1e-12;
 
-/// Applies the activations to the Gaussians of these numbers, in f64 before the result is rounded.
+/// Applies the activations to the Gaussians of these numbers.
 pub(super) fn activate(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<Block> {
     numbers.par_chunks(LANES).map(|numbers| block(scene, rules, numbers)).collect()
 }
@@ -62,14 +74,14 @@ fn block(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Block {
     };
     for (lane, &number) in numbers.iter().enumerate() {
         let i = number as usize;
-        let opacity = opacity(scene.opacity_logits[i]);
+        let Activated { axes, opacity } = one(scene, i);
         block.numbers[lane] = number;
         block.opacity[lane] = opacity;
         block.reach[lane] = extent::reach(rules, opacity);
         for (to, from) in block.positions.iter_mut().zip(scene.positions[i]) {
             to[lane] = from;
         }
-        for (to, from) in block.axes.as_flattened_mut().iter_mut().zip(axes(scene, i).as_flattened()) {
+        for (to, from) in block.axes.as_flattened_mut().iter_mut().zip(axes.as_flattened()) {
             to[lane] = *from;
         }
     }

@@ -75,7 +75,7 @@ fn a_command_line_that_is_wrong_renders_nothing() {
     more("--velocity 1,2,3,4,5,inf", &["`inf` is no finite number"]);
     more("--channel flow", &["flow is of a camera that moves", "help: --velocity vx,vy,vz,wx,wy,wz"]);
     more("--channel luminance-rate", &["luminance-rate is of a camera that moves", "help: --velocity"]);
-    more("--backend gpu", &["the back end `gpu` is not built into this gs2e", "help: --backend cpu"]);
+    t(["render", "render --backend gpu"], 2, &["error: no GPU is there: ", "help: --backend cpu"]);
 }
 
 #[test]
@@ -153,6 +153,7 @@ fn mistakes_are_objects_for_programs() {
     t(["new.npy", "new.tif"], "output-format");
     t(["new.npy", "new.npy --channel flow"], "velocity-missing");
     t(["new.npy", "new.npy --backend gpu"], "no-adapter");
+    t(["new.npy", "new.npy --backend cpu --gpu 0"], "no-adapter");
 }
 
 /// What another back end made is no product of this one, and says so.

@@ -75,8 +75,16 @@ impl Workspace {
         self.command(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts")
     }
 
-    /// The program with these arguments, to be started by the test.
+    /// The program with these arguments, to be started by the test. It finds no GPU, so that what it does is the same on
+    /// every machine.
     pub(crate) fn command(&self, args: &str) -> Command {
+        let mut command = self.command_with_gpu(args);
+        command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+        command
+    }
+
+    /// The same with the machine's GPUs.
+    pub(crate) fn command_with_gpu(&self, args: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
         command.args(args.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
         command

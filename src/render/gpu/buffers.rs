@@ -1,0 +1,241 @@
+//! The device's memory for a frame in the making, and what binds it to the passes.
+
+use super::device::{Device, GpuError};
+use super::passes::Layouts;
+use super::scene::{MOST_GROUPS, Part};
+use super::shader::{BLOCK, DIGIT_BITS, DISPATCHES, GROUP, TOTALS};
+use super::{Region, frame};
+use wgpu::{
+    BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding,
+    BufferDescriptor, BufferSize, BufferUsages,
+};
+
+/// How much there is room for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Room {
+    pub(super) splats: u32,
+    pub(super) pairs: u32,
+    pub(super) tiles: u32,
+    /// Floats of all images.
+    pub(super) floats: u64,
+    /// Rows of a splat.
+    pub(super) splat_rows: u32,
+}
+
+impl Room {
+    /// Room for the larger of each.
+    pub(super) fn or(self, o: Self) -> Self {
+        Self {
+            splats: self.splats.max(o.splats),
+            pairs: self.pairs.max(o.pairs),
+            tiles: self.tiles.max(o.tiles),
+            floats: self.floats.max(o.floats),
+            splat_rows: self.splat_rows.max(o.splat_rows),
+        }
+    }
+}
+
+/// Most splats with so many rows that a device can bind, and dispatches can reach.
+pub(super) fn most_splats(limit: u64, splat_rows: u32) -> u32 {
+    let bound = (limit / (16 * u64::from(splat_rows))).min(u64::from(MOST_GROUPS * GROUP));
+    u32::try_from(bound).unwrap_or(u32::MAX)
+}
+
+/// Most pairs that a device can bind, and dispatches can reach.
+pub(super) fn most_pairs(limit: u64) -> u32 {
+    let bound = (limit / 8).min(u64::from(MOST_GROUPS) * u64::from(BLOCK));
+    u32::try_from(bound).unwrap_or(u32::MAX)
+}
+
+/// Uniform entries of the sorts: the lowest bit of the digit, and what is sorted. Devices align them to this.
+pub(super) const ALIGNED: u32 = 256;
+/// Digits of a key.
+pub(super) const DIGITS: u32 = 32 / DIGIT_BITS;
+
+/// The memory, with what binds it.
+#[derive(Debug)]
+pub(super) struct Buffers {
+    pub(super) room: Room,
+    pub(super) frame: Buffer,
+    pub(super) totals: Buffer,
+    pub(super) groups: Buffer,
+    pub(super) lists: Buffer,
+    pub(super) images: Buffer,
+    pub(super) bound: Bound,
+}
+
+/// Bind groups of the passes.
+#[derive(Debug)]
+pub(super) struct Bound {
+    pub(super) frame: BindGroup,
+    /// One a part of the scene.
+    pub(super) project: Vec<BindGroup>,
+    /// Likewise.
+    pub(super) scan_parts: Vec<BindGroup>,
+    /// Of what splats touch, and of the digits of a sort.
+    pub(super) scan_tally: BindGroup,
+    pub(super) scan_digits: BindGroup,
+    /// From the first of two buffers to the second, and back.
+    pub(super) sort_splats: [BindGroup; 2],
+    pub(super) sort_pairs: [BindGroup; 2],
+    /// With the pairs in the first or in the second.
+    pub(super) bin: [BindGroup; 2],
+    pub(super) raster: [BindGroup; 2],
+}
+
+/// What only the passes see.
+struct Inner {
+    drawn: Buffer,
+    sums: Buffer,
+    counts: Buffer,
+    splats: Buffer,
+    order: [Buffer; 2],
+    touched: Buffer,
+    pairs: [Buffer; 2],
+    digits: Buffer,
+    no_part: Buffer,
+}
+
+impl Buffers {
+    /// Memory with this much room.
+    pub(super) fn new(
+        device: &Device,
+        layouts: &Layouts,
+        parts: &[Part],
+        room: Room,
+    ) -> Result<Self, GpuError> {
+        let groups = parts.iter().map(|p| p.groups).max().unwrap_or(0);
+        let sizes = Sizes::new(room, groups);
+        device.allocate("splats, pairs and images", sizes.sum(), |gpu| {
+            let buffer = |size: u64, usage| {
+                let size = size.max(16);
+                gpu.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+            };
+            let storage = |size| buffer(size, BufferUsages::STORAGE);
+            let inner = Inner {
+                drawn: storage(sizes.drawn),
+                sums: storage(sizes.sums),
+                counts: storage(sizes.counts),
+                splats: storage(sizes.splats),
+                order: [storage(sizes.order), storage(sizes.order)],
+                touched: storage(sizes.touched),
+                pairs: [storage(sizes.pairs), storage(sizes.pairs)],
+                digits: buffer(
+                    u64::from(2 * DIGITS * ALIGNED),
+                    BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+                ),
+                no_part: buffer(16, BufferUsages::UNIFORM),
+            };
+            let cleared = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+            let frame = buffer(frame::BYTES, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+            let totals = buffer(4 * TOTALS as u64, cleared | BufferUsages::COPY_SRC);
+            let groups = buffer(12 * DISPATCHES, cleared | BufferUsages::INDIRECT);
+            let lists = buffer(8 * u64::from(room.tiles), cleared);
+            let images = buffer(4 * room.floats, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
+            let outer = [&frame, &totals, &groups, &lists, &images];
+            let bound = inner.bind(gpu, layouts, parts, outer);
+            device.queue.write_buffer(&inner.digits, 0, &digits());
+            Self { room, frame, totals, groups, lists, images, bound }
+        })
+    }
+}
+
+/// Bytes of each.
+struct Sizes {
+    drawn: u64,
+    sums: u64,
+    counts: u64,
+    splats: u64,
+    order: u64,
+    touched: u64,
+    pairs: u64,
+    images: u64,
+}
+
+impl Sizes {
+    fn new(room: Room, part_groups: u32) -> Self {
+        let blocks = room.splats.max(room.pairs).div_ceil(BLOCK);
+        Self {
+            drawn: 4 * u64::from(part_groups) * u64::from(GROUP),
+            sums: 4 * u64::from(part_groups.max(room.splats.div_ceil(GROUP))),
+            counts: (4 * u64::from(blocks)) << DIGIT_BITS,
+            splats: 16 * u64::from(room.splats) * u64::from(room.splat_rows),
+            order: 8 * u64::from(room.splats),
+            touched: 4 * u64::from(room.splats),
+            pairs: 8 * u64::from(room.pairs),
+            images: 4 * room.floats,
+        }
+    }
+
+    fn sum(&self) -> u64 {
+        let twice = 2 * (self.order + self.pairs);
+        self.drawn + self.sums + self.counts + self.splats + self.touched + twice + self.images
+    }
+}
+
+/// The uniform entries of all digits, of splats and then of pairs.
+fn digits() -> Vec<u8> {
+    let entries = (0..2 * DIGITS).map(|k| [k % DIGITS * DIGIT_BITS, u32::from(k >= DIGITS)]);
+    let mut bytes = Vec::new();
+    for (entry, end) in entries.zip((ALIGNED as usize..).step_by(ALIGNED as usize)) {
+        bytes.extend(entry.into_iter().flat_map(u32::to_le_bytes));
+        bytes.resize(end, 0);
+    }
+    bytes
+}
+
+impl Inner {
+    fn bind(
+        &self,
+        gpu: &wgpu::Device,
+        layouts: &Layouts,
+        parts: &[Part],
+        [frame, totals, groups, lists, images]: [&Buffer; 5],
+    ) -> Bound {
+        let group = |layout: &BindGroupLayout, buffers: &[&Buffer]| {
+            let whole: Vec<BufferBinding<'_>> =
+                buffers.iter().map(|b| b.as_entire_buffer_binding()).collect();
+            bind(gpu, layout, &whole)
+        };
+        let Self { drawn, sums, counts, splats, order: [a, b], touched, pairs: [c, d], digits, no_part } =
+            self;
+        let project = |part: &Part| {
+            let Part { counts, means, axes, harmonics, .. } = part;
+            group(&layouts.project, &[counts, means, axes, harmonics, drawn, sums, totals, splats, a])
+        };
+        // The one entry that a dispatch picks by its offset.
+        let digit = BufferBinding { buffer: digits, offset: 0, size: BufferSize::new(8) };
+        let sort = |from: &Buffer, to: &Buffer| {
+            let whole = [from, to, counts, totals].map(|b| b.as_entire_buffer_binding());
+            bind(gpu, &layouts.sort, &[std::slice::from_ref(&digit), &whole[..]].concat())
+        };
+        let bin = |pairs| group(&layouts.bin, &[splats, a, touched, sums, totals, pairs, lists]);
+        let raster = |pairs| group(&layouts.raster, &[splats, pairs, lists, images, totals]);
+        let scan = |of, part| group(&layouts.scan, &[of, totals, groups, part]);
+        Bound {
+            frame: group(&layouts.frame, &[frame]),
+            project: parts.iter().map(project).collect(),
+            scan_parts: parts.iter().map(|part| scan(sums, &part.counts)).collect(),
+            scan_tally: scan(sums, no_part),
+            scan_digits: scan(counts, no_part),
+            sort_splats: [sort(a, b), sort(b, a)],
+            sort_pairs: [sort(c, d), sort(d, c)],
+            bin: [bin(c), bin(d)],
+            raster: [raster(c), raster(d)],
+        }
+    }
+}
+
+fn bind(gpu: &wgpu::Device, layout: &BindGroupLayout, bound: &[BufferBinding<'_>]) -> BindGroup {
+    let entries: Vec<BindGroupEntry<'_>> = (0..)
+        .zip(bound)
+        .map(|(binding, bound)| BindGroupEntry { binding, resource: BindingResource::Buffer(bound.clone()) })
+        .collect();
+    gpu.create_bind_group(&BindGroupDescriptor { label: None, layout, entries: &entries })
+}
+
+/// Room for the tiles and images of a region.
+pub(super) fn room_of(region: Region, pixels: u64, floats: u32) -> Room {
+    let [columns, rows] = region.tiles();
+    Room { tiles: columns * rows, floats: pixels * u64::from(floats), ..Room::default() }
+}

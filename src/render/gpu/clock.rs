@@ -1,0 +1,101 @@
+//! How long the device is at each stage of a frame, by its own clock, where it has one.
+
+use super::device::Device;
+use std::time::Duration;
+use wgpu::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoder, ComputePassTimestampWrites, QuerySet,
+    QuerySetDescriptor, QueryType,
+};
+
+/// A part of a frame that is timed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Every Gaussian onto the image.
+    Project,
+    /// Those that are left, by depth.
+    Sort,
+    /// Their pairs with tiles.
+    List,
+    /// The pairs, by tile.
+    Bin,
+    /// Each tile blended and made into images.
+    Raster,
+}
+
+impl Stage {
+    /// All, in the order in which the device comes to them.
+    pub const ALL: [Self; 5] = [Self::Project, Self::Sort, Self::List, Self::Bin, Self::Raster];
+
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Project => "project",
+            Self::Sort => "sort",
+            Self::List => "list",
+            Self::Bin => "bin",
+            Self::Raster => "raster",
+        }
+    }
+}
+
+/// Stamps of a frame: when each stage began and when it ended.
+const STAMPS: u32 = 2 * (Stage::Raster as u32 + 1);
+
+/// Bytes of the stamps.
+pub(super) const BYTES: usize = 8 * STAMPS as usize;
+
+/// Reads the device's clock.
+#[derive(Debug)]
+pub(super) struct Clock {
+    stamps: QuerySet,
+    resolved: Buffer,
+    nanoseconds_a_tick: f32,
+}
+
+impl Clock {
+    /// The clock of a device that has one.
+    pub(super) fn new(device: &Device) -> Option<Self> {
+        let gpu = &device.device;
+        gpu.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| Self {
+            stamps: gpu.create_query_set(&QuerySetDescriptor {
+                label: None,
+                ty: QueryType::Timestamp,
+                count: STAMPS,
+            }),
+            resolved: gpu.create_buffer(&BufferDescriptor {
+                label: None,
+                size: BYTES as u64,
+                usage: BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            }),
+            nanoseconds_a_tick: device.queue.get_timestamp_period(),
+        })
+    }
+
+    /// Has a stage's begin and end stamped.
+    pub(super) fn stamp(&self, stage: Stage) -> ComputePassTimestampWrites<'_> {
+        let first = 2 * stage as u32;
+        ComputePassTimestampWrites {
+            query_set: &self.stamps,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        }
+    }
+
+    /// Copies the stamps to a buffer.
+    pub(super) fn copy(&self, encoder: &mut CommandEncoder, to: &Buffer, at: u64) {
+        encoder.resolve_query_set(&self.stamps, 0..STAMPS, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, to, at, BYTES as u64);
+    }
+
+    /// How long each stage took, by the copied stamps.
+    #[expect(clippy::cast_precision_loss, reason = "53 bits of a duration are more than the clock has")]
+    pub(super) fn times(&self, stamps: &[u8]) -> [Duration; Stage::ALL.len()] {
+        let stamp = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| stamps[8 * i + k]));
+        Stage::ALL.map(|stage| {
+            let ticks = stamp(2 * stage as usize + 1).saturating_sub(stamp(2 * stage as usize));
+            Duration::from_secs_f64(ticks as f64 * f64::from(self.nanoseconds_a_tick) * 1e-9)
+        })
+    }
+}

@@ -1,0 +1,273 @@
+//! The machine's GPUs, and one of them opened.
+
+use std::pin::pin;
+use std::str::FromStr;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, Waker};
+use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, ErrorFilter, Limits};
+
+/// Which of the machine's GPUs renders.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Choice {
+    /// The most capable; one in software only where there is no other.
+    #[default]
+    Any,
+    /// The most capable, but none in software, which is slower than the CPU renderer.
+    Hardware,
+    /// By its place in the list of all, from 0.
+    Index(usize),
+    /// The first whose name holds this, whatever the case.
+    Name(String),
+}
+
+impl FromStr for Choice {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(text.parse().map_or_else(|_| Self::Name(text.to_owned()), Self::Index))
+    }
+}
+
+/// Why a GPU cannot be used, or can no longer.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum GpuError {
+    /// There is none.
+    #[error("no GPU is there: {0}")]
+    None(String),
+    /// There are some, and none that was asked for.
+    #[error("no GPU is {wanted}; there is {found}")]
+    Other {
+        /// What was asked for.
+        wanted: String,
+        /// Those that there are.
+        found: String,
+    },
+    /// It does not offer what the renderer needs.
+    #[error("{adapter} cannot be used: {because}")]
+    Refused {
+        /// The GPU.
+        adapter: String,
+        /// Its driver's reason.
+        because: String,
+    },
+    /// There is no memory left on it.
+    #[error("{adapter} has no room for {wanted} bytes of {what}: {because}")]
+    Memory {
+        /// The GPU.
+        adapter: String,
+        /// What was to be held.
+        what: &'static str,
+        /// Bytes asked for.
+        wanted: u64,
+        /// What there was, as the driver has it.
+        because: String,
+    },
+    /// One tile needs more than the GPU binds at once.
+    #[error("{adapter} binds at most {limit} bytes at once, and one tile's {what} take more")]
+    Tile {
+        /// The GPU.
+        adapter: String,
+        /// What was to be held.
+        what: &'static str,
+        /// Bytes that can be bound.
+        limit: u64,
+    },
+    /// It failed, or was taken away, at work.
+    #[error("{adapter} was lost: {because}")]
+    Lost {
+        /// The GPU.
+        adapter: String,
+        /// Its driver's reason.
+        because: String,
+    },
+}
+
+/// A GPU, opened.
+#[derive(Debug, Clone)]
+pub struct Device {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    name: String,
+    fingerprint: String,
+    /// Most bytes that one binding of a shader may have.
+    pub(super) limit: u64,
+    trouble: Arc<Mutex<Option<String>>>,
+}
+
+/// The numerical class but for the GPU and its driver; raised with every change of a pixel's bits.
+const CLASS: &str = "gpu/1";
+
+impl Device {
+    /// Opens one of the machine's GPUs.
+    ///
+    /// # Errors
+    /// When there is none, none of that name or place, or it lacks what WebGPU promises.
+    pub fn open(choice: &Choice) -> Result<Self, GpuError> {
+        let mut adapters = adapters()?;
+        let found = adapters.iter().map(|a| called(&a.get_info())).collect::<Vec<_>>().join(", ");
+        let fits = |a: &Adapter, i: usize| match choice {
+            Choice::Any => true,
+            Choice::Hardware => a.get_info().device_type != DeviceType::Cpu,
+            Choice::Index(wanted) => i == *wanted,
+            Choice::Name(part) => a.get_info().name.to_lowercase().contains(&part.to_lowercase()),
+        };
+        let Some(at) = (0..adapters.len()).find(|&i| fits(&adapters[i], i)) else {
+            let wanted = match choice {
+                Choice::Any | Choice::Hardware => "of hardware".to_owned(),
+                Choice::Index(i) => format!("number {i}"),
+                Choice::Name(part) => format!("called `{part}`"),
+            };
+            return Err(GpuError::Other { wanted, found });
+        };
+        Self::of(&adapters.swap_remove(at))
+    }
+
+    fn of(adapter: &Adapter) -> Result<Self, GpuError> {
+        let info = adapter.get_info();
+        let name = called(&info);
+        let theirs = adapter.limits();
+        let required_limits = Limits {
+            max_storage_buffer_binding_size: theirs.max_storage_buffer_binding_size,
+            max_buffer_size: theirs.max_buffer_size,
+            ..Limits::default()
+        };
+        let limit = theirs.max_storage_buffer_binding_size.min(theirs.max_buffer_size);
+        let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let wanted = wgpu::DeviceDescriptor { required_features, required_limits, ..Default::default() };
+        let (device, queue) = wait(adapter.request_device(&wanted))
+            .map_err(|e| GpuError::Refused { adapter: name.clone(), because: e.to_string() })?;
+        let trouble = Arc::new(Mutex::new(None));
+        let note = |trouble: &Arc<Mutex<Option<String>>>, because: String| {
+            trouble.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(because);
+        };
+        let noted = trouble.clone();
+        device
+            .set_device_lost_callback(move |reason, because| note(&noted, format!("{reason:?}: {because}")));
+        let noted = trouble.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&noted, error.to_string())));
+        let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
+        let fingerprint = format!("{CLASS} {} {} {driver}", info.backend, info.name).trim().to_owned();
+        Ok(Self { device, queue, name, fingerprint, limit, trouble })
+    }
+
+    /// Its name and interface.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The numerical class of what it renders: this program's, the GPU's and its driver's.
+    #[must_use]
+    pub fn fingerprint(&self) -> &str {
+        &self.fingerprint
+    }
+
+    /// The same that binds no more than so many bytes at once, though it could.
+    #[must_use]
+    pub fn with_limit(mut self, bytes: u64) -> Self {
+        self.limit = self.limit.min(bytes);
+        self
+    }
+
+    /// Ends it: what is asked of it from now on fails.
+    pub fn destroy(&self) {
+        self.device.destroy();
+    }
+
+    /// An error where it is in trouble.
+    pub(super) fn check(&self) -> Result<(), GpuError> {
+        match self.trouble.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            None => Ok(()),
+            Some(because) => Err(self.lost(because)),
+        }
+    }
+
+    pub(super) fn lost(&self, because: &str) -> GpuError {
+        GpuError::Lost { adapter: self.name.clone(), because: because.to_owned() }
+    }
+
+    /// Runs `make`, which takes so many bytes of its memory.
+    pub(super) fn allocate<T>(
+        &self,
+        what: &'static str,
+        wanted: u64,
+        make: impl FnOnce(&wgpu::Device) -> T,
+    ) -> Result<T, GpuError> {
+        self.check()?;
+        let scope = self.device.push_error_scope(ErrorFilter::OutOfMemory);
+        let made = make(&self.device);
+        match wait(scope.pop()) {
+            None => self.check().map(|()| made),
+            Some(error) => {
+                Err(GpuError::Memory { adapter: self.name.clone(), what, wanted, because: error.to_string() })
+            }
+        }
+    }
+
+    pub(super) fn too_small(&self, what: &'static str) -> GpuError {
+        GpuError::Tile { adapter: self.name.clone(), what, limit: self.limit }
+    }
+}
+
+/// All GPUs, the most capable kind first; one that several interfaces offer comes first through the fastest of them.
+fn adapters() -> Result<Vec<Adapter>, GpuError> {
+    let mut wanted = wgpu::InstanceDescriptor::new_without_display_handle();
+    wanted.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
+    wanted.flags = wgpu::InstanceFlags::empty();
+    let instance = wgpu::Instance::new(wanted);
+    let mut all = wait(instance.enumerate_adapters(Backends::all()));
+    all.sort_by_key(|a| match a.get_info().device_type {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    });
+    if all.is_empty() {
+        let asked = instance.request_adapter(&wgpu::RequestAdapterOptions::default());
+        return Err(GpuError::None(wait(asked).err().map_or_else(String::new, |e| missing(&e.to_string()))));
+    }
+    Ok(all)
+}
+
+/// What is missing, without the interfaces that this system does not have.
+fn missing(told: &str) -> String {
+    let parts = told.split([';', ',']).map(str::trim).skip(1);
+    let ours: Vec<&str> =
+        parts.filter(|part| !part.ends_with("not requested") && !part.ends_with("not compiled in")).collect();
+    if ours.is_empty() { told.to_owned() } else { ours.join(", ") }
+}
+
+fn called(info: &AdapterInfo) -> String {
+    format!("{} ({})", info.name, info.backend)
+}
+
+/// The value of a future; those of native devices are done when they are made, or soon after.
+pub(super) fn wait<F: Future>(future: F) -> F::Output {
+    let mut future = pin!(future);
+    loop {
+        if let Poll::Ready(value) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            return value;
+        }
+        std::thread::yield_now();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gpu_is_chosen_by_place_or_by_name() {
+        assert_eq!("1".parse(), Ok(Choice::Index(1)));
+        assert_eq!("RTX 4090".parse(), Ok(Choice::Name("RTX 4090".to_owned())));
+    }
+
+    #[test]
+    fn what_is_missing_is_told_of_this_system_alone() {
+        let told = "No suitable graphics adapter found; noop not requested, vulkan drivers/libraries could not be \
+                    loaded, metal support not compiled in, dx12 support not compiled in, gl not requested";
+        assert_eq!(missing(told), "vulkan drivers/libraries could not be loaded");
+        assert_eq!(missing("anything else"), "anything else");
+    }
+}

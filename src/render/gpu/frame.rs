@@ -1,0 +1,85 @@
+//! A view as every pass reads it: `Frame` of `frame.wgsl`.
+
+#![expect(clippy::cast_possible_truncation, reason = "a value is cut into two of 32 bits")]
+
+use super::Region;
+use crate::image::luminance;
+use crate::render::shared::{FRUSTUM_SLACK, GSPLAT_SLACK};
+use crate::render::{Rules, Style, View};
+use glam::DVec3;
+
+/// Bytes of a `Frame`: fifteen rows of four and nine words, rounded up to whole rows.
+pub(super) const BYTES: u64 = 18 * 16;
+
+/// The bytes of the view of a scene whose positions are relative to `origin`, for the tiles of a region, with room for so many
+/// splats and pairs.
+pub(super) fn bytes(view: &View, origin: DVec3, style: &Style, region: Region, room: [u32; 2]) -> Vec<u8> {
+    let camera = view.camera;
+    let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
+    let rows = [0, 1, 2].map(|k| two(camera_from_world.row(k)));
+    let [high, low] = two(origin - view.world_from_camera.translation);
+    let pair = |[x, y]: [f64; 2]| {
+        let [high, low] = two(DVec3::new(x, y, 0.0));
+        [high[0], high[1], low[0], low[1]]
+    };
+    let [x, y] = slack(view, style.rules);
+    let row = |v: DVec3| {
+        let [x, y, z] = v.as_vec3().to_array();
+        [x, y, z, 0.0]
+    };
+    let [red, green, blue] = style.background;
+    let floats = [
+        rows[0][0],
+        rows[1][0],
+        rows[2][0],
+        rows[0][1],
+        rows[1][1],
+        rows[2][1],
+        high,
+        low,
+        pair([camera.fx, camera.fy]),
+        pair([camera.cx, camera.cy]),
+        [x[0], x[1], y[0], y[1]],
+        row(view.velocity.linear),
+        row(view.velocity.angular),
+        // How fast the ray from the camera to any point of the scene changes, world axes.
+        row(-(view.world_from_camera.rotation * view.velocity.linear)),
+        [red, green, blue, luminance(style.background)],
+    ];
+    let ([x0, y0], [x1, y1]) = (region.first, region.end);
+    let words = [camera.size.width, camera.size.height, x0, y0, x1, y1, room[0], room[1]];
+    let floats = floats.into_iter().flatten().flat_map(f32::to_le_bytes);
+    let mut bytes: Vec<u8> = floats.chain(words.into_iter().flat_map(u32::to_le_bytes)).collect();
+    bytes.resize(BYTES as usize, 0);
+    bytes
+}
+
+/// A vector as the sum of two of 32 bits.
+fn two(v: DVec3) -> [[f32; 4]; 2] {
+    let high = v.as_vec3();
+    let low = (v - high.as_dvec3()).as_vec3();
+    [high, low].map(|part| [part.x, part.y, part.z, 0.0])
+}
+
+/// Least and largest `x / z` and `y / z` at which the projection's derivative is taken.
+fn slack(view: &View, rules: Rules) -> [[f32; 2]; 2] {
+    let camera = view.camera;
+    let (size, focal, centre) = (
+        [camera.size.width, camera.size.height].map(f64::from),
+        [camera.fx, camera.fy],
+        [camera.cx, camera.cy],
+    );
+    [0, 1].map(|k| {
+        let [low, high] = match rules {
+            Rules::Official | Rules::Exact | Rules::Soft => {
+                let most = FRUSTUM_SLACK * size[k] / (2.0 * focal[k]);
+                [-most, most]
+            }
+            Rules::Gsplat => {
+                let more = GSPLAT_SLACK * size[k] / focal[k];
+                [-(centre[k] / focal[k] + more), (size[k] - centre[k]) / focal[k] + more]
+            }
+        };
+        [low as f32, high as f32]
+    })
+}

@@ -1,0 +1,270 @@
+//! The passes of a frame, in the order in which the device runs them.
+
+use super::Region;
+use super::buffers::{ALIGNED, Buffers, DIGITS};
+use super::clock::{Clock, Stage};
+use super::device::Device;
+use super::scene::Part;
+use super::shader::{DIGIT_BITS, Dispatch, Shader, Variant};
+use wgpu::{
+    BindGroup, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType,
+    BufferBindingType, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline,
+    ComputePipelineDescriptor, PipelineCompilationOptions, PipelineLayoutDescriptor, ShaderModuleDescriptor,
+    ShaderSource, ShaderStages,
+};
+
+/// What each shader binds, beside the frame.
+#[derive(Debug)]
+pub(super) struct Layouts {
+    pub(super) frame: BindGroupLayout,
+    pub(super) project: BindGroupLayout,
+    pub(super) scan: BindGroupLayout,
+    pub(super) bin: BindGroupLayout,
+    pub(super) sort: BindGroupLayout,
+    pub(super) raster: BindGroupLayout,
+}
+
+/// How a shader binds a buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Use {
+    Uniform,
+    /// A uniform of many entries, one picked by a dispatch.
+    Entry,
+    Read,
+    Write,
+}
+
+impl Layouts {
+    pub(super) fn new(device: &Device) -> Self {
+        use Use::{Entry, Read, Uniform, Write};
+        let layout = |uses: &[Use]| layout(&device.device, uses);
+        Self {
+            frame: layout(&[Uniform]),
+            project: layout(&[Uniform, Read, Read, Read, Write, Write, Write, Write, Write]),
+            scan: layout(&[Write, Write, Write, Uniform]),
+            bin: layout(&[Read, Read, Write, Write, Read, Write, Write]),
+            sort: layout(&[Entry, Read, Write, Write, Read]),
+            raster: layout(&[Read, Read, Read, Write, Write]),
+        }
+    }
+
+    fn of(&self, shader: Shader) -> &BindGroupLayout {
+        match shader {
+            Shader::Project => &self.project,
+            Shader::Scan => &self.scan,
+            Shader::Bin => &self.bin,
+            Shader::Sort => &self.sort,
+            Shader::Raster => &self.raster,
+        }
+    }
+}
+
+fn layout(gpu: &wgpu::Device, uses: &[Use]) -> BindGroupLayout {
+    let entry = |(binding, of): (u32, &Use)| BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::COMPUTE,
+        ty: BindingType::Buffer {
+            ty: match of {
+                Use::Uniform | Use::Entry => BufferBindingType::Uniform,
+                Use::Read => BufferBindingType::Storage { read_only: true },
+                Use::Write => BufferBindingType::Storage { read_only: false },
+            },
+            has_dynamic_offset: *of == Use::Entry,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let entries: Vec<BindGroupLayoutEntry> = (0..).zip(uses).map(entry).collect();
+    gpu.create_bind_group_layout(&BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+/// The compiled shaders of a frame.
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    measure: ComputePipeline,
+    place: ComputePipeline,
+    scan_splats: ComputePipeline,
+    scan_pairs: ComputePipeline,
+    scan_splat_digits: ComputePipeline,
+    scan_pair_digits: ComputePipeline,
+    tally: ComputePipeline,
+    emit: ComputePipeline,
+    bound: ComputePipeline,
+    count: ComputePipeline,
+    scatter: ComputePipeline,
+    raster: ComputePipeline,
+}
+
+impl Pipelines {
+    pub(super) fn new(device: &Device, layouts: &Layouts, variant: &Variant) -> Self {
+        let [project, scan, bin, sort, raster] =
+            [Shader::Project, Shader::Scan, Shader::Bin, Shader::Sort, Shader::Raster]
+                .map(|shader| Compiler::new(device, layouts, shader, variant));
+        Self {
+            measure: project.entry("measure"),
+            place: project.entry("place"),
+            scan_splats: scan.entry("scan_splats"),
+            scan_pairs: scan.entry("scan_pairs"),
+            scan_splat_digits: scan.entry("scan_splat_digits"),
+            scan_pair_digits: scan.entry("scan_pair_digits"),
+            tally: bin.entry("tally"),
+            emit: bin.entry("emit"),
+            bound: bin.entry("bound"),
+            count: sort.entry("count"),
+            scatter: sort.entry("scatter"),
+            raster: raster.entry("raster"),
+        }
+    }
+}
+
+/// One shader, ready for its entries to be compiled.
+struct Compiler<'a> {
+    gpu: &'a wgpu::Device,
+    module: wgpu::ShaderModule,
+    layout: wgpu::PipelineLayout,
+}
+
+impl<'a> Compiler<'a> {
+    fn new(device: &'a Device, layouts: &Layouts, shader: Shader, variant: &Variant) -> Self {
+        let gpu = &device.device;
+        let source = ShaderSource::Wgsl(shader.text(variant).into());
+        let module = gpu.create_shader_module(ShaderModuleDescriptor { label: Some(shader.name()), source });
+        let layout = gpu.create_pipeline_layout(&PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&layouts.frame), Some(layouts.of(shader))],
+            immediate_size: 0,
+        });
+        Self { gpu, module, layout }
+    }
+
+    fn entry(&self, name: &str) -> ComputePipeline {
+        // Every pass writes its group's memory before it reads it.
+        let compilation_options =
+            PipelineCompilationOptions { zero_initialize_workgroup_memory: false, ..Default::default() };
+        self.gpu.create_compute_pipeline(&ComputePipelineDescriptor {
+            label: Some(name),
+            layout: Some(&self.layout),
+            module: &self.module,
+            entry_point: Some(name),
+            compilation_options,
+            cache: None,
+        })
+    }
+}
+
+/// What the passes of one region need.
+pub(super) struct Passes<'a> {
+    pub(super) pipelines: &'a Pipelines,
+    pub(super) buffers: &'a Buffers,
+    pub(super) parts: &'a [Part],
+    pub(super) region: Region,
+    pub(super) clock: Option<&'a Clock>,
+}
+
+impl Passes<'_> {
+    /// Has the encoder run all passes.
+    pub(super) fn record(&self, encoder: &mut CommandEncoder) {
+        let buffers = self.buffers;
+        for buffer in [&buffers.totals, &buffers.groups, &buffers.lists] {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+        self.stage(encoder, Stage::Project, |pass| self.project(pass));
+        let bound = &buffers.bound;
+        let (by, scan) = (Dispatch::SplatBlocks, &self.pipelines.scan_splat_digits);
+        self.stage(encoder, Stage::Sort, |pass| self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan)));
+        self.stage(encoder, Stage::List, |pass| self.list(pass));
+        let digits = self.tile_digits();
+        let (by, scan) = (Dispatch::PairBlocks, &self.pipelines.scan_pair_digits);
+        self.stage(encoder, Stage::Bin, |pass| {
+            self.sort(pass, (DIGITS, digits), &bound.sort_pairs, (by, scan));
+            self.indirect(
+                pass,
+                &self.pipelines.bound,
+                &bound.bin[(digits % 2) as usize],
+                Dispatch::PairBlocks,
+            );
+        });
+        self.stage(encoder, Stage::Raster, |pass| {
+            let [columns, rows] = self.region.tiles();
+            pass.set_pipeline(&self.pipelines.raster);
+            pass.set_bind_group(1, &bound.raster[(digits % 2) as usize], &[]);
+            pass.dispatch_workgroups(columns, rows, 1);
+        });
+    }
+
+    fn stage(&self, encoder: &mut CommandEncoder, stage: Stage, fill: impl FnOnce(&mut ComputePass<'_>)) {
+        let timestamp_writes = self.clock.map(|clock| clock.stamp(stage));
+        let described = ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
+        let mut pass = encoder.begin_compute_pass(&described);
+        pass.set_bind_group(0, &self.buffers.bound.frame, &[]);
+        fill(&mut pass);
+    }
+
+    /// Each part's splats after those of the parts before, so that all lie in the order of the file.
+    fn project(&self, pass: &mut ComputePass<'_>) {
+        let (pipelines, bound) = (self.pipelines, &self.buffers.bound);
+        for (k, part) in self.parts.iter().enumerate() {
+            pass.set_pipeline(&pipelines.measure);
+            pass.set_bind_group(1, &bound.project[k], &[]);
+            pass.dispatch_workgroups(part.groups, 1, 1);
+            direct(pass, &pipelines.scan_splats, &bound.scan_parts[k]);
+            pass.set_pipeline(&pipelines.place);
+            pass.set_bind_group(1, &bound.project[k], &[]);
+            pass.dispatch_workgroups(part.groups, 1, 1);
+        }
+    }
+
+    /// The pairs of all splats, in their order.
+    fn list(&self, pass: &mut ComputePass<'_>) {
+        let (pipelines, bound) = (self.pipelines, &self.buffers.bound);
+        self.indirect(pass, &pipelines.tally, &bound.bin[0], Dispatch::Splats);
+        direct(pass, &pipelines.scan_pairs, &bound.scan_tally);
+        self.indirect(pass, &pipelines.emit, &bound.bin[0], Dispatch::ListedSplats);
+    }
+
+    /// Sorts by `digits` digits, whose uniform entries begin with the first; every second ends where the keys began.
+    fn sort(
+        &self,
+        pass: &mut ComputePass<'_>,
+        (first, digits): (u32, u32),
+        ways: &[BindGroup; 2],
+        (by, scan): (Dispatch, &ComputePipeline),
+    ) {
+        let sizes = &self.buffers.groups;
+        for digit in 0..digits {
+            let (way, entry) = (&ways[(digit % 2) as usize], [(first + digit) * ALIGNED]);
+            pass.set_pipeline(&self.pipelines.count);
+            pass.set_bind_group(1, way, &entry);
+            pass.dispatch_workgroups_indirect(sizes, by.offset());
+            direct(pass, scan, &self.buffers.bound.scan_digits);
+            pass.set_pipeline(&self.pipelines.scatter);
+            pass.set_bind_group(1, way, &entry);
+            pass.dispatch_workgroups_indirect(sizes, by.offset());
+        }
+    }
+
+    fn indirect(
+        &self,
+        pass: &mut ComputePass<'_>,
+        pipeline: &ComputePipeline,
+        group: &BindGroup,
+        by: Dispatch,
+    ) {
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(1, group, &[]);
+        pass.dispatch_workgroups_indirect(&self.buffers.groups, by.offset());
+    }
+
+    /// Digits of a tile's number, with a value above all of them for the pair that is none.
+    fn tile_digits(&self) -> u32 {
+        let [columns, rows] = self.region.tiles();
+        (u32::BITS - (columns * rows).leading_zeros()).div_ceil(DIGIT_BITS)
+    }
+}
+
+/// A scan by its one group.
+fn direct(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, group: &BindGroup) {
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(1, group, &[]);
+    pass.dispatch_workgroups(1, 1, 1);
+}

@@ -1,0 +1,188 @@
+//! Images and counts on their way from the device.
+
+use super::clock::{self, Clock};
+use super::device::{Device, GpuError};
+use super::shader::{Layout, TOTALS, Total, UNDEFINED};
+use super::{Region, buffers::Buffers};
+use crate::image::{Image, Size};
+use crate::render::{Channels, Rendered, Work};
+use std::sync::mpsc;
+use wgpu::{
+    Buffer, BufferDescriptor, BufferUsages, BufferView, CommandEncoder, MapMode, PollType, SubmissionIndex,
+};
+
+/// Buffers that wait for the next frame.
+#[derive(Debug, Default)]
+pub(super) struct Ring {
+    idle: Vec<Buffer>,
+}
+
+/// A copy of one region's counts and images that is being made.
+#[derive(Debug)]
+pub(super) struct Copy {
+    buffer: Buffer,
+    mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+    submitted: SubmissionIndex,
+}
+
+/// Bytes of the counts and of the clock's stamps, which come before the images.
+const COUNTS: usize = 4 * TOTALS;
+const HEAD: usize = COUNTS + clock::BYTES;
+
+/// Bytes of a copy with so many floats of images.
+pub(super) fn bytes(floats: u64) -> u64 {
+    HEAD as u64 + 4 * floats
+}
+
+impl Ring {
+    /// Submits what the encoder holds and then a copy of the counts and of so many floats of images.
+    pub(super) fn submit(
+        &mut self,
+        device: &Device,
+        mut encoder: CommandEncoder,
+        (from, floats): (&Buffers, u64),
+        clock: Option<&Clock>,
+    ) -> Result<Copy, GpuError> {
+        let size = bytes(floats);
+        let at = self.idle.iter().position(|b| b.size() >= size);
+        let buffer = match at {
+            Some(at) => self.idle.swap_remove(at),
+            None => {
+                self.idle.clear();
+                let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+                device.allocate("images to be read", size, |gpu| {
+                    gpu.create_buffer(&BufferDescriptor {
+                        label: None,
+                        size,
+                        usage,
+                        mapped_at_creation: false,
+                    })
+                })?
+            }
+        };
+        encoder.copy_buffer_to_buffer(&from.totals, 0, &buffer, 0, COUNTS as u64);
+        if let Some(clock) = clock {
+            clock.copy(&mut encoder, &buffer, COUNTS as u64);
+        }
+        if floats > 0 {
+            encoder.copy_buffer_to_buffer(&from.images, 0, &buffer, HEAD as u64, 4 * floats);
+        }
+        let submitted = device.queue.submit([encoder.finish()]);
+        let (tell, mapped) = mpsc::channel();
+        // Nobody waits for it any more where the frame was given up.
+        buffer.slice(..size).map_async(MapMode::Read, move |result| drop(tell.send(result)));
+        Ok(Copy { buffer, mapped, submitted })
+    }
+
+    /// Waits for the copy and has it read: counts, the clock's stamps, images.
+    pub(super) fn read<T>(
+        &mut self,
+        device: &Device,
+        copy: Copy,
+        floats: u64,
+        read: impl FnOnce(&Totals, &[u8], &[u8]) -> T,
+    ) -> Result<T, GpuError> {
+        let wait = PollType::Wait { submission_index: Some(copy.submitted), timeout: None };
+        device.device.poll(wait).map_err(|e| device.lost(&e.to_string()))?;
+        device.check()?;
+        let mapped = copy.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
+        mapped.map_err(|e| device.lost(&e.to_string()))?;
+        let view = copy.buffer.slice(..bytes(floats)).get_mapped_range();
+        let view: BufferView = view.map_err(|e| device.lost(&e.to_string()))?;
+        let (head, images) = view.split_at(HEAD);
+        let (counts, stamps) = head.split_at(COUNTS);
+        let done = read(&Totals::of(counts), stamps, images);
+        drop(view);
+        copy.buffer.unmap();
+        self.idle.push(copy.buffer);
+        Ok(done)
+    }
+}
+
+/// The counts of a region.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Totals([u32; TOTALS]);
+
+impl Totals {
+    fn of(bytes: &[u8]) -> Self {
+        let mut words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word));
+        Self(std::array::from_fn(|_| words.next().unwrap_or(0)))
+    }
+
+    pub(super) fn of_count(&self, total: Total) -> u32 {
+        self.0[total as usize]
+    }
+
+    /// The work of a region. What was left out is counted of the whole image in every region.
+    pub(super) fn work(&self, gaussians: usize) -> Work {
+        let count = |total| u64::from(self.of_count(total));
+        Work {
+            gaussians: gaussians as u64,
+            behind: count(Total::Behind),
+            degenerate: count(Total::Degenerate),
+            outside: count(Total::Outside),
+            tile_pairs: count(Total::Pairs),
+            blended: count(Total::Blended) | count(Total::BlendedCarry) << 32,
+            stopped: count(Total::Stopped),
+            affine_doubtful: count(Total::Doubtful),
+            affine_invalid: count(Total::Invalid),
+            ..Work::default()
+        }
+    }
+}
+
+/// Puts a region's images into those of the whole picture.
+pub(super) fn place(
+    images: &[u8],
+    region: Region,
+    size: Size,
+    (want, layout): (Channels, Layout),
+    out: &mut Rendered,
+) {
+    let pixels = region.pixels(size);
+    let from = |at: Option<u32>, floats: usize| {
+        let first = at.unwrap_or(0) as usize * pixels * 4;
+        &images[first..first + if at.is_some() { floats * pixels * 4 } else { 0 }]
+    };
+    let float = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes);
+    let depth = |bytes: &[u8; 4]| {
+        let z = float(bytes);
+        if z <= UNDEFINED { f32::NAN } else { z }
+    };
+    let colour = |bytes: &[u8; 12]| {
+        let (channels, _) = bytes.as_chunks();
+        [float(&channels[0]), float(&channels[1]), float(&channels[2])]
+    };
+    let at = (region, size);
+    fill(&mut out.rgb, want.rgb, from(layout.rgb, 3), at, colour);
+    fill(&mut out.luminance, want.luminance, from(layout.grey, 1), at, float);
+    fill(&mut out.alpha, want.alpha, from(layout.alpha, 1), at, float);
+    fill(&mut out.depth, want.depth || want.flow, from(layout.depth, 1), at, depth);
+    fill(&mut out.doubtful, want.doubtful, from(layout.doubtful, 1), at, float);
+    fill(&mut out.luminance_rate, want.luminance_rate, from(layout.rate, 1), at, float);
+}
+
+/// Fills a region of an image, or takes the image away where it is not wanted.
+fn fill<T: std::marker::Copy + Default, const N: usize>(
+    image: &mut Option<Image<T>>,
+    wanted: bool,
+    bytes: &[u8],
+    (region, size): (Region, Size),
+    value: impl Fn(&[u8; N]) -> T,
+) {
+    if !wanted {
+        *image = None;
+        return;
+    }
+    let reused = image.take().filter(|i| i.size() == size);
+    let mut filled = reused.unwrap_or_else(|| Image::filled(size, T::default()));
+    let [x, y] = region.origin();
+    let [columns, _] = region.extent(size);
+    let width = size.width as usize;
+    let (values, _) = bytes.as_chunks::<N>();
+    for (k, row) in values.chunks_exact(columns).enumerate() {
+        let to = &mut filled.pixels_mut()[(y + k) * width + x..][..columns];
+        to.iter_mut().zip(row).for_each(|(to, from)| *to = value(from));
+    }
+    *image = Some(filled);
+}

@@ -1,0 +1,99 @@
+// Exclusive sums of what the groups of a pass counted, by one group that runs along them.
+
+@group(1) @binding(0) var<storage, read_write> sums: array<u32>;
+@group(1) @binding(1) var<storage, read_write> totals: array<u32>;
+// Work groups of the dispatches whose size only the device knows: x, y, z each.
+@group(1) @binding(2) var<storage, read_write> groups: array<u32>;
+@group(1) @binding(3) var<uniform> part: Part;
+
+struct Part {
+    count: u32,
+    groups: u32,
+}
+
+// Entries that a thread adds up at a time.
+const RUN: u32 = 16u;
+
+var<workgroup> partial: array<u32, GROUP>;
+
+// Sums `count` entries from `start` on, which is what stands before the first; gives the sum of all.
+fn scan(count: u32, start: u32, local: u32) -> u32 {
+    var carry = start;
+    for (var base = 0u; base < count; base += GROUP * RUN) {
+        let first = base + local * RUN;
+        let end = min(first + RUN, count);
+        var own = 0u;
+        for (var i = first; i < end; i++) {
+            own = sum_up_to_many(own, sums[i]);
+        }
+        partial[local] = own;
+        for (var width = 1u; width < GROUP; width *= 2u) {
+            workgroupBarrier();
+            var before = 0u;
+            if local >= width {
+                before = partial[local - width];
+            }
+            workgroupBarrier();
+            partial[local] = sum_up_to_many(partial[local], before);
+        }
+        workgroupBarrier();
+        var sum = carry;
+        if local > 0u {
+            sum = sum_up_to_many(carry, partial[local - 1u]);
+        }
+        for (var i = first; i < end; i++) {
+            let entry = sums[i];
+            sums[i] = sum;
+            sum = sum_up_to_many(sum, entry);
+        }
+        carry = sum_up_to_many(carry, partial[GROUP - 1u]);
+        workgroupBarrier();
+    }
+    return carry;
+}
+
+fn ask_for(dispatch: u32, count: u32) {
+    groups[3u * dispatch] = count;
+    groups[3u * dispatch + 1u] = 1u;
+    groups[3u * dispatch + 2u] = 1u;
+}
+
+// The splats of one part of the scene, after those of the parts before.
+@compute @workgroup_size(GROUP)
+fn scan_splats(@builtin(local_invocation_index) local: u32) {
+    let sum = scan(part.groups, totals[SPLATS], local);
+    storageBarrier();
+    workgroupBarrier();
+    if local == 0u {
+        totals[SPLATS] = sum;
+        let count = within(sum, frame.splat_room);
+        ask_for(BY_SPLATS, (count + GROUP - 1u) / GROUP);
+        ask_for(BY_SPLAT_BLOCKS, (count + BLOCK - 1u) / BLOCK);
+    }
+}
+
+// The pairs of all splats.
+@compute @workgroup_size(GROUP)
+fn scan_pairs(@builtin(local_invocation_index) local: u32) {
+    let splats = within(totals[SPLATS], frame.splat_room);
+    let sum = scan((splats + GROUP - 1u) / GROUP, 0u, local);
+    if local == 0u {
+        totals[PAIRS] = sum;
+        let count = within(sum, frame.pair_room);
+        ask_for(BY_PAIR_BLOCKS, (count + BLOCK - 1u) / BLOCK);
+        ask_for(BY_LISTED_SPLATS, select(0u, (splats + GROUP - 1u) / GROUP, count > 0u));
+    }
+}
+
+// How often each digit of a sort's pass is met, digit by digit and block by block.
+@compute @workgroup_size(GROUP)
+fn scan_splat_digits(@builtin(local_invocation_index) local: u32) {
+    let blocks = (within(totals[SPLATS], frame.splat_room) + BLOCK - 1u) / BLOCK;
+    _ = scan(DIGITS * blocks, 0u, local);
+}
+
+@compute @workgroup_size(GROUP)
+fn scan_pair_digits(@builtin(local_invocation_index) local: u32) {
+    let blocks = (within(totals[PAIRS], frame.pair_room) + BLOCK - 1u) / BLOCK;
+    _ = scan(DIGITS * blocks, 0u, local);
+}

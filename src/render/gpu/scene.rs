@@ -1,0 +1,109 @@
+//! A scene on the device, in parts that each fit a binding.
+
+#![expect(clippy::cast_possible_truncation, reason = "a part's Gaussians are few enough for 32 bits")]
+
+use super::device::{Device, GpuError};
+use super::shader::{GROUP, LOST, SPOILT};
+use crate::render::cpu::activate::{self, Activated};
+use crate::scene::Gaussians;
+use rayon::prelude::*;
+use wgpu::{Buffer, BufferDescriptor, BufferUsages};
+
+/// Most groups of a dispatch along one axis, on every device.
+pub(super) const MOST_GROUPS: u32 = 65_535;
+
+/// Gaussians that are projected by one dispatch.
+#[derive(Debug)]
+pub(super) struct Part {
+    /// Groups that a thread a Gaussian takes.
+    pub(super) groups: u32,
+    /// `Part` of the shaders.
+    pub(super) counts: Buffer,
+    pub(super) means: Buffer,
+    pub(super) axes: Buffer,
+    pub(super) harmonics: Buffer,
+}
+
+/// Bytes of a mean, of the scaled axes, and of one function's coefficients.
+const MEAN: u64 = 16;
+const AXES: u64 = 36;
+const HARMONIC: u64 = 12;
+
+/// Uploads a scene. Activations are applied here, once, by the code that the CPU renderer has.
+pub(super) fn upload(scene: &Gaussians, device: &Device) -> Result<Vec<Part>, GpuError> {
+    let activated: Vec<Activated> =
+        (0..scene.len()).into_par_iter().map(|i| activate::one(scene, i)).collect();
+    let each = (HARMONIC * scene.sh_len() as u64).max(AXES).max(MEAN);
+    let most = (device.limit / each).min(u64::from(MOST_GROUPS * GROUP)).max(1) as usize;
+    (0..scene.len())
+        .step_by(most)
+        .map(|first| Part::new(scene, &activated, first..scene.len().min(first + most), device))
+        .collect()
+}
+
+impl Part {
+    fn new(
+        scene: &Gaussians,
+        activated: &[Activated],
+        range: std::ops::Range<usize>,
+        device: &Device,
+    ) -> Result<Self, GpuError> {
+        let (count, n) = (range.len() as u64, scene.sh_len());
+        let [means, axes, harmonics] = [MEAN, AXES, HARMONIC * n as u64].map(|each| each * count);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let groups = (range.len() as u32).div_ceil(GROUP);
+        let part = device.allocate("the scene", means + axes + harmonics, |device| {
+            let buffer = |size, usage| {
+                device.create_buffer(&BufferDescriptor {
+                    label: None,
+                    size,
+                    usage,
+                    mapped_at_creation: false,
+                })
+            };
+            Self {
+                groups,
+                counts: buffer(16, BufferUsages::UNIFORM | BufferUsages::COPY_DST),
+                means: buffer(means, usage),
+                axes: buffer(axes, usage),
+                harmonics: buffer(harmonics, usage),
+            }
+        })?;
+        let words: Vec<u8> = [count as u32, groups, 0, 0].into_iter().flat_map(u32::to_le_bytes).collect();
+        device.queue.write_buffer(&part.counts, 0, &words);
+        write(device, &part.means, range.clone().map(|i| mean(scene.positions[i], &activated[i])));
+        write(device, &part.axes, range.clone().map(|i| axes_of(&activated[i])));
+        write(device, &part.harmonics, scene.sh[range.start * n..range.end * n].iter().copied());
+        Ok(part)
+    }
+}
+
+/// Position and opacity; NaN is not portable, so that a code in place of the opacity says what is not finite.
+fn mean(position: [f32; 3], activated: &Activated) -> [f32; 4] {
+    let [x, y, z] = position;
+    match (position.iter().all(|v| v.is_finite()), activated.axes[0][0].is_nan()) {
+        (false, _) => [0.0, 0.0, 0.0, LOST],
+        (true, true) => [x, y, z, SPOILT],
+        (true, false) => [x, y, z, activated.opacity],
+    }
+}
+
+fn axes_of(activated: &Activated) -> [f32; 9] {
+    let [[a, b, c], [d, e, f], [g, h, i]] = activated.axes;
+    if a.is_nan() { [0.0; 9] } else { [a, b, c, d, e, f, g, h, i] }
+}
+
+/// Writes rows one after another, some MiB at a time.
+fn write<const N: usize>(device: &Device, buffer: &Buffer, rows: impl Iterator<Item = [f32; N]>) {
+    const ENOUGH: usize = 4 << 20;
+    let (mut bytes, mut at) = (Vec::with_capacity(ENOUGH + 4 * N), 0);
+    for row in rows {
+        row.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+        if bytes.len() >= ENOUGH {
+            device.queue.write_buffer(buffer, at, &bytes);
+            at += bytes.len() as u64;
+            bytes.clear();
+        }
+    }
+    device.queue.write_buffer(buffer, at, &bytes);
+}

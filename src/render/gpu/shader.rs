@@ -1,0 +1,312 @@
+//! The shaders as text: constants written out from where they stand in Rust, before the passes that use them.
+
+use super::super::shared::{
+    AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DEPTH_MIN_ALPHA, DILATION, EXTENT_ROOT_FLOOR,
+    EXTENT_SIGMAS, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, MAX_ALPHA, NEAR, STOP, TILE, least_alpha,
+};
+use crate::image::LUMINANCE_WEIGHTS;
+use crate::render::{Channels, Rules, Style};
+use crate::scene::sh;
+use std::f64::consts::LOG2_E;
+use std::fmt::{Display, Write as _};
+
+/// Threads of a group, but for the raster's.
+pub(super) const GROUP: u32 = 256;
+/// Entries that a group sorts: 16-bit counters hold as many.
+pub(super) const BLOCK: u32 = 4096;
+/// Bits of a sort's digit.
+pub(super) const DIGIT_BITS: u32 = 4;
+/// Splats that a tile's group has in its memory at a time: with rates 12 KiB of the 16 that every device has.
+const BATCH: u32 = 128;
+
+/// Opacity of a Gaussian with a field that is not finite.
+pub(super) const SPOILT: f32 = -1.0;
+/// Opacity of a Gaussian whose position is not finite.
+pub(super) const LOST: f32 = -2.0;
+/// Depth where it is undefined: NaN is not portable.
+pub(super) const UNDEFINED: f32 = -1.0;
+
+/// A count in `totals`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Total {
+    Splats,
+    Pairs,
+    Behind,
+    Degenerate,
+    Outside,
+    Doubtful,
+    Invalid,
+    Stopped,
+    Blended,
+    BlendedCarry,
+}
+
+/// Counts in `totals`.
+pub(super) const TOTALS: usize = Total::BlendedCarry as usize + 1;
+
+/// A dispatch whose size the device decides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Dispatch {
+    /// A thread a splat.
+    Splats,
+    /// A group a sort's block of splats.
+    SplatBlocks,
+    /// A thread a splat, once there is room for the pairs.
+    ListedSplats,
+    /// A group a sort's block of pairs.
+    PairBlocks,
+}
+
+/// How many there are.
+pub(super) const DISPATCHES: u64 = Dispatch::PairBlocks as u64 + 1;
+
+impl Dispatch {
+    /// Where its size is, bytes.
+    pub(super) fn offset(self) -> u64 {
+        self as u64 * 12
+    }
+}
+
+/// Where each image begins, in floats a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Layout {
+    pub(super) rgb: Option<u32>,
+    pub(super) grey: Option<u32>,
+    pub(super) alpha: Option<u32>,
+    pub(super) depth: Option<u32>,
+    pub(super) doubtful: Option<u32>,
+    pub(super) rate: Option<u32>,
+    /// Floats a pixel.
+    pub(super) floats: u32,
+}
+
+impl Layout {
+    /// For the images that are wanted; flow is made of depth.
+    pub(super) fn new(want: Channels) -> Self {
+        let mut floats = 0;
+        let mut next = |wanted: bool, n: u32| {
+            let at = floats;
+            floats += if wanted { n } else { 0 };
+            wanted.then_some(at)
+        };
+        let rgb = next(want.rgb, 3);
+        let grey = next(want.luminance, 1);
+        let alpha = next(want.alpha, 1);
+        let depth = next(want.depth || want.flow, 1);
+        let doubtful = next(want.doubtful, 1);
+        let rate = next(want.luminance_rate, 1);
+        Self { rgb, grey, alpha, depth, doubtful, rate, floats }
+    }
+}
+
+/// Rows of four words that a splat takes.
+pub(super) fn splat_rows(rate: bool) -> u32 {
+    if rate { 6 } else { 4 }
+}
+
+/// One of the shaders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shader {
+    Project,
+    Scan,
+    Bin,
+    Sort,
+    Raster,
+}
+
+/// Where shaders differ from scene to scene and from frame to frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Variant {
+    pub(super) style: Style,
+    pub(super) sh_degree: u8,
+    pub(super) layout: Layout,
+}
+
+impl Shader {
+    /// All.
+    #[cfg(test)]
+    pub(super) const ALL: [Self; 5] = [Self::Project, Self::Scan, Self::Bin, Self::Sort, Self::Raster];
+
+    /// Its name.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Project => "project",
+            Self::Scan => "scan",
+            Self::Bin => "bin",
+            Self::Sort => "sort",
+            Self::Raster => "raster",
+        }
+    }
+
+    /// Its whole text.
+    pub(super) fn text(self, variant: &Variant) -> String {
+        const FRAME: &str = include_str!("frame.wgsl");
+        const SPLAT: &str = include_str!("splat.wgsl");
+        let parts: &[&str] = match self {
+            Self::Project => &[
+                FRAME,
+                include_str!("double.wgsl"),
+                include_str!("dual.wgsl"),
+                SPLAT,
+                include_str!("project.wgsl"),
+            ],
+            Self::Scan => &[FRAME, include_str!("scan.wgsl")],
+            Self::Bin => &[FRAME, SPLAT, include_str!("bin.wgsl")],
+            Self::Sort => &[FRAME, include_str!("sort.wgsl")],
+            Self::Raster => &[FRAME, include_str!("raster.wgsl")],
+        };
+        prelude(variant) + &parts.join("\n")
+    }
+}
+
+/// The constants of all shaders.
+fn prelude(variant: &Variant) -> String {
+    let mut text = String::new();
+    let rules = variant.style.rules;
+    let rate = variant.layout.rate.is_some();
+    let mut bools = |name: &str, value: bool| line(&mut text, name, "bool", value);
+    bools("ANTIALIASED", variant.style.antialiased);
+    bools("RATE", rate);
+    for (name, value) in words(variant) {
+        line(&mut text, name, "u32", format_args!("{value}u"));
+    }
+    let stop = if rules == Rules::Gsplat { STOP.next_up() } else { STOP };
+    for (name, value) in FLOATS.iter().chain(&[("LEAST_ALPHA", least_alpha(rules)), ("STOP", stop)]) {
+        line(&mut text, name, "f32", float(f64::from(*value)));
+    }
+    let doubles = [("TO_BINARY", (LOG2_E / 2.0).sqrt()), ("LN_2", std::f64::consts::LN_2)];
+    for (name, value) in doubles.into_iter().chain([("SH_0", sh::C0), ("SH_1", sh::C1)]) {
+        line(&mut text, name, "f32", float(value));
+    }
+    for (name, values) in [("SH_2", &sh::C2[..]), ("SH_3", &sh::C3[..])] {
+        let values: Vec<String> = values.iter().map(|v| float(*v)).collect();
+        line(
+            &mut text,
+            name,
+            &format!("array<f32, {}>", values.len()),
+            format_args!("array({})", values.join(", ")),
+        );
+    }
+    text
+}
+
+const FLOATS: [(&str, f32); 18] = [
+    ("NEAR", NEAR),
+    ("DILATION", DILATION),
+    ("MAX_ALPHA", MAX_ALPHA),
+    ("COMPENSATION_FLOOR", COMPENSATION_FLOOR),
+    ("EXTENT_SIGMAS", EXTENT_SIGMAS),
+    ("EXTENT_ROOT_FLOOR", EXTENT_ROOT_FLOOR),
+    ("DEPTH_MIN_ALPHA", DEPTH_MIN_ALPHA),
+    ("AFFINE_DOUBTFUL", AFFINE_DOUBTFUL),
+    ("AFFINE_INVALID", AFFINE_INVALID),
+    ("GSPLAT_NEAR", GSPLAT_NEAR),
+    ("GSPLAT_FAR", GSPLAT_FAR),
+    ("GSPLAT_SIGMAS", GSPLAT_SIGMAS),
+    ("SPOILT", SPOILT),
+    ("LOST", LOST),
+    ("UNDEFINED", UNDEFINED),
+    ("LUMINANCE_R", LUMINANCE_WEIGHTS[0]),
+    ("LUMINANCE_G", LUMINANCE_WEIGHTS[1]),
+    ("LUMINANCE_B", LUMINANCE_WEIGHTS[2]),
+];
+
+#[expect(clippy::cast_possible_truncation, reason = "an edge of a tile is small")]
+fn words(variant: &Variant) -> Vec<(&'static str, u32)> {
+    let layout = variant.layout;
+    let at = |offset: Option<u32>| offset.unwrap_or(u32::MAX);
+    vec![
+        ("TILE", TILE as u32),
+        ("GROUP", GROUP),
+        ("BLOCK", BLOCK),
+        ("DIGITS", 1 << DIGIT_BITS),
+        ("BATCH", BATCH),
+        ("SPLAT_ROWS", splat_rows(layout.rate.is_some())),
+        ("SH_LEN", (u32::from(variant.sh_degree) + 1).pow(2)),
+        ("OFFICIAL", Rules::Official as u32),
+        ("GSPLAT", Rules::Gsplat as u32),
+        ("SOFT", Rules::Soft as u32),
+        ("RULES", variant.style.rules as u32),
+        ("ABSENT", u32::MAX),
+        ("RGB_AT", at(layout.rgb)),
+        ("GREY_AT", at(layout.grey)),
+        ("ALPHA_AT", at(layout.alpha)),
+        ("DEPTH_AT", at(layout.depth)),
+        ("DOUBT_AT", at(layout.doubtful)),
+        ("RATE_AT", at(layout.rate)),
+        ("SPLATS", Total::Splats as u32),
+        ("PAIRS", Total::Pairs as u32),
+        ("BEHIND", Total::Behind as u32),
+        ("DEGENERATE", Total::Degenerate as u32),
+        ("OUTSIDE", Total::Outside as u32),
+        ("DOUBTFUL", Total::Doubtful as u32),
+        ("INVALID", Total::Invalid as u32),
+        ("FATES", Total::Invalid as u32 - Total::Behind as u32 + 1),
+        ("STOPPED", Total::Stopped as u32),
+        ("BLENDED", Total::Blended as u32),
+        ("BLENDED_CARRY", Total::BlendedCarry as u32),
+        ("BY_SPLATS", Dispatch::Splats as u32),
+        ("BY_SPLAT_BLOCKS", Dispatch::SplatBlocks as u32),
+        ("BY_LISTED_SPLATS", Dispatch::ListedSplats as u32),
+        ("BY_PAIR_BLOCKS", Dispatch::PairBlocks as u32),
+    ]
+}
+
+fn line(text: &mut String, name: &str, kind: &str, value: impl Display) {
+    let _ = writeln!(text, "const {name}: {kind} = {value};");
+}
+
+/// A number that WGSL reads back as the same 32 bits: the shortest decimal does.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to 32 bits is what is asked for")]
+fn float(value: f64) -> String {
+    format!("{:e}f", value as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::Layering;
+    use wgpu::naga;
+
+    fn validate(shader: Shader, variant: &Variant) {
+        let text = shader.text(variant);
+        let module = naga::front::wgsl::parse_str(&text)
+            .unwrap_or_else(|e| panic!("{}: {}", shader.name(), e.emit_to_string(&text)));
+        let flags = naga::valid::ValidationFlags::all();
+        naga::valid::Validator::new(flags, naga::valid::Capabilities::empty())
+            .validate(&module)
+            .unwrap_or_else(|e| panic!("{}: {}", shader.name(), e.emit_to_string(&text)));
+        for entry in &module.entry_points {
+            let bound = module
+                .global_variables
+                .iter()
+                .filter(|(_, v)| matches!(v.space, naga::AddressSpace::Storage { .. }));
+            assert!(bound.count() <= 8, "{}: storage buffers of {}", shader.name(), entry.name);
+        }
+    }
+
+    #[test]
+    fn every_shader_is_valid_within_portable_limits() {
+        for rules in [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft] {
+            for (antialiased, rate) in [(false, false), (true, true)] {
+                for sh_degree in 0..=sh::MAX_DEGREE {
+                    let want =
+                        Channels { rgb: !rate, luminance: rate, luminance_rate: rate, ..Channels::default() };
+                    let style = Style { rules, order: Layering::Depth, antialiased, background: [0.0; 3] };
+                    let variant = Variant { style, sh_degree, layout: Layout::new(want) };
+                    Shader::ALL.iter().for_each(|shader| validate(*shader, &variant));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn images_lie_one_after_another() {
+        let all =
+            Channels { rgb: true, luminance: true, flow: true, luminance_rate: true, ..Channels::default() };
+        let layout = Layout::new(all);
+        assert_eq!([layout.rgb, layout.grey, layout.depth, layout.rate], [0, 3, 4, 5].map(Some));
+        assert_eq!((layout.alpha, layout.floats), (None, 6));
+        assert_eq!(Layout::new(Channels::default()).floats, 0);
+    }
+}

@@ -1,0 +1,309 @@
+//! The GPU renderer against the goldens, and against the CPU's.
+//!
+//! Both keep the same rules in the same order over the same 32 bits. What differs is the rounding of quotients, roots and
+//! powers (a few units of 6e-8 on a device that does as WebGPU says) and, where it tips a decision at a threshold, one layer of
+//! one pixel: hence a mean of at most 1e-5 and 99.9 % within 1e-3.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+#![expect(clippy::print_stdout, reason = "the table of differences")]
+
+mod events;
+
+use crate::render_golden::{Case, cases, difference, npy, row};
+use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, scene};
+use crate::support::{gpu, ply, shared};
+use glam::DVec3;
+use gs2e::image::{Image, Size, luminance, png};
+use gs2e::render::cpu::Cpu;
+use gs2e::render::gpu::{Choice, Device, Gpu, GpuError, Stage};
+use gs2e::render::{Channels, RenderError, Rendered, Renderer, Rules, Style, Velocity, View, Work};
+use gs2e::scene::Gaussians;
+use gs2e::source::nerfstudio;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
+/// Every image of a camera that moves.
+const MOVING: Channels = Channels { flow: true, luminance_rate: true, ..ALL };
+
+fn moving(view: View) -> View {
+    let velocity = Velocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
+    View { velocity, ..view }
+}
+
+fn style(rules: Rules, antialiased: bool) -> Style {
+    Style { rules, antialiased, background: [0.1, 0.3, 0.2], ..OFFICIAL }
+}
+
+fn by_gpu(device: &Device, scene: &Gaussians, style: Style, view: &View) -> (Rendered, Work) {
+    let mut out = Rendered::default();
+    let work = Gpu::new(device.clone(), scene, style).unwrap().render(view, MOVING, &mut out).unwrap();
+    (out, work)
+}
+
+fn by_cpu(scene: &Arc<Gaussians>, style: Style, view: &View) -> (Rendered, Work) {
+    let mut out = Rendered::default();
+    let work = Cpu::new(scene.clone(), style).unwrap().render(view, MOVING, &mut out).unwrap();
+    (out, work)
+}
+
+/// The images as rows of numbers, each with its name.
+fn images(rendered: &Rendered) -> Vec<(&'static str, Vec<f32>)> {
+    let flat = |image: &Option<Image<f32>>| image.as_ref().unwrap().pixels().to_vec();
+    vec![
+        ("rgb", rendered.rgb.as_ref().unwrap().pixels().as_flattened().to_vec()),
+        ("luminance", flat(&rendered.luminance)),
+        ("alpha", flat(&rendered.alpha)),
+        ("doubtful", flat(&rendered.doubtful)),
+        ("depth", flat(&rendered.depth)),
+        ("rate", flat(&rendered.luminance_rate)),
+        ("flow", rendered.flow.as_ref().unwrap().pixels().as_flattened().to_vec()),
+    ]
+}
+
+/// Differences between two images over `scale`, a heat map of them where they are too large.
+fn close(name: &str, what: &str, found: &[f32], wanted: &[f32], size: Size) -> bool {
+    // Depth and flow are undefined where opacity is below one half: the same pixels but for roundings.
+    let undefined = found.iter().zip(wanted).filter(|(a, b)| a.is_nan() != b.is_nan()).count();
+    let mut defined = wanted.iter().copied().filter(|v| v.is_finite());
+    // Opacity and colour count as they are; what has a unit, against its largest value.
+    let scale = defined.by_ref().fold(1.0, |m: f32, v| m.max(v.abs()));
+    let errors: Vec<f32> = found
+        .iter()
+        .zip(wanted)
+        .map(|(a, b)| if a.is_nan() || b.is_nan() { 0.0 } else { (a - b).abs() / scale })
+        .collect();
+    let n = errors.len() as f64;
+    let mean = errors.iter().map(|e| f64::from(*e)).sum::<f64>() / n;
+    let largest = errors.iter().fold(0.0, |m: f32, e| m.max(*e));
+    let share = errors.iter().filter(|e| **e > 1e-3).count() as f64 / n;
+    let fine = mean <= 1e-5 && share <= 1e-3 && undefined as f64 <= 1e-3 * n;
+    println!(
+        "{name:28} {what:9} mean {mean:9.2e} max {largest:9.2e} > 1e-3 {share:9.2e} undefined {undefined}"
+    );
+    if !fine {
+        heat(&format!("{name} {what}"), &errors, size);
+    }
+    fine
+}
+
+/// Writes where two images differ: black is equal, red 1e-5, yellow 1e-3, white 1e-1.
+fn heat(name: &str, errors: &[f32], size: Size) {
+    let values = errors.len() / size.pixels();
+    let colour = |errors: &[f32]| {
+        let level = (errors.iter().fold(0.0, |m: f32, e| m.max(*e)).max(1e-7).log10() + 7.0) / 2.0;
+        [0.0, 1.0, 2.0].map(|k| (level - k).clamp(0.0, 1.0))
+    };
+    let image = Image::from_vec(size, errors.chunks_exact(values).map(colour).collect());
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{}.png", name.replace(' ', "-")));
+    png::write(&png::to_bytes(&image), std::fs::File::create(&path).unwrap()).unwrap();
+    println!("  heat map: {}", path.display());
+}
+
+fn check(device: &Device, name: &str, scene: &Arc<Gaussians>, style: Style, view: &View) -> bool {
+    let (found, work) = by_gpu(device, scene, style, view);
+    let (wanted, cpu) = by_cpu(scene, style, view);
+    let pairs = images(&found).into_iter().zip(images(&wanted));
+    let closely =
+        pairs.map(|((what, a), (_, b))| close(name, what, &a, &b, view.camera.size)).collect::<Vec<_>>();
+    // Whole numbers, but for decisions at a threshold.
+    let near = |a: u64, b: u64| a.abs_diff(b) <= 2 + b / 10_000;
+    let counts = |w: &Work| {
+        [
+            w.gaussians,
+            w.behind,
+            w.degenerate,
+            w.outside,
+            w.blended,
+            w.stopped,
+            w.affine_doubtful,
+            w.affine_invalid,
+        ]
+    };
+    let counted = counts(&work).iter().zip(counts(&cpu)).all(|(a, b)| near(*a, b));
+    if !counted {
+        println!("{name}: {work:?}\n  by the cpu: {cpu:?}");
+    }
+    counted && closely.iter().all(|fine| *fine)
+}
+
+#[test]
+fn every_golden_is_met_on_the_gpu() {
+    let (Some(root), Some(device)) = (shared::path("data/golden/render"), gpu::device()) else { return };
+    println!("{}", device.fingerprint());
+    let mut fine = true;
+    for case in &cases(&root) {
+        fine &= golden(&root, case, &device);
+    }
+    assert!(fine, "a golden is missed, see the table");
+}
+
+/// Within the limits of the CPU's renderer.
+fn golden(root: &Path, case: &Case, device: &Device) -> bool {
+    let golden = case.same_as.as_ref().unwrap_or(&case.name);
+    let (found, work) = case.render(&mut Gpu::new(device.clone(), &case.scene(root), case.style()).unwrap());
+    let rgb = found.rgb.as_ref().unwrap().pixels();
+    let wanted = npy(&root.join(format!("{golden}.rgb.npy")));
+    let mut fine = row(&case.name, "rgb", difference(rgb.as_flattened(), &wanted));
+    let grey: Vec<f32> = wanted.as_chunks().0.iter().map(|&c| luminance(c)).collect();
+    fine &= row(&case.name, "luminance", difference(found.luminance.as_ref().unwrap().pixels(), &grey));
+    let alpha = npy(&root.join(format!("{golden}.alpha.npy")));
+    fine &= row(&case.name, "alpha", difference(found.alpha.as_ref().unwrap().pixels(), &alpha));
+    let near = |a: u64, b: u64| a.abs_diff(b) <= 2 + b / 100_000;
+    let counted =
+        near(work.blended, case.stats.blended_pixels) && near(work.stopped, case.stats.stopped_pixels);
+    println!("  blended {}, stopped {}{}", work.blended, work.stopped, if counted { "" } else { "  OVER" });
+    fine && counted
+}
+
+#[test]
+fn a_crowd_is_as_on_the_cpu() {
+    let Some(device) = gpu::device() else { return };
+    let scene = Arc::new(scene(&crowd(3000, 1)));
+    let view = moving(ahead(203, 150, 150.0));
+    let mut fine = true;
+    for rules in ALL_RULES {
+        for antialiased in [false, true] {
+            let name = format!("crowd {rules:?}{}", if antialiased { " aa" } else { "" });
+            fine &= check(&device, &name, &scene, style(rules, antialiased), &view);
+        }
+    }
+    assert!(fine, "the back ends differ, see the table");
+}
+
+/// Where a unit in the last place of 32 bits is 0.06 units long.
+#[test]
+fn far_from_the_origin_nothing_is_lost() {
+    let Some(device) = gpu::device() else { return };
+    let far = DVec3::new(1e6 + 0.1, -2e6, 5e5 + 0.3);
+    let mut scene = scene(&crowd(1000, 2));
+    scene.origin = far;
+    let mut view = moving(ahead(120, 90, 100.0));
+    view.world_from_camera.translation = far + DVec3::new(0.013, -0.007, 0.021);
+    assert!(check(&device, "far", &Arc::new(scene), style(Rules::Exact, true), &view));
+}
+
+#[test]
+fn a_real_scene_is_as_on_the_cpu() {
+    let (Some(path), Some(device)) = (shared::path("data/scenes/playbot_lod3.ply"), gpu::device()) else {
+        return;
+    };
+    let views = shared::path("data/scenes/playbot.transforms.json").unwrap();
+    let key = nerfstudio::read(&views).unwrap().0.views.swap_remove(11);
+    let camera = key.camera.resized(Size { width: 320, height: 180 });
+    let view = moving(View::still(camera, key.world_from_camera));
+    let scene = Arc::new(ply::read(&path));
+    let fine = ALL_RULES.map(|rules| {
+        check(&device, &format!("playbot {rules:?}"), &scene, style(rules, rules == Rules::Exact), &view)
+    });
+    assert!(fine.iter().all(|fine| *fine), "the back ends differ, see the table");
+}
+
+/// What does not fit a binding is cut up: the scene into parts, the image into regions. The picture is the same, bit for bit.
+#[test]
+fn small_bindings_change_nothing() {
+    let Some(device) = gpu::device() else { return };
+    let scene = scene(&crowd(3000, 3));
+    let (style, view) = (style(Rules::Exact, false), moving(ahead(203, 150, 150.0)));
+    let (wanted, work) = by_gpu(&device, &scene, style, &view);
+    let bits = |rendered: &Rendered| -> Vec<u32> {
+        images(rendered).into_iter().flat_map(|(_, values)| values).map(f32::to_bits).collect()
+    };
+    for limit in [1 << 18, 1 << 16] {
+        let (found, counted) = by_gpu(&device.clone().with_limit(limit), &scene, style, &view);
+        assert!(bits(&found) == bits(&wanted), "{limit}");
+        assert_eq!(counted, work, "{limit}");
+    }
+    // One tile sees more than so few bytes hold: an error that says what for, and no picture without them.
+    let mut gpu = Gpu::new(device.clone().with_limit(1 << 12), &scene, style).unwrap();
+    let error = gpu.render(&view, MOVING, &mut Rendered::default()).unwrap_err();
+    let RenderError::Gpu(GpuError::Tile { limit, .. }) = error else { panic!("{error}") };
+    assert_eq!(limit, 1 << 12);
+}
+
+#[test]
+fn views_in_flight_are_those_made_one_by_one() {
+    let Some(device) = gpu::device() else { return };
+    let scene = scene(&crowd(1000, 4));
+    let views: Vec<View> = (0..5)
+        .map(|k| {
+            let mut view = moving(ahead(64, 48, 60.0));
+            view.world_from_camera.translation.x = 0.2 * f64::from(k);
+            view
+        })
+        .collect();
+    let want = Channels { luminance: true, luminance_rate: true, ..Channels::default() };
+    let mut gpu = Gpu::new(device, &scene, OFFICIAL).unwrap();
+    views.iter().for_each(|view| gpu.expect(view, want));
+    let ahead: Vec<(Rendered, Work)> = views
+        .iter()
+        .map(|view| {
+            let mut out = Rendered::default();
+            let work = gpu.render(view, want, &mut out).unwrap();
+            (out, work)
+        })
+        .collect();
+    for (view, (rendered, work)) in views.iter().zip(&ahead) {
+        let mut alone = Rendered::default();
+        assert_eq!(gpu.render(view, want, &mut alone).unwrap(), *work);
+        assert!(alone.luminance == rendered.luminance && alone.luminance_rate == rendered.luminance_rate);
+        assert!(alone.rgb.is_none() && alone.depth.is_none());
+    }
+    assert!(ahead.windows(2).all(|pair| pair[0].0.luminance != pair[1].0.luminance), "the views differ");
+    if let Some(times) = gpu.times() {
+        println!("{times:?} of {:?}", Stage::ALL);
+        assert!(times[Stage::Raster as usize] > Duration::ZERO);
+    }
+    // A view that was not expected is rendered all the same, and what is expected of one that cannot be is told of it.
+    gpu.expect(&views[0], want);
+    let mut other = Rendered::default();
+    gpu.render(&views[1], want, &mut other).unwrap();
+    assert!(other.luminance == ahead[1].0.luminance);
+    let mut blind = views[0];
+    blind.camera.fx = f64::NAN;
+    gpu.expect(&blind, want);
+    assert!(matches!(gpu.render(&blind, want, &mut other), Err(RenderError::View(_))));
+}
+
+#[test]
+fn what_is_not_finite_is_left_out_and_counted() {
+    let Some(device) = gpu::device() else { return };
+    let mut spoilt = scene(&crowd(400, 5));
+    spoilt.positions[1][0] = f32::NAN;
+    spoilt.log_scales[2][1] = f32::INFINITY;
+    spoilt.rotations[3] = [f32::NAN; 4];
+    spoilt.sh[4][2] = f32::NEG_INFINITY;
+    spoilt.log_scales[5] = [80.0; 3];
+    spoilt.positions[6] = [f32::INFINITY, 0.0, 3.0];
+    let view = moving(ahead(64, 48, 60.0));
+    assert!(check(&device, "spoilt", &Arc::new(spoilt), style(Rules::Exact, false), &view));
+    // Nothing at all shows the background.
+    assert!(check(&device, "empty", &Arc::new(scene(&[])), style(Rules::Exact, false), &view));
+}
+
+#[test]
+fn a_gpu_that_is_lost_is_an_error() {
+    let Some(device) = gpu::device() else { return };
+    let mut gpu = Gpu::new(device.clone(), &scene(&crowd(10, 6)), OFFICIAL).unwrap();
+    let view = ahead(64, 48, 60.0);
+    gpu.render(&view, ALL, &mut Rendered::default()).unwrap();
+    device.destroy();
+    let error = gpu.render(&view, ALL, &mut Rendered::default()).unwrap_err();
+    let RenderError::Gpu(GpuError::Lost { adapter, .. }) = &error else { panic!("{error}") };
+    assert_eq!(adapter, device.name());
+}
+
+#[test]
+fn a_gpu_that_is_not_there_is_an_error_that_lists_those_that_are() {
+    let Some(device) = gpu::device() else { return };
+    for (choice, wanted) in [
+        (Choice::Index(99), "no GPU is number 99; there is "),
+        (Choice::Name("Voodoo 2".to_owned()), "no GPU is called `Voodoo 2`; there is "),
+    ] {
+        let told = Device::open(&choice).unwrap_err().to_string();
+        assert!(told.starts_with(wanted) && told.contains(device.name()), "{told}");
+    }
+    let name: String = device.name().chars().take(5).collect();
+    assert!(Device::open(&Choice::Name(name.to_uppercase())).is_ok());
+}

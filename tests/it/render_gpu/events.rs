@@ -1,0 +1,71 @@
+//! Events of frames by the GPU against events of frames by the CPU, with the same noise.
+//!
+//! Luminance differs by some units of 6e-8 of 255, a threshold is some 10 grey levels: with the same noise a pixel crosses at
+//! the same time but for 1e-6 of the time between two events, and a crossing more or less takes a tie.
+
+use super::gpu;
+use crate::support::gaussians::OFFICIAL;
+use gs2e::event::Event;
+use gs2e::frames::rendered::RenderedFrames;
+use gs2e::image::Size;
+use gs2e::render::Renderer;
+use gs2e::render::cpu::Cpu;
+use gs2e::render::gpu::Gpu;
+use gs2e::scene::procedural::{self, StillLife};
+use gs2e::se3::Se3;
+use gs2e::seed::Seed;
+use gs2e::sensor::simulate;
+use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::trajectory::Trajectory;
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+const SIZE: Size = Size { width: 160, height: 120 };
+const FRAMES: usize = 60;
+/// Time between frames, us.
+const STEP_US: i64 = 417;
+
+/// Each pixel's events in order of time, ns.
+fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16), Vec<i64>> {
+    let capture = procedural::capture(life);
+    let [from, to] = [&capture.views[0], &capture.views[5]].map(|view| view.world_from_camera);
+    let pose = |k: usize| Se3 {
+        rotation: from.rotation,
+        translation: from.translation.lerp(to.translation, k as f64 / FRAMES as f64),
+    };
+    let trajectory = Trajectory {
+        world_from_camera: (0..FRAMES).map(pose).collect(),
+        stamps_us: (0..).map(|k| k * STEP_US).take(FRAMES).collect(),
+    };
+    let mut frames = RenderedFrames::new(renderer, capture.views[0].camera.resized(SIZE), trajectory);
+    let mut all: Vec<Event> = Vec::new();
+    let mut go_on = |_: &_| ControlFlow::Continue(());
+    simulate(&mut frames, &Voltmeter::new(Preset::Dvs346.k()), Seed(7), &mut all, &mut go_on).unwrap();
+    let mut pixels: BTreeMap<_, Vec<i64>> = BTreeMap::new();
+    all.iter().for_each(|event| pixels.entry((event.x, event.y)).or_default().push(event.t.0));
+    pixels.values_mut().for_each(|times| times.sort_unstable());
+    pixels
+}
+
+#[test]
+fn events_are_those_of_the_cpu() {
+    let Some(device) = gpu::device() else { return };
+    let life = StillLife { gaussians: 500, views: 6, arc: 40.0, seed: 1 };
+    let scene = Arc::new(procedural::gaussians(&life));
+    let by_gpu = events(Box::new(Gpu::new(device, &scene, OFFICIAL).unwrap()), &life);
+    let by_cpu = events(Box::new(Cpu::new(scene, OFFICIAL).unwrap()), &life);
+    let count = |pixels: &BTreeMap<_, Vec<i64>>| pixels.values().map(Vec::len).sum::<usize>();
+    let (found, wanted) = (count(&by_gpu), count(&by_cpu));
+    let mut apart: Vec<i64> = by_cpu
+        .iter()
+        .flat_map(|(pixel, times)| times.iter().zip(by_gpu.get(pixel).into_iter().flatten()))
+        .map(|(a, b)| (a - b).abs())
+        .collect();
+    apart.sort_unstable();
+    let (median, most) = (apart[apart.len() / 2], apart[apart.len() * 99 / 100]);
+    println!("{found} events, {wanted} by the CPU; apart by {median} ns at the median, {most} ns at 99 %");
+    assert!(wanted > 10_000, "too few to compare");
+    assert!(found.abs_diff(wanted) as f64 <= 1e-3 * wanted as f64);
+    assert!(median < 1000, "{median} ns");
+}

@@ -1,0 +1,111 @@
+//! The GPU through the command line: where there is one, and where there is none.
+
+use super::{RIGHT, npy, workspace};
+use crate::support::gpu;
+use crate::support::workspace::{Ended, Workspace};
+use gs2e::event::{EventSource as _, h5};
+use serde_json::Value;
+use std::fs;
+
+/// Runs with the machine's GPUs.
+fn with_gpu(place: &Workspace, args: &str) -> Ended {
+    let output = place.command_with_gpu(&format!("{RIGHT} {args}")).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    let code = output.status.code().unwrap();
+    Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+#[test]
+fn without_a_gpu_auto_renders_on_the_cpu_and_says_so_in_one_line() {
+    let place = workspace();
+    place.ok(&format!("{RIGHT} --backend cpu"));
+    let by_cpu = fs::read(place.path("new.npy")).unwrap();
+    fs::remove_file(place.path("new.npy")).unwrap();
+    for args in ["", "--backend auto", "--gpu 0"] {
+        let told = place.ok(&format!("{RIGHT} {args}")).stderr;
+        let fallen: Vec<&str> = told.lines().filter(|line| line.starts_with("on the CPU, since ")).collect();
+        assert!(fallen.len() == 1 && fallen[0].contains("no GPU is there: vulkan "), "{args}: {told}");
+        assert!(told.contains("by cpu/"), "{told}");
+        assert!(fs::read(place.path("new.npy")).unwrap() == by_cpu, "{args}");
+    }
+    assert_eq!(place.ok(&format!("{RIGHT} -q")).stderr, "");
+}
+
+#[test]
+fn without_a_gpu_asking_for_one_fails_and_names_what_is_missing() {
+    let place = workspace();
+    for args in ["", "--gpu 0", "--gpu Voodoo"] {
+        let ended = place.gs2e(&format!("{RIGHT} --backend gpu {args}"));
+        assert_eq!(ended.code, 2, "{args}");
+        assert!(
+            ended.stderr.contains("no GPU is there: vulkan drivers/libraries could not be loaded"),
+            "{}",
+            ended.stderr
+        );
+        assert!(!place.path("new.npy").exists());
+    }
+    let told: Value =
+        serde_json::from_str(&place.gs2e(&format!("{RIGHT} --backend gpu --json")).stdout).unwrap();
+    assert_eq!((told["level"].as_str(), told["code"].as_str()), (Some("error"), Some("no-adapter")));
+}
+
+#[test]
+fn a_gpu_that_has_no_part_is_refused() {
+    let ended = workspace().gs2e(&format!("{RIGHT} --backend cpu --gpu 0"));
+    assert_eq!(ended.code, 2);
+    assert!(ended.stderr.contains("--gpu chooses among GPUs, and none renders"), "{}", ended.stderr);
+}
+
+/// Steps by a GPU have its class in their keys, and their events are those of the CPU.
+#[test]
+fn scenes_are_built_by_a_gpu() {
+    let place = Workspace::with_tiny();
+    let told = place.gs2e("build --backend gpu tiny.yaml");
+    assert_eq!((told.code, place.path(".gs2e").exists()), (2, false), "{}", told.stderr);
+    let Some(device) = gpu::device() else { return };
+    let run = |args: &str| {
+        let output = place.command_with_gpu(args).output().unwrap();
+        assert!(output.status.success(), "{args}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    run("release --backend gpu --to by-gpu tiny.yaml");
+    let plan = run("plan tiny.yaml");
+    assert!(plan.contains(&format!("numerical class {} -> cpu/", device.fingerprint())), "{plan}");
+    run("release --to by-cpu tiny.yaml");
+    let [by_gpu, by_cpu] = ["by-gpu", "by-cpu"].map(|tree| {
+        run(&format!("audit {tree}"));
+        let mut reader = h5::Reader::open(&place.path(&format!("{tree}/tiny/base/events.h5"))).unwrap();
+        let (mut events, mut chunk) = (Vec::new(), Vec::new());
+        while reader.next_chunk(&mut chunk).unwrap() {
+            events.append(&mut chunk);
+        }
+        events
+    });
+    // The same noise over frames that differ by some units of 2^-24.
+    assert!(by_cpu.len() > 1000 && by_gpu.len().abs_diff(by_cpu.len()) <= by_cpu.len() / 1000);
+    let mut apart: Vec<u64> = by_gpu.iter().zip(&by_cpu).map(|(a, b)| a.t.0.abs_diff(b.t.0)).collect();
+    apart.sort_unstable();
+    println!("{} events by the GPU, {} by the CPU", by_gpu.len(), by_cpu.len());
+    assert!(apart[apart.len() / 2] < 1000, "median {} ns", apart[apart.len() / 2]);
+}
+
+#[test]
+fn the_gpu_makes_the_same_picture() {
+    let Some(device) = gpu::device() else { return };
+    let place = workspace();
+    place.ok(RIGHT);
+    let by_cpu = npy(&fs::read(place.path("new.npy")).unwrap());
+    for args in ["--backend gpu", "--backend gpu --gpu 0", "--gpu 0"] {
+        let ended = with_gpu(&place, args);
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        assert!(ended.stderr.contains(&format!("by {}", device.fingerprint())), "{}", ended.stderr);
+        let (shape, values) = npy(&fs::read(place.path("new.npy")).unwrap());
+        assert_eq!(shape, by_cpu.0);
+        // One layer, whose power the two round apart: some units of 6e-8 of a colour of 1.6.
+        assert!(values.iter().zip(&by_cpu.1).all(|(a, b)| (a - b).abs() < 1e-6), "{args}");
+    }
+    let ended = with_gpu(&place, "--backend gpu --gpu 99");
+    assert_eq!(ended.code, 2);
+    let wanted = format!("no GPU is number 99; there is {}", device.name());
+    assert!(ended.stderr.contains(&wanted), "{}", ended.stderr);
+}
