@@ -113,7 +113,7 @@ impl Common {
     /// The back end of steps, which their keys depend on: the CPU unless another one is asked for.
     fn backend(&self) -> Result<Backend, Problem> {
         match self.backend {
-            Choice::Gpu => self.device(gpu::Choice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e)),
+            Choice::Gpu => self.device(&gpu::Choice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e)),
             _ if self.gpu.is_some() => {
                 Err(Problem::usage("no-adapter", "--gpu chooses among GPUs, and none renders".to_owned())
                     .help("--backend gpu with it"))
@@ -124,8 +124,8 @@ impl Common {
     }
 
     /// The GPU that `--gpu` chooses, else one of these.
-    fn device(&self, otherwise: gpu::Choice) -> Result<Device, GpuError> {
-        Device::open(self.gpu.as_ref().unwrap_or(&otherwise))
+    fn device(&self, otherwise: &gpu::Choice) -> Result<Device, GpuError> {
+        Device::open(self.gpu.as_ref().unwrap_or(otherwise))
     }
 
     /// Keeps a single step to the cores that it may use.

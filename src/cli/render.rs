@@ -216,7 +216,7 @@ impl Render {
             return by(&common.backend()?).map_err(failed);
         }
         // One in software is slower than the CPU renderer.
-        let device = common.device(gpu::Choice::Hardware).map_err(RenderError::from);
+        let device = common.device(&gpu::Choice::Hardware).map_err(RenderError::from);
         let done = device.and_then(|device| by(&Backend::Gpu(device))).or_else(|error| {
             let RenderError::Gpu(because) = &error else { return Err(error) };
             console.say(&format!("on the CPU, since {because}"));

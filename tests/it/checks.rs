@@ -85,7 +85,9 @@ fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
             records.iter().filter(|r| text(r, "subject").starts_with(&subject)).collect();
         assert!(of_scene.len() >= 20, "{of_scene:#?}");
         for record in &of_scene {
-            let may_warn = setting.arc > 90.0 && record["check"] == "sampling";
+            // 3,000 Gaussians cover the room only if its wall's are a tenth of its distance wide.
+            let may_warn =
+                (setting.arc > 90.0 && record["check"] == "sampling") || record["check"] == "affine";
             let wanted = if may_warn { "warn" } else { "pass" };
             let sound = [wanted, "not-run"].contains(&&*text(record, "verdict"));
             assert!(sound, "{}: {record:#}", setting.sensor);

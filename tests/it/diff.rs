@@ -152,12 +152,12 @@ fn revisions_classes_and_steps_that_differ_are_told() {
         step(manifest, "base/events")["key"] = json!(zeros);
         step(manifest, "base/events")["made_of"][field] = value;
     };
-    let revision = json!([{ "code": "revision", "old": 1, "new": 7 }]);
+    let revision = json!([{ "code": "revision", "old": 2, "new": 7 }]);
     t(&|m| rekeyed(m, "revision", json!(7)), ("base/events", true, revision));
     let class = json!([{ "code": "class", "old": gs2e::render::cpu::FINGERPRINT, "new": "other/1" }]);
     t(&|m| rekeyed(m, "class", json!("other/1")), ("base/events", true, class));
     let untold = json!([{ "code": "untold" }]);
-    t(&|m| rekeyed(m, "revision", json!(1)), ("base/events", true, untold.clone()));
+    t(&|m| rekeyed(m, "revision", json!(2)), ("base/events", true, untold.clone()));
     t(
         &|m| {
             step(m, "base/sharp")["key"] = json!(zeros);

@@ -48,7 +48,6 @@ pub(super) struct State {
 impl Decoder for State {
     const BYTES: usize = 4;
 
-    #[expect(clippy::cast_possible_truncation, reason = "11 bits fit")]
     fn take(&mut self, bytes: &[u8], found: &mut Found<'_>) -> Result<(), String> {
         let word = u32::from_le_bytes(bytes.try_into().expect("a word has 4 bytes"));
         match word >> 28 {

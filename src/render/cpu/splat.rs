@@ -119,7 +119,7 @@ impl Splat {
 pub(super) mod tests {
     use super::super::exp2;
     use super::super::extent;
-    use super::super::project::Footprint;
+    use super::super::eye::Footprint;
     use super::*;
     use crate::render::Rules;
     use crate::render::shared::{DILATION, MIN_ALPHA, TILE};

@@ -32,7 +32,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "a scene has fewer than 2^32 Gaussians")]
 
-use super::project::slack;
+use super::eye::slack;
 use super::{activate, extent};
 use crate::camera::Camera;
 use crate::render::Rules;
@@ -90,7 +90,7 @@ fn frustum(rules: Rules, camera: &Camera) -> [Plane; 5] {
         normal[k] = sign;
         let [low, high] = slack(camera, rules)[k];
         let steepest = low.abs().max(high.abs());
-        let spread = SPREAD * steepest.hypot(1.0) / normal.length();
+        let spread = SPREAD * (steepest * steepest + 1.0).sqrt() / normal.length();
         Plane { normal: normal.normalize(), least: 0.0, spread }
     };
     let near = Plane { normal: DVec3::Z, least: f64::from(near) * (1.0 - 1e-6), spread: 0.0 };

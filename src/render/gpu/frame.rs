@@ -4,8 +4,8 @@
 
 use super::Region;
 use crate::image::luminance;
-use crate::render::shared::{FRUSTUM_SLACK, GSPLAT_SLACK};
-use crate::render::{Rules, Style, View};
+use crate::render::cpu::eye::slack;
+use crate::render::{Style, View};
 use glam::DVec3;
 
 /// Bytes of a `Frame`: fifteen rows of four and nine words, rounded up to whole rows.
@@ -22,7 +22,7 @@ pub(super) fn bytes(view: &View, origin: DVec3, style: &Style, region: Region, r
         let [high, low] = two(DVec3::new(x, y, 0.0));
         [high[0], high[1], low[0], low[1]]
     };
-    let [x, y] = slack(view, style.rules);
+    let [x, y] = slack(&view.camera, style.rules).map(|bounds| bounds.map(|slope| slope as f32));
     let row = |v: DVec3| {
         let [x, y, z] = v.as_vec3().to_array();
         [x, y, z, 0.0]
@@ -59,27 +59,4 @@ fn two(v: DVec3) -> [[f32; 4]; 2] {
     let high = v.as_vec3();
     let low = (v - high.as_dvec3()).as_vec3();
     [high, low].map(|part| [part.x, part.y, part.z, 0.0])
-}
-
-/// Least and largest `x / z` and `y / z` at which the projection's derivative is taken.
-fn slack(view: &View, rules: Rules) -> [[f32; 2]; 2] {
-    let camera = view.camera;
-    let (size, focal, centre) = (
-        [camera.size.width, camera.size.height].map(f64::from),
-        [camera.fx, camera.fy],
-        [camera.cx, camera.cy],
-    );
-    [0, 1].map(|k| {
-        let [low, high] = match rules {
-            Rules::Official | Rules::Exact | Rules::Soft => {
-                let most = FRUSTUM_SLACK * size[k] / (2.0 * focal[k]);
-                [-most, most]
-            }
-            Rules::Gsplat => {
-                let more = GSPLAT_SLACK * size[k] / focal[k];
-                [-(centre[k] / focal[k] + more), (size[k] - centre[k]) / focal[k] + more]
-            }
-        };
-        [low as f32, high as f32]
-    })
 }

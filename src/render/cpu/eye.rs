@@ -1,0 +1,203 @@
+//! A view, and how a point and an ellipsoid look in it (`numerics.md` 7.1, 7.2): `f64` up to camera coordinates, so that
+//! scenes far from the world's origin lose nothing, `f32` in the stable forms from there on.
+
+#![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
+
+use crate::camera::Camera;
+use crate::render::dual::{Real, cross, dot};
+use crate::render::shared::{DILATION, FRUSTUM_SLACK, GSPLAT_SLACK};
+use crate::render::{Rules, Velocity, View};
+use glam::{DMat3, DVec3};
+
+/// `sqrt(log2(e) / 2)`: makes `exp(-x^2 / 2)` into `2^-x^2`.
+const TO_BINARY: f32 = 0.849_321_8;
+
+/// A view in the form that every Gaussian needs it in.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Eye {
+    pub(super) camera_from_world: DMat3,
+    /// The same rounded, row by row.
+    rows: [[f32; 3]; 3],
+    /// The scene's local origin minus the camera's centre, world axes.
+    origin: DVec3,
+    focal: [f64; 2],
+    centre: [f64; 2],
+    /// [`slack`] of the camera.
+    slack: [[f64; 2]; 2],
+    /// Of the image, px.
+    pub(super) size: [f32; 2],
+    /// Of the camera, in its own axes.
+    velocity: Velocity,
+    /// Its angular part, rounded.
+    turning: [f32; 3],
+    /// How fast the ray from the camera to any point of the scene changes: world axes, units a second.
+    ray_rate: DVec3,
+}
+
+/// Least and largest `x / z`, then `y / z`, at which the projection's derivative is taken.
+pub(in crate::render) fn slack(camera: &Camera, rules: Rules) -> [[f64; 2]; 2] {
+    let along = |focal: f64, centre: f64, edge: u32| match rules {
+        Rules::Official | Rules::Exact | Rules::Soft => {
+            let most = FRUSTUM_SLACK * f64::from(edge) / (2.0 * focal);
+            [-most, most]
+        }
+        Rules::Gsplat => {
+            let size = f64::from(edge);
+            let more = GSPLAT_SLACK * size / focal;
+            [-(centre / focal + more), (size - centre) / focal + more]
+        }
+    };
+    [along(camera.fx, camera.cx, camera.size.width), along(camera.fy, camera.cy, camera.size.height)]
+}
+
+impl Eye {
+    /// The view of a scene whose positions are relative to `origin`.
+    pub(super) fn new(view: &View, origin: DVec3, rules: Rules) -> Self {
+        let camera = view.camera;
+        let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
+        let size = [camera.size.width, camera.size.height].map(f64::from);
+        let (focal, centre) = ([camera.fx, camera.fy], [camera.cx, camera.cy]);
+        Self {
+            camera_from_world,
+            rows: [0, 1, 2].map(|k| camera_from_world.row(k).as_vec3().to_array()),
+            origin: origin - view.world_from_camera.translation,
+            focal,
+            centre,
+            slack: slack(&camera, rules),
+            size: size.map(|v| v as f32),
+            velocity: view.velocity,
+            turning: view.velocity.angular.as_vec3().to_array(),
+            ray_rate: -(view.world_from_camera.rotation * view.velocity.linear),
+        }
+    }
+}
+
+/// A Gaussian's dilated covariance `[[a, b], [b, c]]` on the image, px^2, and what else is read off its axes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Footprint<S> {
+    /// Variance along x.
+    pub(super) a: S,
+    /// Covariance.
+    pub(super) b: S,
+    /// Variance along y.
+    pub(super) c: S,
+    /// Determinant.
+    pub(super) det: S,
+    /// Determinant before dilation.
+    pub(super) det0: S,
+    /// Standard deviation of depth, scene units.
+    pub(super) depth_deviation: f32,
+}
+
+impl<S: Real<Plain = f32>> Footprint<S> {
+    /// `w1, w2, w3` of [`Splat`]. `w2` is `-b / sqrt(c det)` without the product, which overflows first.
+    #[inline(always)]
+    pub(super) fn weights(&self) -> [S; 3] {
+        let to_binary = S::with_rate(TO_BINARY, 0.0);
+        let w1 = (self.c / self.det).sqrt() * to_binary;
+        [w1, -(self.b / self.c) * w1, to_binary / self.c.sqrt()]
+    }
+}
+
+/// Where a Gaussian's mean is seen.
+pub(super) struct Sight<S> {
+    pub(super) depth: S,
+    /// px
+    pub(super) mean: [S; 2],
+    /// `x / z` and `y / z` where the projection's derivative is taken.
+    pub(super) slopes: [S; 2],
+}
+
+impl Eye {
+    /// From the camera's centre to a point relative to the scene's origin, world axes.
+    #[inline(always)]
+    pub(super) fn ray(&self, [x, y, z]: [f32; 3]) -> DVec3 {
+        self.origin + DVec3::new(x.into(), y.into(), z.into())
+    }
+
+    /// A point in camera axes; `qdot = -v - w x q` while the camera moves.
+    #[inline(always)]
+    pub(super) fn sight<S: Real<Plain = f32>>(&self, point: DVec3) -> Sight<S> {
+        let rate = -self.velocity.linear - self.velocity.angular.cross(point);
+        let (u, v) = (point.x / point.z, point.y / point.z);
+        let (u_rate, v_rate) = ((rate.x - u * rate.z) / point.z, (rate.y - v * rate.z) / point.z);
+        Sight {
+            depth: S::with_rate(point.z as f32, rate.z as f32),
+            mean: [self.mean(0, u, u_rate), self.mean(1, v, v_rate)],
+            slopes: [self.clamped(0, u, u_rate), self.clamped(1, v, v_rate)],
+        }
+    }
+
+    #[inline(always)]
+    fn mean<S: Real<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
+        S::with_rate((self.focal[k] * slope + self.centre[k]) as f32, (self.focal[k] * rate) as f32)
+    }
+
+    #[inline(always)]
+    fn clamped<S: Real<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
+        let [low, high] = self.slack[k];
+        let inside = (low < slope) & (slope < high);
+        // `f64::clamp` without its look at the bounds
+        let slope = if slope < low { low } else { slope };
+        let slope = if slope > high { high } else { slope };
+        S::with_rate(slope as f32, if inside { rate as f32 } else { 0.0 })
+    }
+
+    /// The footprint of a Gaussian with these scaled world axes.
+    #[inline(always)]
+    pub(super) fn footprint<S: Real<Plain = f32>>(
+        &self,
+        slopes: [S; 2],
+        depth: S,
+        axes: [[f32; 3]; 3],
+    ) -> Footprint<S> {
+        let [m0, m1, m2] = [self.turned(axes[0]), self.turned(axes[1]), self.turned(axes[2])];
+        let along = [m0[2], m1[2], m2[2]];
+        // rows of the projection's derivative times the axes: they stay in the Gaussian's own axes, where the
+        // cross product does not cancel
+        let scale = |k: usize| S::with_rate(self.focal[k] as f32, 0.0) / depth;
+        let (s0, s1) = (scale(0), scale(1));
+        let a0 = [row(s0, slopes[0], m0, 0), row(s0, slopes[0], m1, 0), row(s0, slopes[0], m2, 0)];
+        let a1 = [row(s1, slopes[1], m0, 1), row(s1, slopes[1], m1, 1), row(s1, slopes[1], m2, 1)];
+        let n = cross(a0, a1);
+        let (aa, cc, det0) = (dot(a0, a0), dot(a1, a1), dot(n, n));
+        let d = S::with_rate(DILATION, 0.0);
+        let depth_deviation = dot(along, along).value().sqrt();
+        Footprint {
+            a: aa + d,
+            b: dot(a0, a1),
+            c: cc + d,
+            det: det0 + d * (aa + cc) + d * d,
+            det0,
+            depth_deviation,
+        }
+    }
+
+    /// A direction of the world in camera axes, which turn against the camera.
+    #[inline(always)]
+    fn turned<S: Real<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
+        let seen = [dot(self.rows[0], axis), dot(self.rows[1], axis), dot(self.rows[2], axis)];
+        let rate = cross(seen, self.turning);
+        [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
+    }
+
+    /// The direction from the camera to such a point. The ray turns by what of its own rate is across it.
+    #[inline(always)]
+    pub(super) fn direction<S: Real<Plain = f32>>(&self, point: [f32; 3]) -> [S; 3] {
+        let ray = self.ray(point);
+        let direction = ray.normalize();
+        let rate = self.ray_rate;
+        let turning = (rate - direction * direction.dot(rate)) / ray.length();
+        [
+            S::with_rate(direction.x as f32, turning.x as f32),
+            S::with_rate(direction.y as f32, turning.y as f32),
+            S::with_rate(direction.z as f32, turning.z as f32),
+        ]
+    }
+}
+
+/// An entry of a row of the projection's derivative times one axis.
+#[inline(always)]
+fn row<S: Real<Plain = f32>>(scale: S, slope: S, axis: [S; 3], k: usize) -> S {
+    scale * (axis[k] - slope * axis[2])
+}
