@@ -18,6 +18,9 @@ const CHUNK: usize = 1 << 15;
 /// Entries of a chunk between two looks at whether there is room for them.
 const STEP: usize = 1 << 12;
 
+/// Splats that are read at a time.
+const NEAR: usize = 32;
+
 /// The image cut into tiles, row by row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
@@ -193,15 +196,22 @@ impl Chunk {
         self.starts.clear();
         self.starts.resize(band.len() + 1, 0);
         let mut told = 0;
-        for &key in frame.order {
-            let place = sort::place(key);
-            each_run(&frame.splats[place as usize], frame.grid, band, |run| {
-                for tile in run {
-                    let tile = tile - band.start;
-                    self.starts[tile] += 1;
-                    self.pairs.push(Pair { tile: tile as u32, place });
-                }
-            });
+        let mut near = [Splat::default(); NEAR];
+        for keys in frame.order.chunks(NEAR) {
+            // Copied first: reads that do not wait for one another overlap, and most of them miss the cache.
+            for (near, &key) in near.iter_mut().zip(keys) {
+                *near = frame.splats[sort::place(key) as usize];
+            }
+            for (splat, &key) in near.iter().zip(keys) {
+                let place = sort::place(key);
+                each_run(splat, frame.grid, band, |run| {
+                    for tile in run {
+                        let tile = tile - band.start;
+                        self.starts[tile] += 1;
+                        self.pairs.push(Pair { tile: tile as u32, place });
+                    }
+                });
+            }
             if self.pairs.len() - told >= STEP {
                 if !room.take(self.pairs.len() - told) {
                     return false;
@@ -242,19 +252,16 @@ fn tiles([first, end]: [u16; 2]) -> Range<usize> {
 fn each_run(splat: &Splat, grid: Grid, band: &Range<usize>, mut each: impl FnMut(Range<usize>)) {
     let rows = tiles(splat.rows);
     let one_row_or_column = rows.len() == 1 || tiles(splat.columns).len() == 1;
+    let outline = splat.outline();
     let within = band.start / grid.columns..band.end.div_ceil(grid.columns);
     for row in rows.start.max(within.start)..rows.end.min(within.end) {
-        let columns = tiles(if one_row_or_column { splat.columns } else { columns_of(splat, row) });
+        let [first, end] = splat.rows;
+        let [first, end] = [first.max((row * TILE) as u16), end.min(((row + 1) * TILE) as u16)];
+        let columns = tiles(if one_row_or_column { splat.columns } else { outline.columns_in(first, end) });
         let first = (row * grid.columns + columns.start).max(band.start);
         let end = (row * grid.columns + columns.end).min(band.end);
         if first < end {
             each(first..end);
         }
     }
-}
-
-/// The columns that the splat may touch in one row of tiles.
-fn columns_of(splat: &Splat, row: usize) -> [u16; 2] {
-    let [first, end] = splat.rows;
-    splat.columns_in(first.max((row * TILE) as u16), end.min(((row + 1) * TILE) as u16))
 }

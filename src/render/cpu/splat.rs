@@ -93,25 +93,44 @@ impl Splat {
         Some([middle - wide, middle + wide])
     }
 
-    /// The columns that may be touched in rows `first..end`, which lie within the splat's own.
-    pub(super) fn columns_in(&self, first: u16, end: u16) -> [u16; 2] {
+    /// Its outline.
+    #[inline(always)]
+    pub(super) fn outline(&self) -> Outline<'_> {
         let [w1, w2, w3] = self.w;
-        let skew = (w2 * w2 + w3 * w3).sqrt();
-        let half = self.reach.sqrt() * skew / (w1 * w3);
-        let wide = half + edge_margin(half);
-        // The ellipse is widest to the right where dy = turn, to the left where dy = -turn.
-        let turn = -w2 * self.reach.sqrt() / (w3 * skew);
-        let top = f32::from(first) + 0.5 - self.mean[1];
-        let bottom = f32::from(end) - 0.5 - self.mean[1];
-        let slack = edge_margin(turn.abs());
+        let (skew, root) = ((w2 * w2 + w3 * w3).sqrt(), self.reach.sqrt());
+        let half = root * skew / (w1 * w3);
+        let turn = -w2 * root / (w3 * skew);
+        Outline { splat: self, wide: half + edge_margin(half), turn, slack: edge_margin(turn.abs()) }
+    }
+}
+
+/// The ellipse `q <= reach` of a splat.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Outline<'a> {
+    splat: &'a Splat,
+    /// Half its width with the margin for rounding, px.
+    wide: f32,
+    /// It is widest to the right where `dy = turn`, to the left where `dy = -turn`.
+    turn: f32,
+    /// What rounding may move these by, px.
+    slack: f32,
+}
+
+impl Outline<'_> {
+    /// The columns that may be touched in rows `first..end`, which lie within the splat's own.
+    #[inline(always)]
+    pub(super) fn columns_in(&self, first: u16, end: u16) -> [u16; 2] {
+        let Self { splat, wide, turn, slack } = *self;
+        let top = f32::from(first) + 0.5 - splat.mean[1];
+        let bottom = f32::from(end) - 0.5 - splat.mean[1];
         let chord = |dy: f32| {
             let widest = dy >= top - slack && dy <= bottom + slack;
-            if widest { None } else { self.chord(dy.clamp(top, bottom)) }
+            if widest { None } else { splat.chord(dy.clamp(top, bottom)) }
         };
-        let low = chord(-turn).map_or(self.mean[0] - wide, |[low, _]| low);
-        let high = chord(turn).map_or(self.mean[0] + wide, |[_, high]| high);
-        let [x0, x1] = pixels_within(low, high, f32::from(self.columns[1]));
-        [x0.max(self.columns[0]), x1]
+        let low = chord(-turn).map_or(splat.mean[0] - wide, |[low, _]| low);
+        let high = chord(turn).map_or(splat.mean[0] + wide, |[_, high]| high);
+        let [x0, x1] = pixels_within(low, high, f32::from(splat.columns[1]));
+        [x0.max(splat.columns[0]), x1]
     }
 }
 
@@ -197,7 +216,7 @@ pub(super) mod tests {
                     let centre = f32::from(x) + 0.5;
                     prop_assert!(low <= centre && centre <= high, "chord {low}..{high} at ({x}, {y})");
                     let rows = [band[0].max(splat.rows[0]), band[1].min(splat.rows[1])];
-                    let columns = splat.columns_in(rows[0], rows[1]);
+                    let columns = splat.outline().columns_in(rows[0], rows[1]);
                     prop_assert!(inside(columns, x), "band {columns:?} of ({x}, {y})");
                 }
             }
@@ -209,7 +228,7 @@ pub(super) mod tests {
         let needle = splat([48.0, 48.0], 300.0, 0.1, std::f32::consts::FRAC_PI_4, 1.0).unwrap();
         assert_eq!((needle.columns, needle.rows), ([0, EDGE], [0, EDGE]));
         let tiles = |row: u16| {
-            let [first, end] = needle.columns_in(row * 16, row * 16 + 16);
+            let [first, end] = needle.outline().columns_in(row * 16, row * 16 + 16);
             usize::from(end).div_ceil(TILE) - usize::from(first) / TILE
         };
         // it runs through the tiles' corners, so each row has its own tile and the corners' two neighbours
