@@ -24,3 +24,6 @@ pub enum Version {
 
 /// Columns and rows have 11 bits.
 const EDGE: u32 = 1 << 11;
+
+/// Times at and after this are refused: internal times are nanoseconds in 64 bits.
+const END_US: i64 = i64::MAX / 1000;

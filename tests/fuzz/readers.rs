@@ -2,7 +2,8 @@
 //! first and closed again around what has been changed: else nothing would pass it.
 
 use crate::corpus::{Corpus, files, inflated, zipped};
-use gs2e::event::{self, EventSource};
+use gs2e::event::{self, EventSource, text};
+use gs2e::image::Size;
 use gs2e::recipe::{RecipeFile, read_files};
 use gs2e::scene::{ply, sog, splat, spz};
 use gs2e::source::{colmap, nerfstudio};
@@ -38,10 +39,14 @@ const EVENTS: [&str; 4] = [
     "tests/fuzz/corpus/none.npz",
     "tests/fuzz/corpus/many.npz",
 ];
+const EVT: [&str; 2] = ["tests/fuzz/corpus/evt2.raw", "tests/fuzz/corpus/evt3.raw"];
+const AEDAT4: [&str; 2] = ["tests/fuzz/corpus/few.aedat4", "tests/fuzz/corpus/plain.aedat4"];
+const TEXT: [&str; 3] =
+    ["tests/fuzz/corpus/few.txt", "tests/fuzz/corpus/few.csv", "tests/fuzz/corpus/foreign.txt"];
 const SOG: &str = "tests/golden/scenes/flat.sog";
 const PALETTE: &str = "tests/golden/scenes/palette.sog";
 
-pub(crate) const READERS: [Reader; 14] = [
+pub(crate) const READERS: [Reader; 17] = [
     Reader { name: "ply", corpus: || files(&PLY), read: |file| ply::read_ply(file).is_ok() },
     Reader { name: "packed", corpus: || files(&PACKED), read: |file| ply::read_ply(file).is_ok() },
     Reader {
@@ -84,6 +89,24 @@ pub(crate) const READERS: [Reader; 14] = [
         },
     },
     Reader { name: "events", corpus: || files(&EVENTS), read: |file| on_disk(file, "events", read_events) },
+    Reader {
+        name: "evt",
+        corpus: || files(&EVT),
+        read: |file| on_disk(file, "events", |path| event::evt::Reader::open(path).is_ok_and(drain)),
+    },
+    Reader {
+        name: "aedat4",
+        corpus: || files(&AEDAT4),
+        read: |file| on_disk(file, "events", |path| event::aedat4::Reader::open(path).is_ok_and(drain)),
+    },
+    Reader {
+        name: "event-text",
+        corpus: || files(&TEXT),
+        read: |file| {
+            let size = Size { width: 32, height: 24 };
+            on_disk(file, "events", |path| text::Reader::open(path, Some(size), None).is_ok_and(drain))
+        },
+    },
 ];
 
 /// The three files of a model.
@@ -146,19 +169,21 @@ fn read_model(file: &[u8], extension: &str) -> bool {
 
 /// Reads the file as both kinds of event stream, to its end.
 fn read_events(path: &Path) -> bool {
-    fn drain(mut source: impl EventSource) -> bool {
-        let mut chunk = Vec::new();
-        loop {
-            match source.next_chunk(&mut chunk) {
-                Ok(true) => {}
-                Ok(false) => return true,
-                Err(_) => return false,
-            }
-        }
-    }
     let h5 = event::h5::Reader::open(path).is_ok_and(|reader| {
         let indexed = reader.verify_index().is_ok();
         drain(reader) && indexed
     });
     h5 || event::npz::Reader::open(path).is_ok_and(drain)
+}
+
+/// Reads a stream to its end; whether that was reached.
+fn drain(mut source: impl EventSource) -> bool {
+    let mut chunk = Vec::new();
+    loop {
+        match source.next_chunk(&mut chunk) {
+            Ok(true) => {}
+            Ok(false) => return true,
+            Err(_) => return false,
+        }
+    }
 }

@@ -3,7 +3,6 @@
 
 use super::reader::{Decoder, Found};
 use crate::event::{Event, Polarity};
-use crate::units::Timestamp;
 
 const TIME_HIGH: u32 = 0x8;
 const TRIGGER: u32 = 0xa;
@@ -60,7 +59,7 @@ impl Decoder for State {
                 let t_us = self.turns * END_US + (i64::from(high) << LOW | i64::from(low));
                 let (x, y) = ((word >> 11 & 0x7ff) as u16, (word & 0x7ff) as u16);
                 let polarity = if kind == 1 { Polarity::On } else { Polarity::Off };
-                found.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity })
+                found.push(t_us, [x, y], polarity)
             }
             TIME_HIGH => {
                 let high = word & 0x0fff_ffff;

@@ -3,7 +3,6 @@
 
 use super::reader::{Decoder, Found};
 use crate::event::{Event, Polarity};
-use crate::units::Timestamp;
 
 const ADDRESS_Y: u16 = 0x0;
 const ADDRESS_X: u16 = 0x2;
@@ -21,9 +20,6 @@ const CONTINUED_12: u16 = 0xf;
 const PART: u32 = 12;
 /// Largest value of a word.
 const VALUE: u16 = (1 << PART) - 1;
-
-/// Times at and after this are refused: internal times are nanoseconds in 64 bits.
-pub(super) const END_US: i64 = i64::MAX / 1000;
 
 /// Fewest events that a base and a mask are shorter for.
 const WORTH_A_MASK: usize = 3;
@@ -137,7 +133,7 @@ impl State {
         };
         let t_us = (self.turns << PART | i64::from(high)) << PART | i64::from(self.low);
         let polarity = if on { Polarity::On } else { Polarity::Off };
-        found.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity })
+        found.push(t_us, [x, y], polarity)
     }
 
     fn run(&mut self, mask: u16, bits: u16, found: &mut Found<'_>) -> Result<(), String> {

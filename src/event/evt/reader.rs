@@ -1,8 +1,9 @@
 //! Reading, word by word.
 
-use super::{Version, evt2, evt3, header};
-use crate::event::{Event, EventFileError, EventSource, Header};
+use super::{END_US, Version, evt2, evt3, header};
+use crate::event::{Event, EventFileError, EventSource, Header, Polarity};
 use crate::image::Size;
+use crate::units::Timestamp;
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::Path;
@@ -45,12 +46,15 @@ pub(super) struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// An event, if it lies on the sensor.
-    pub(super) fn push(&mut self, event: Event) -> Result<(), String> {
-        if u32::from(event.x) >= self.size.width || u32::from(event.y) >= self.size.height {
-            return Err(format!("pixel ({}, {}) lies outside the sensor of {}", event.x, event.y, self.size));
+    /// An event, if it lies on the sensor and in time.
+    pub(super) fn push(&mut self, t_us: i64, [x, y]: [u16; 2], polarity: Polarity) -> Result<(), String> {
+        if u32::from(x) >= self.size.width || u32::from(y) >= self.size.height {
+            return Err(format!("pixel ({x}, {y}) lies outside the sensor of {}", self.size));
         }
-        self.events.push(event);
+        if t_us >= END_US {
+            return Err(format!("t = {t_us} us, wanted less than {END_US}"));
+        }
+        self.events.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity });
         Ok(())
     }
 }

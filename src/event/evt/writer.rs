@@ -1,6 +1,6 @@
 //! Writing, chunk by chunk.
 
-use super::{EDGE, Version, evt2, evt3, header};
+use super::{EDGE, END_US, Version, evt2, evt3, header};
 use crate::event::order::Order;
 use crate::event::{Event, EventFileError, EventSink};
 use crate::image::Size;
@@ -35,7 +35,7 @@ impl Writer {
         }
         let (encoder, end_us) = match version {
             Version::Evt2 => (Encoder::Evt2(evt2::Encoder::default()), evt2::END_US),
-            Version::Evt3 => (Encoder::Evt3(evt3::Encoder::default()), evt3::END_US),
+            Version::Evt3 => (Encoder::Evt3(evt3::Encoder::default()), END_US),
         };
         let mut file = BufWriter::new(File::create(path)?);
         header::write(&mut file, version, size)?;
