@@ -47,7 +47,7 @@
 //! - `unsafe` is forbidden.
 //! - Numbers: 64 bits for poses, time and sensor state that accumulates; 32 bits for splats and pixels. What reaches
 //!   a file is computed with IEEE operations and `libm`, in a fixed order, so that its bytes are the same on every
-//!   machine and with any number of threads.
+//!   machine and with any number of threads. What a GPU renders is its own: its name and driver are in the key.
 
 pub mod artifact;
 pub mod camera;
