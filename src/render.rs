@@ -3,6 +3,7 @@
 pub mod backend;
 pub mod centre;
 pub mod cpu;
+pub mod doubt;
 mod dual;
 pub mod flow;
 pub mod gpu;

@@ -6,8 +6,9 @@ use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
 use crate::frames::anchors::Anchors;
 use crate::frames::rendered::RenderedFrames;
-use crate::image::{Image, Size};
+use crate::image::Size;
 use crate::render::backend::Backend;
+use crate::render::doubt::Doubt;
 use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
 use crate::scene::Gaussians;
@@ -85,7 +86,7 @@ impl Stage for Simulating {
             account,
             work: frames.work(),
             flow_px: Quantiles::of(sampled.moved_px),
-            doubtful_share: (sampled.weight > 0.0).then(|| sampled.doubtful / sampled.weight),
+            doubtful_share: sampled.doubt.share(),
             depth_unit: flow::nearest_ranks(sampled.depth, [5, 50, 95]),
             brightness_stamps_us: anchors.stamps_us.clone(),
         };
@@ -135,9 +136,7 @@ struct Sampled {
     /// Way of the picture between neighbouring poses.
     moved_px: Vec<f32>,
     depth: Vec<f32>,
-    /// Blended weight, summed, and what of it is doubtful.
-    weight: f64,
-    doubtful: f64,
+    doubt: Doubt,
 }
 
 fn sample_depth(
@@ -154,11 +153,7 @@ fn sample_depth(
         let [from, to] = [a, b].map(|j| View::still(camera, poses[j]));
         let mut rendered = Rendered::default();
         renderer.render(&from, want, &mut rendered).map_err(StageError::work("measure the optical flow"))?;
-        let sum = |image: &Option<Image<f32>>| -> f64 {
-            image.iter().flat_map(Image::pixels).map(|v| f64::from(*v)).sum()
-        };
-        sampled.weight += sum(&rendered.alpha);
-        sampled.doubtful += sum(&rendered.doubtful);
+        sampled.doubt.add(&rendered);
         let depth = rendered.depth.expect("depth was asked for");
         sampled.moved_px.extend(flow::displacement(&depth, &from, &to).into_pixels());
         sampled.depth.extend(depth.into_pixels());
