@@ -16,6 +16,8 @@ pub struct Frame {
     pub t: Timestamp,
     /// Luminance on the grey scale 0..255, as rendered: it may exceed 255, and be negative only by rounding.
     pub luminance: Image<f32>,
+    /// Its change per second on the same scale, where the sequence has it: what `between: hermite` goes by.
+    pub rate: Option<Image<f32>>,
 }
 
 /// Why the next frame could not be had.

@@ -83,8 +83,12 @@ impl World {
         let events = fire(&sensor, &images, &stamps_us);
         let mut anchors = Anchors::empty();
         for j in Anchors::choose(&stamps_us) {
-            let frame =
-                Frame { index: j, t: Timestamp::from_micros(stamps_us[j]), luminance: images[j].clone() };
+            let frame = Frame {
+                index: j,
+                t: Timestamp::from_micros(stamps_us[j]),
+                luminance: images[j].clone(),
+                rate: None,
+            };
             anchors.keep(&frame, stamps_us[j]);
         }
         let pace = setting.pace as f32;

@@ -106,7 +106,7 @@ mod tests {
         let mut anchors = Anchors::empty();
         for index in 0..2 {
             let luminance = Image::from_vec(size, (0u8..6).map(|v| f32::from(v) + 0.5).collect());
-            anchors.keep(&Frame { index, t: Timestamp(0), luminance }, 417 * index as i64);
+            anchors.keep(&Frame { index, t: Timestamp(0), luminance, rate: None }, 417 * index as i64);
         }
         let mut bytes = Vec::new();
         anchors.write_images(&mut bytes).unwrap();

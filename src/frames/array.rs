@@ -29,6 +29,19 @@ impl Samples {
             Self::Floats(values, _) => values.len(),
         }
     }
+
+    /// Grey 0..255 of one unit of the samples.
+    fn scale(&self) -> f32 {
+        if let Self::Floats(_, FullScale::One) = self { 255.0 } else { 1.0 }
+    }
+
+    /// A sample on the grey scale 0..255.
+    fn grey(&self, i: usize) -> f32 {
+        match self {
+            Self::Bytes(values) => f32::from(values[i]),
+            Self::Floats(values, _) => self.scale() * values[i],
+        }
+    }
 }
 
 /// Why an array and its stamps are no sequence of frames.
@@ -71,6 +84,8 @@ pub enum ArrayError {
 pub struct ArrayFrames {
     size: Size,
     samples: Samples,
+    /// Change per second, on the scale of the samples; one a sample, or none.
+    rates: Vec<f32>,
     /// ns since the first.
     stamps: Vec<i64>,
     next: usize,
@@ -86,7 +101,31 @@ impl ArrayFrames {
         if size.pixels().checked_mul(frames) != Some(found) {
             return Err(ArrayError::Samples { found, frames, size });
         }
-        Ok(Self { size, samples, stamps: relative(stamps_us)?, next: 0 })
+        Ok(Self { size, samples, rates: Vec::new(), stamps: relative(stamps_us)?, next: 0 })
+    }
+
+    /// The same with the luminance's change per second at every sample, on the samples' scale.
+    ///
+    /// # Errors
+    /// When there is not one a sample.
+    pub fn with_rates(self, rates: Vec<f32>) -> Result<Self, ArrayError> {
+        let found = rates.len();
+        if found != self.samples.len() {
+            return Err(ArrayError::Samples { found, frames: self.stamps.len(), size: self.size });
+        }
+        Ok(Self { rates, ..self })
+    }
+
+    /// The values of frame `index` on the grey scale, all of them finite.
+    fn image(&self, index: usize, what: &str, grey: impl Fn(usize) -> f32) -> Result<Image<f32>, FrameError> {
+        let n = self.size.pixels();
+        let values: Vec<f32> = (index * n..(index + 1) * n).map(grey).collect();
+        if let Some(bad) = values.iter().position(|v| !v.is_finite()) {
+            let width = self.size.width as usize;
+            let because = format!("{what} ({}, {}) is {}", bad % width, bad / width, values[bad]);
+            return Err(FrameError::Invalid { index, because });
+        }
+        Ok(Image::from_vec(self.size, values))
     }
 }
 
@@ -117,19 +156,13 @@ impl Frames for ArrayFrames {
     fn next(&mut self) -> Result<Option<Frame>, FrameError> {
         let index = self.next;
         let Some(&t) = self.stamps.get(index) else { return Ok(None) };
-        let range = index * self.size.pixels()..(index + 1) * self.size.pixels();
-        let luminance: Vec<f32> = match &self.samples {
-            Samples::Bytes(values) => values[range].iter().map(|&v| f32::from(v)).collect(),
-            Samples::Floats(values, FullScale::Grey255) => values[range].to_vec(),
-            Samples::Floats(values, FullScale::One) => values[range].iter().map(|v| 255.0 * v).collect(),
-        };
-        if let Some(bad) = luminance.iter().position(|v| !v.is_finite()) {
-            let width = self.size.width as usize;
-            let because = format!("pixel ({}, {}) is {}", bad % width, bad / width, luminance[bad]);
-            return Err(FrameError::Invalid { index, because });
-        }
+        let scale = self.samples.scale();
+        let luminance = self.image(index, "pixel", |i| self.samples.grey(i))?;
+        let rate = (!self.rates.is_empty())
+            .then(|| self.image(index, "the rate of pixel", |i| scale * self.rates[i]))
+            .transpose()?;
         self.next += 1;
-        Ok(Some(Frame { index, t: Timestamp(t), luminance: Image::from_vec(self.size, luminance) }))
+        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate }))
     }
 }
 
@@ -166,6 +199,18 @@ mod tests {
         t(&[0, 5], 3, "3 samples are not 2 frames of 2x1, which are 4");
         t(&[0, 5, 5], 6, "stamp 2 is 5 us, not later than the one before, 5 us");
         t(&[i64::MIN, 0], 4, "stamp 1 is 0 us, too far from the first, -9223372036854775808 us");
+    }
+
+    #[test]
+    fn rates_come_on_the_scale_of_the_samples() {
+        let of =
+            |samples| ArrayFrames::new(SIZE, samples, &[0]).unwrap().with_rates(vec![2.0, -0.5]).unwrap();
+        let rate = |mut frames: ArrayFrames| frames.next().unwrap().unwrap().rate.unwrap().into_pixels();
+        assert_eq!(rate(of(Samples::Floats(vec![0.0, 1.0], FullScale::One))), [510.0, -127.5]);
+        assert_eq!(rate(of(Samples::Bytes(vec![0, 255]))), [2.0, -0.5]);
+        let frames = ArrayFrames::new(SIZE, Samples::Bytes(vec![0, 1]), &[0]).unwrap();
+        let message = "1 samples are not 1 frames of 2x1, which are 2";
+        assert_eq!(frames.with_rates(vec![1.0]).unwrap_err().to_string(), message);
     }
 
     #[test]

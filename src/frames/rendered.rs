@@ -103,7 +103,7 @@ impl Frames for RenderedFrames {
         }
         self.done += 1;
         let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
-        Ok(Some(Frame { index, t, luminance }))
+        Ok(Some(Frame { index, t, luminance, rate: None }))
     }
 }
 

@@ -86,7 +86,7 @@ fn frames(rate: f64, model: &Voltmeter) -> Vec<Frame> {
             (libm::exp(centre + wave - below) - k2) as f32
         };
         let luminance = Image::from_vec(SIZE, (0..SIZE.pixels()).map(level).collect());
-        Frame { index: usize::from(index), t, luminance }
+        Frame { index: usize::from(index), t, luminance, rate: None }
     };
     (0..FRAMES).map(frame).collect()
 }

@@ -307,7 +307,7 @@ mod tests {
     const SIZE: Size = Size { width: 3, height: 2 };
 
     fn frame(index: usize, ns: i64, luminance: [f32; 6]) -> Frame {
-        Frame { index, t: Timestamp(ns), luminance: Image::from_vec(SIZE, luminance.to_vec()) }
+        Frame { index, t: Timestamp(ns), luminance: Image::from_vec(SIZE, luminance.to_vec()), rate: None }
     }
 
     /// The account of these frames, or the first error.
@@ -341,7 +341,7 @@ mod tests {
             "frame 1: the luminance of pixel (1, 1) is NaN, not a finite number",
         );
         let other = Image::filled(Size { width: 2, height: 3 }, 0.0);
-        let other = Frame { index: 0, t: Timestamp(0), luminance: other };
+        let other = Frame { index: 0, t: Timestamp(0), luminance: other, rate: None };
         t(&[other], "frame 0: it is 2x3, the sequence is 3x2");
     }
 
