@@ -2,6 +2,9 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+mod input;
+pub mod noise;
+mod pairs;
 pub mod statistics;
 pub mod voltmeter;
 mod window;
@@ -111,6 +114,14 @@ pub struct Account {
     pub drift_violations: u64,
     /// The largest such difference over its bound: at most 1 in a sound run.
     pub drift_worst: f64,
+    /// Events left out because of the cap.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub capped: u64,
+}
+
+/// Whether a value is its type's default, which stands in no record: older ones do not have it.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Why a simulation cannot go on.

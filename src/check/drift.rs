@@ -1,7 +1,7 @@
 //! The drift of a pixel's voltage between two frames, as the sensor's law has it.
 
 use crate::sensor::Sensor;
-use crate::sensor::voltmeter::{Gain, Initial, Voltmeter};
+use crate::sensor::voltmeter::{Gain, Initial, Law, Voltmeter};
 
 /// The part of a sensor's law that frames alone decide: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
 /// microseconds and greys (numerics.md section 1).
@@ -20,8 +20,11 @@ impl DriftLaw {
     /// # Errors
     /// Where the frames at two instants do not decide the drift between them; the text says why.
     pub fn of(sensor: &Sensor) -> Result<Self, &'static str> {
-        let Sensor::Voltmeter(Voltmeter { k, threshold_on, threshold_off, gain, initial, .. }) = sensor;
+        let Sensor::Voltmeter(Voltmeter { k, threshold_on, threshold_off, gain, initial, law, .. }) = sensor;
         let from_zero = *initial == Initial::Zero;
+        if *law == Law::Official {
+            return Err("under `law: official` the drift depends on every frame between two anchors");
+        }
         match gain {
             Gain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off], from_zero }),
             Gain::Midpoint => {

@@ -134,9 +134,7 @@ impl Resolver<'_> {
     fn sampler(&self, field: &Field<schema::Law>) -> Option<Law> {
         match field {
             Field::Absent | Field::Given(schema::Law::Exact, _) => Some(Law::Exact),
-            Field::Given(schema::Law::Official, place) => {
-                self.word_later("official", *place, "this gs2e has the law exact")
-            }
+            Field::Given(schema::Law::Official, _) => Some(Law::Official),
             Field::Bad => None,
         }
     }

@@ -1,7 +1,7 @@
 //! What a parameter set will do, said before anything runs: contrast, leak and noise at a few greys; and the refusal of
 //! sets that make no usable stream (numerics.md 1.1).
 
-use super::{Preset, Voltmeter};
+use super::{Initial, Law, Preset, Voltmeter};
 use crate::sensor::statistics::Renewal;
 use crate::units::Hertz;
 use serde::Serialize;
@@ -91,6 +91,9 @@ pub enum ScreenError {
         /// What it may be.
         wanted: &'static str,
     },
+    /// Choices that exclude each other.
+    #[error("{0}")]
+    Combination(&'static str),
     /// More noise than any stream can use.
     #[error(
         "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
@@ -148,6 +151,24 @@ impl Voltmeter {
         if self.max_events_per_pixel_frame == 0 {
             let name = "max_events_per_pixel_frame";
             return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
+        }
+        self.validate_options()
+    }
+
+    /// Whether the law has what is asked of it beside `k` and the thresholds.
+    fn validate_options(&self) -> Result<(), ScreenError> {
+        let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
+        let refuse = |name, found, wanted| Err(ScreenError::Parameter { name, found, wanted });
+        if !(*spread >= 0.0 && spread.is_finite()) {
+            return refuse("threshold.spread", *spread, "a finite number of at least 0");
+        }
+        hot.validate()?;
+        if self.law == Law::Official && self.initial == Initial::Stationary {
+            return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
+        }
+        let imperfect = *spread > 0.0 || !hot.is_absent() || self.allow_cap;
+        if self.law == Law::Exact && imperfect {
+            return Err(ScreenError::Combination("the law exact has no spread, hot pixels or allowed cap"));
         }
         Ok(())
     }
