@@ -2,10 +2,15 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+mod course;
+mod detector;
+pub mod esim;
 mod input;
 pub mod noise;
 mod pairs;
+pub mod screening;
 pub mod statistics;
+pub mod v2e;
 pub mod voltmeter;
 mod window;
 
@@ -14,6 +19,7 @@ use crate::frames::{Frame, FrameError, Frames};
 use crate::image::Size;
 use crate::seed::Seed;
 use crate::units::Hertz;
+use screening::{ScreenError, Screening};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
@@ -23,6 +29,10 @@ use std::ops::ControlFlow;
 pub enum Sensor {
     /// The stochastic model of DVS-Voltmeter.
     Voltmeter(voltmeter::Voltmeter),
+    /// Thresholds on the logarithm, as in ESIM.
+    Esim(esim::Esim),
+    /// A low-pass filter, leak and shot noise, as in v2e.
+    V2e(v2e::V2e),
 }
 
 impl Sensor {
@@ -30,7 +40,19 @@ impl Sensor {
     #[must_use]
     pub fn as_model(&self) -> &dyn Model {
         match self {
-            Self::Voltmeter(v) => v,
+            Self::Voltmeter(sensor) => sensor,
+            Self::Esim(sensor) => sensor,
+            Self::V2e(sensor) => sensor,
+        }
+    }
+
+    /// The model's name in recipes.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Voltmeter(_) => "voltmeter",
+            Self::Esim(_) => "esim",
+            Self::V2e(_) => "v2e",
         }
     }
 
@@ -38,9 +60,11 @@ impl Sensor {
     ///
     /// # Errors
     /// When its parameters make no usable stream.
-    pub fn screen(&self, rate: Hertz) -> Result<voltmeter::Screening, voltmeter::ScreenError> {
+    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         match self {
-            Self::Voltmeter(v) => v.screen(rate),
+            Self::Voltmeter(sensor) => sensor.screen(rate),
+            Self::Esim(sensor) => sensor.screen(rate),
+            Self::V2e(sensor) => sensor.screen(rate),
         }
     }
 }
@@ -207,13 +231,28 @@ mod tests {
     /// Every member of the family, without noise.
     fn quiet() -> Vec<Sensor> {
         let [k1, k2, ..] = voltmeter::Preset::Dvs346.k();
-        vec![Sensor::Voltmeter(voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]))]
+        let voltmeter = voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..voltmeter.clone() };
+        vec![
+            Sensor::Voltmeter(voltmeter),
+            Sensor::Voltmeter(official),
+            Sensor::Esim(esim::Esim::default()),
+            Sensor::V2e(v2e::V2e::from(v2e::Preset::Clean)),
+        ]
     }
 
     /// Every member as it is.
     fn usual() -> Vec<Sensor> {
         let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
-        presets.into_iter().map(Sensor::Voltmeter).collect()
+        let official = presets.clone().map(|v| voltmeter::Voltmeter { law: voltmeter::Law::Official, ..v });
+        let threshold = noise::Threshold { on: 0.15, off: 0.2, spread: 0.03 };
+        let refractory = noise::Refractory { period_us: 50.0, reference: noise::Reference::AtEnd };
+        let hot_pixels = noise::HotPixels { share: 0.1, rate: 1000.0 };
+        let esim = esim::Esim { threshold, refractory, hot_pixels, ..esim::Esim::default() };
+        let redrawn = esim::Esim { mismatch: noise::Redraw::PerFrame, ..esim.clone() };
+        let noisy = v2e::V2e { hot_pixels, ..v2e::V2e::from(v2e::Preset::Noisy) };
+        let voltmeters = presets.into_iter().chain(official).map(Sensor::Voltmeter);
+        voltmeters.chain([Sensor::Esim(esim), Sensor::Esim(redrawn), Sensor::V2e(noisy)]).collect()
     }
 
     fn clip(grey: impl Fn(usize, usize) -> f32) -> ArrayFrames {

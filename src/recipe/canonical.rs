@@ -7,26 +7,30 @@ use super::resolve::Resolved;
 use super::{Output, Reconstruct, Source, schema};
 use crate::render::Antialiased;
 use crate::sensor::Sensor;
-use crate::sensor::voltmeter::{Preset, Voltmeter};
+use crate::sensor::noise::HotPixels;
+use crate::sensor::voltmeter::{Between, Preset, Voltmeter};
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
 /// The canonical form of a recipe: `raw` gives what is shown as it was written (paths, formulae, a literal `k`).
 pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
-    let Sensor::Voltmeter(voltmeter) = &recipe.sensor;
+    let between = match &recipe.sensor {
+        Sensor::Voltmeter(voltmeter) => voltmeter.between,
+        Sensor::Esim(_) | Sensor::V2e(_) => Between::Linear,
+    };
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,
         "seed": recipe.seed,
         "source": source(raw, &recipe.source),
         "trajectories": trajectory::all(raw, &recipe.trajectories),
-        "sampling": { "rate": ratio(recipe.rate.0), "between": voltmeter.between, "law": recipe.law },
+        "sampling": { "rate": ratio(recipe.rate.0), "between": between, "law": recipe.law },
         "render": {
             "rules": recipe.render.rules,
             "antialiased": antialiased(recipe.render.antialiased),
             "background": recipe.render.background,
         },
-        "sensor": { "voltmeter": sensor(raw, voltmeter) },
+        "sensor": { recipe.sensor.name(): sensor(raw, &recipe.sensor) },
         "outputs": recipe.outputs.iter().map(|o| output(*o)).collect::<Vec<_>>(),
         "sharp": { "every": recipe.sharp_every },
         "checks": recipe.checks,
@@ -81,7 +85,16 @@ fn written(field: &Field<String>) -> Option<&str> {
     field.given().map(|(text, _)| text.as_str())
 }
 
-fn sensor(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {
+fn sensor(raw: &schema::Recipe, sensor: &Sensor) -> Value {
+    match sensor {
+        Sensor::Voltmeter(sensor) => voltmeter(raw, sensor),
+        // Their parameters are named as a recipe names them.
+        Sensor::Esim(sensor) => json!(sensor),
+        Sensor::V2e(sensor) => json!(sensor),
+    }
+}
+
+fn voltmeter(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {
     let mut out = json!({
         "threshold": { "on": voltmeter.threshold_on, "off": voltmeter.threshold_off },
         "law": voltmeter.law,
@@ -89,6 +102,15 @@ fn sensor(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {
         "initial": voltmeter.initial,
         "max_events_per_pixel_frame": voltmeter.max_events_per_pixel_frame,
     });
+    if voltmeter.threshold_spread > 0.0 {
+        out["threshold"]["spread"] = json!(voltmeter.threshold_spread);
+    }
+    if voltmeter.hot_pixels != HotPixels::default() {
+        out["hot_pixels"] = json!(voltmeter.hot_pixels);
+    }
+    if voltmeter.allow_cap {
+        out["allow_cap"] = json!(true);
+    }
     let raw = match raw.sensor.given() {
         Some((schema::Sensor::Voltmeter(raw), _)) => raw.given().map(|(raw, _)| raw),
         _ => None,

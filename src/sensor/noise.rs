@@ -7,7 +7,7 @@ pub(super) mod poisson;
 pub mod refractory;
 
 pub use hot_pixels::HotPixels;
-pub use mismatch::Redraw;
+pub use mismatch::{Redraw, Threshold};
 pub use refractory::{Reference, Refractory};
 
 use crate::seed::{Cell, Draws, Seed, Space};

@@ -19,11 +19,10 @@ mod exact;
 mod noiseless;
 mod official;
 pub mod presets;
-pub mod screen;
+mod screen;
 pub mod units;
 
 pub use presets::Preset;
-pub use screen::{ScreenError, Screening};
 pub use units::Units;
 
 use super::noise::HotPixels;

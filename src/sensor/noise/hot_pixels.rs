@@ -6,7 +6,7 @@
 use super::Site;
 use super::poisson::Train;
 use crate::seed::Space;
-use crate::sensor::voltmeter::ScreenError;
+use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
 /// How many pixels are hot, and how hot.
@@ -30,16 +30,11 @@ impl HotPixels {
     /// # Errors
     /// Naming the one that is not.
     pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
-        let wanted = "a number from 0 to 1";
-        let share = ("hot_pixels.share", self.share, (0.0..=1.0).contains(&self.share), wanted);
-        let finite = self.rate >= 0.0 && self.rate.is_finite();
-        let rate = ("hot_pixels.rate", self.rate, finite, "a finite number of at least 0");
-        for (name, found, holds, wanted) in [share, rate] {
-            if !holds {
-                return Err(ScreenError::Parameter { name, found, wanted });
-            }
+        if !(0.0..=1.0).contains(&self.share) {
+            let (name, wanted) = ("hot_pixels.share", "a number from 0 to 1");
+            return Err(ScreenError::Parameter { name, found: self.share, wanted });
         }
-        Ok(())
+        at_least_zero("hot_pixels.rate", self.rate)
     }
 
     /// Events per ns of a hot pixel.

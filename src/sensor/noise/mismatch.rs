@@ -6,6 +6,7 @@
 
 use super::Site;
 use crate::seed::Space;
+use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
 /// How often thresholds are drawn.
@@ -17,6 +18,49 @@ pub enum Redraw {
     PerSensor,
     /// For each pair of frames anew: what a pixel does then depends on the frame rate.
     PerFrame,
+}
+
+/// Thresholds of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Threshold {
+    /// Of ON events, above 0.
+    pub on: f64,
+    /// Of OFF events, above 0.
+    pub off: f64,
+    /// Standard deviation over the pixels, at least 0; where it is above 0, thresholds are at least [`FLOOR`].
+    pub spread: f64,
+}
+
+/// Least threshold of a pixel where thresholds differ, in the programs of ESIM and v2e.
+pub const FLOOR: f64 = 0.01;
+
+impl Threshold {
+    /// Whether the numbers are what they can be.
+    ///
+    /// # Errors
+    /// Naming the first that is not.
+    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+        let Self { on, off, spread } = *self;
+        let least = if spread > 0.0 { FLOOR } else { f64::MIN_POSITIVE };
+        let wanted =
+            if spread > 0.0 { "at least 0.01, as the spread asks" } else { "a finite number above 0" };
+        for (name, found) in [("threshold.on", on), ("threshold.off", off)] {
+            if !(found >= least && found.is_finite()) {
+                return Err(ScreenError::Parameter { name, found, wanted });
+            }
+        }
+        at_least_zero("threshold.spread", spread)
+    }
+
+    /// The thresholds of ON and OFF.
+    pub(in crate::sensor) fn sides(&self) -> [f64; 2] {
+        [self.on, self.off]
+    }
+
+    /// Those of the pixel at `site`; `frame` is 0 where they are drawn once.
+    pub(in crate::sensor) fn at(&self, site: Site, frame: u64) -> [f64; 2] {
+        thresholds(self.sides(), self.spread, [FLOOR; 2], site, frame)
+    }
 }
 
 /// The thresholds of ON and OFF of the pixel at `site`. `frame` is 0 where they are drawn once.

@@ -1,6 +1,10 @@
 //! The dead time after an event, in which a pixel makes no other.
 
+use crate::sensor::screening::ScreenError;
 use serde::{Deserialize, Serialize};
+
+/// A thousand seconds.
+const LONGEST_US: f64 = 1e9;
 
 /// How long a pixel is dead after an event, and what it compares with afterwards.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -31,5 +35,17 @@ impl Refractory {
     #[expect(clippy::cast_possible_truncation, reason = "periods are below 2^53 ns")]
     pub(in crate::sensor) fn period_ns(&self) -> i64 {
         (self.period_us * 1e3).ceil() as i64
+    }
+
+    /// Whether the period is one.
+    ///
+    /// # Errors
+    /// Where it is not.
+    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+        if !(0.0..=LONGEST_US).contains(&self.period_us) {
+            let (name, wanted) = ("refractory.period_us", "a number from 0 to 1e9");
+            return Err(ScreenError::Parameter { name, found: self.period_us, wanted });
+        }
+        Ok(())
     }
 }

@@ -11,8 +11,10 @@ use gs2e::trajectory::travel::Count;
 use gs2e::units::Ratio;
 
 fn voltmeter(recipe: gs2e::recipe::Recipe) -> Voltmeter {
-    let Sensor::Voltmeter(voltmeter) = recipe.sensor;
-    voltmeter
+    match recipe.sensor {
+        Sensor::Voltmeter(voltmeter) => voltmeter,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// The path of the first trajectory.
