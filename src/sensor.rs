@@ -244,14 +244,14 @@ mod tests {
     /// Every member as it is.
     fn usual() -> Vec<Sensor> {
         let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
-        let official = presets.clone().map(|v| voltmeter::Voltmeter { law: voltmeter::Law::Official, ..v });
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..presets[0].clone() };
         let threshold = noise::Threshold { on: 0.15, off: 0.2, spread: 0.03 };
         let refractory = noise::Refractory { period_us: 50.0, reference: noise::Reference::AtEnd };
         let hot_pixels = noise::HotPixels { share: 0.1, rate: 1000.0 };
         let esim = esim::Esim { threshold, refractory, hot_pixels, ..esim::Esim::default() };
         let redrawn = esim::Esim { mismatch: noise::Redraw::PerFrame, ..esim.clone() };
         let noisy = v2e::V2e { hot_pixels, ..v2e::V2e::from(v2e::Preset::Noisy) };
-        let voltmeters = presets.into_iter().chain(official).map(Sensor::Voltmeter);
+        let voltmeters = presets.into_iter().chain([official]).map(Sensor::Voltmeter);
         voltmeters.chain([Sensor::Esim(esim), Sensor::Esim(redrawn), Sensor::V2e(noisy)]).collect()
     }
 
