@@ -21,6 +21,7 @@ mod problem;
 mod progress;
 mod release;
 mod render;
+mod renderers;
 mod trajectory;
 mod why;
 
@@ -29,6 +30,7 @@ use crate::render::gpu::{self, Device, GpuError};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use console::Console;
 use problem::{Exit, Problem};
+use renderers::{Auto, Chosen};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -110,7 +112,16 @@ impl Common {
     /// Where built things are kept unless the user says otherwise.
     const STORE: &'static str = ".gs2e";
 
-    /// The back end of steps, which their keys depend on: the CPU unless another one is asked for.
+    /// What renders the scenes of recipes, which the keys of their steps depend on.
+    fn renderers(&self) -> Result<Chosen, Problem> {
+        match self.backend {
+            // One in software is slower than the CPU renderer: it is taken where it is named.
+            Choice::Auto => Ok(Chosen::Auto(Auto::new(self.gpu.clone().unwrap_or(gpu::Choice::Hardware)))),
+            _ => self.backend().map(Chosen::One),
+        }
+    }
+
+    /// The one back end of what is rendered beside recipes' scenes: the CPU unless another one is asked for.
     fn backend(&self) -> Result<Backend, Problem> {
         match self.backend {
             Choice::Gpu => self.device(&gpu::Choice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e)),
