@@ -29,7 +29,7 @@ use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
 use crate::scene::procedural::StillLife;
-use crate::sensor::Sensor;
+use crate::sensor::Sensors;
 use crate::speed::Speed;
 use crate::store::stat_cache::Sighting;
 use crate::trajectory::path::Path;
@@ -66,8 +66,8 @@ pub struct Recipe {
     pub law: Summation,
     /// Rendering.
     pub render: RenderChoice,
-    /// The sensor.
-    pub sensor: Sensor,
+    /// The sensors.
+    pub sensors: Sensors,
     /// What is made for each trajectory.
     pub outputs: BTreeSet<Output>,
     /// Every how many poses a sharp frame is kept.

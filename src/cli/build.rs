@@ -11,7 +11,7 @@ use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
 use crate::plan::survey::{Settled, Survey, survey, unsettled};
-use crate::recipe::{self, Recipe};
+use crate::recipe;
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::screen::Noise;
@@ -19,6 +19,7 @@ use crate::stage::StepId;
 use crate::store::fs::Stat;
 use crate::store::space::Space;
 use crate::store::{Access, Claim, Digest, Opening, Store};
+use crate::units::Hertz;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -120,17 +121,19 @@ fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
 fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), Problem> {
     let mut told: Vec<&Sensor> = Vec::new();
     for recipe in plan.scenes() {
-        if !told.contains(&&recipe.sensor) {
-            told.push(&recipe.sensor);
-            tell_sensor(recipe, console)?;
+        for (name, sensor) in recipe.sensors.iter() {
+            if !told.contains(&sensor) {
+                told.push(sensor);
+                let of = name.map_or_else(|| recipe.scene.clone(), |name| format!("{}/{name}", recipe.scene));
+                tell_sensor(&of, sensor, recipe.rate, console)?;
+            }
         }
     }
     Ok(())
 }
 
-fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
-    let scene = &recipe.scene;
-    let screening = recipe.sensor.screen(recipe.rate);
+fn tell_sensor(scene: &str, sensor: &Sensor, rate: Hertz, console: &Console) -> Result<(), Problem> {
+    let screening = sensor.screen(rate);
     let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
     let [on, off] = screening.contrast;
     console

@@ -202,7 +202,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
         rate: resolved.rate,
         law: resolved.law,
         render: resolved.render,
-        sensor: resolved.sensor,
+        sensors: resolved.sensors,
         outputs: resolved.outputs,
         sharp_every: resolved.sharp_every,
         checks: resolved.checks,

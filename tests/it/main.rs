@@ -37,6 +37,7 @@ mod render_same_bytes;
 mod render_stress;
 mod render_verb;
 mod scenes;
+mod several_sensors;
 mod sources;
 mod staleness;
 mod store;
