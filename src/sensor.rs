@@ -2,7 +2,15 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+mod course;
+mod detector;
+pub mod esim;
+mod input;
+pub mod noise;
+mod pairs;
+pub mod screening;
 pub mod statistics;
+pub mod v2e;
 pub mod voltmeter;
 mod window;
 
@@ -11,6 +19,7 @@ use crate::frames::{Frame, FrameError, Frames};
 use crate::image::Size;
 use crate::seed::Seed;
 use crate::units::Hertz;
+use screening::{ScreenError, Screening};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -21,6 +30,10 @@ use std::ops::ControlFlow;
 pub enum Sensor {
     /// The stochastic model of DVS-Voltmeter.
     Voltmeter(voltmeter::Voltmeter),
+    /// Thresholds on the logarithm, as in ESIM.
+    Esim(esim::Esim),
+    /// A low-pass filter, leak and shot noise, as in v2e.
+    V2e(v2e::V2e),
 }
 
 impl Sensor {
@@ -28,7 +41,19 @@ impl Sensor {
     #[must_use]
     pub fn as_model(&self) -> &dyn Model {
         match self {
-            Self::Voltmeter(v) => v,
+            Self::Voltmeter(sensor) => sensor,
+            Self::Esim(sensor) => sensor,
+            Self::V2e(sensor) => sensor,
+        }
+    }
+
+    /// The model's name in recipes.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Voltmeter(_) => "voltmeter",
+            Self::Esim(_) => "esim",
+            Self::V2e(_) => "v2e",
         }
     }
 
@@ -36,9 +61,11 @@ impl Sensor {
     ///
     /// # Errors
     /// When its parameters make no usable stream.
-    pub fn screen(&self, rate: Hertz) -> Result<voltmeter::Screening, voltmeter::ScreenError> {
+    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         match self {
-            Self::Voltmeter(v) => v.screen(rate),
+            Self::Voltmeter(sensor) => sensor.screen(rate),
+            Self::Esim(sensor) => sensor.screen(rate),
+            Self::V2e(sensor) => sensor.screen(rate),
         }
     }
 }
@@ -132,6 +159,14 @@ pub struct Account {
     pub drift_violations: u64,
     /// The largest such difference over its bound: at most 1 in a sound run.
     pub drift_worst: f64,
+    /// Events left out because of the cap.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub capped: u64,
+}
+
+/// Whether a value is its type's default, which stands in no record: older ones do not have it.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Why a simulation cannot go on.
@@ -251,13 +286,28 @@ mod tests {
     /// Every member of the family, without noise.
     fn quiet() -> Vec<Sensor> {
         let [k1, k2, ..] = voltmeter::Preset::Dvs346.k();
-        vec![Sensor::Voltmeter(voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]))]
+        let voltmeter = voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..voltmeter.clone() };
+        vec![
+            Sensor::Voltmeter(voltmeter),
+            Sensor::Voltmeter(official),
+            Sensor::Esim(esim::Esim::default()),
+            Sensor::V2e(v2e::V2e::from(v2e::Preset::Clean)),
+        ]
     }
 
     /// Every member as it is.
     fn usual() -> Vec<Sensor> {
         let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
-        presets.into_iter().map(Sensor::Voltmeter).collect()
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..presets[0].clone() };
+        let threshold = noise::Threshold { on: 0.15, off: 0.2, spread: 0.03 };
+        let refractory = noise::Refractory { period_us: 50.0, reference: noise::Reference::AtEnd };
+        let hot_pixels = noise::HotPixels { share: 0.1, rate: 1000.0 };
+        let esim = esim::Esim { threshold, refractory, hot_pixels, ..esim::Esim::default() };
+        let redrawn = esim::Esim { mismatch: noise::Redraw::PerFrame, ..esim.clone() };
+        let noisy = v2e::V2e { hot_pixels, ..v2e::V2e::from(v2e::Preset::Noisy) };
+        let voltmeters = presets.into_iter().chain([official]).map(Sensor::Voltmeter);
+        voltmeters.chain([Sensor::Esim(esim), Sensor::Esim(redrawn), Sensor::V2e(noisy)]).collect()
     }
 
     fn clip(grey: impl Fn(usize, usize) -> f32) -> ArrayFrames {

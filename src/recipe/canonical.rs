@@ -6,14 +6,20 @@ use super::field::Field;
 use super::resolve::Resolved;
 use super::{Output, Reconstruct, Source, schema};
 use crate::render::Antialiased;
-use crate::sensor::voltmeter::Preset;
+use crate::sensor::noise::HotPixels;
+use crate::sensor::voltmeter::{Between, Preset, Voltmeter};
 use crate::sensor::{Sensor, Sensors};
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
 /// The canonical form of a recipe: `raw` gives what is shown as it was written (paths, formulae, a literal `k`).
 pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
-    let between = recipe.sensors.iter().map(|(_, Sensor::Voltmeter(v))| v.between).next();
+    let between = |(_, sensor): (_, &Sensor)| match sensor {
+        Sensor::Voltmeter(voltmeter) => voltmeter.between,
+        Sensor::Esim(_) | Sensor::V2e(_) => Between::Linear,
+    };
+    // It is one for all.
+    let between = recipe.sensors.iter().map(between).next();
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,
@@ -89,7 +95,16 @@ fn written(field: &Field<String>) -> Option<&str> {
 }
 
 fn sensor(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
-    let Sensor::Voltmeter(voltmeter) = sensor;
+    let fields = match sensor {
+        Sensor::Voltmeter(sensor) => voltmeter(raw, sensor),
+        // Their parameters are named as a recipe names them.
+        Sensor::Esim(sensor) => json!(sensor),
+        Sensor::V2e(sensor) => json!(sensor),
+    };
+    json!({ sensor.name(): fields })
+}
+
+fn voltmeter(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
     let mut out = json!({
         "threshold": { "on": voltmeter.threshold_on, "off": voltmeter.threshold_off },
         "law": voltmeter.law,
@@ -97,6 +112,15 @@ fn sensor(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
         "initial": voltmeter.initial,
         "max_events_per_pixel_frame": voltmeter.max_events_per_pixel_frame,
     });
+    if voltmeter.threshold_spread > 0.0 {
+        out["threshold"]["spread"] = json!(voltmeter.threshold_spread);
+    }
+    if voltmeter.hot_pixels != HotPixels::default() {
+        out["hot_pixels"] = json!(voltmeter.hot_pixels);
+    }
+    if voltmeter.allow_cap {
+        out["allow_cap"] = json!(true);
+    }
     let raw = match raw {
         Some(schema::Sensor::Voltmeter(raw)) => raw.given().map(|(raw, _)| raw),
         _ => None,
@@ -110,7 +134,7 @@ fn sensor(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
             out["preset"] = json!(raw.and_then(|raw| written(&raw.preset)).unwrap_or(Preset::Dvs346.name()))
         }
     }
-    json!({ "voltmeter": out })
+    out
 }
 
 /// An integer where it is one, else `n/d`, which a recipe may write as well.

@@ -8,8 +8,8 @@
 //!
 //! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
 //! time, no mismatch between pixels, no bandwidth. The published program takes the drift at the midpoint of two frames
-//! (`gain: midpoint`) and draws times as if there were one threshold; the law `exact` draws first passages of this
-//! process, whatever the frames (`exact.rs`, `cell.rs`). Both terms of sigma add as standard deviations, as published.
+//! (`gain: midpoint`) and draws times as if there were one threshold (law `official`, `official.rs`); the law `exact`
+//! draws first passages of this process, whatever the frames (`exact.rs`, `cell.rs`). Both terms of sigma add as standard deviations, as published.
 
 mod band;
 mod bridge;
@@ -17,14 +17,16 @@ mod cell;
 mod drift;
 mod exact;
 mod noiseless;
+mod official;
 pub mod presets;
-pub mod screen;
+mod screen;
 pub mod units;
 
 pub use presets::Preset;
-pub use screen::{ScreenError, Screening};
 pub use units::Units;
 
+use super::noise::HotPixels;
+use super::pairs::{Cap, Pairs};
 use super::{Model, Pixels, SensorError, check_extent};
 use crate::image::Size;
 use crate::seed::Seed;
@@ -50,6 +52,15 @@ pub struct Voltmeter {
     pub between: Between,
     /// More events of one pixel between two frames than this fail the step.
     pub max_events_per_pixel_frame: u32,
+    /// Whether events beyond that are left out and counted instead.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub allow_cap: bool,
+    /// Standard deviation of the thresholds over the pixels.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub threshold_spread: f64,
+    /// Pixels that fire by themselves.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub hot_pixels: HotPixels,
 }
 
 /// Which sampler draws the events.
@@ -58,6 +69,8 @@ pub struct Voltmeter {
 pub enum Law {
     /// First passages of the process, whatever the frame rate.
     Exact,
+    /// The published program's sampler, for comparisons: its noise depends on the frame rate.
+    Official,
 }
 
 /// How brightness turns into drift.
@@ -101,6 +114,9 @@ impl Voltmeter {
             initial: Initial::Zero,
             between: Between::Linear,
             max_events_per_pixel_frame: 1000,
+            allow_cap: false,
+            threshold_spread: 0.0,
+            hot_pixels: HotPixels::default(),
         }
     }
 }
@@ -109,6 +125,7 @@ impl Model for Voltmeter {
     fn law_version(&self) -> u32 {
         match self.law {
             Law::Exact => exact::VERSION,
+            Law::Official => official::VERSION,
         }
     }
 
@@ -122,6 +139,10 @@ impl Model for Voltmeter {
         check_extent(size, origin)?;
         match self.law {
             Law::Exact => Ok(Box::new(exact::Exact::new(self, size, origin, seed))),
+            Law::Official => {
+                let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
+                Ok(Box::new(Pairs::new(official::Official::new(self), cap, size, origin, seed)))
+            }
         }
     }
 }

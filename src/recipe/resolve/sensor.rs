@@ -1,7 +1,9 @@
 //! The sensor: presets and units become numbers.
 
+mod models;
+
 use super::Resolver;
-use super::number::{Range, Whole};
+use super::number::Range;
 use crate::recipe::field::Field;
 use crate::recipe::names;
 use crate::recipe::problem::{Problem, quoted};
@@ -12,7 +14,9 @@ use crate::sensor::{Sensor, Sensors};
 use crate::units::Hertz;
 use std::collections::BTreeMap;
 
-const SENSORS: &str = "this gs2e has the sensor voltmeter";
+const IDEAL: &str = "this gs2e feeds sensors encoded luminance, and labels no events";
+const EQUAL: &str =
+    "under law exact this gs2e simulates equal pixels; official, esim and v2e have unequal ones";
 
 /// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
 const K: [Range; 6] = [
@@ -95,23 +99,57 @@ impl Resolver<'_> {
         rate: Option<Hertz>,
     ) -> Option<Sensor> {
         let default = Field::Given(Box::default(), self.root);
-        let raw = match field {
-            Field::Absent => &default,
+        let (sensor, place) = match field {
+            Field::Absent => (self.voltmeter_sensor(&default, between)?, self.root),
             Field::Bad => return None,
-            Field::Given(schema::Sensor::Voltmeter(raw), _) => raw,
-            Field::Given(schema::Sensor::Esim(later) | schema::Sensor::V2e(later), _) => {
-                self.later(later, SENSORS);
-                return None;
+            Field::Given(schema::Sensor::Voltmeter(raw), _) => {
+                (self.voltmeter_sensor(raw, between)?, raw.place()?)
+            }
+            Field::Given(schema::Sensor::Esim(raw), _) => {
+                let (raw, place) = raw.given()?;
+                let (linear, esim) = (self.only_linear(between, "the sensor esim", place), self.esim(raw));
+                linear?;
+                (Sensor::Esim(esim?), place)
+            }
+            Field::Given(schema::Sensor::V2e(raw), _) => {
+                let (raw, place) = raw.given()?;
+                let (linear, v2e) = (self.only_linear(between, "the sensor v2e", place), self.v2e(raw));
+                linear?;
+                (Sensor::V2e(v2e?), place)
             }
         };
-        let (raw, place) = raw.given()?;
-        let voltmeter = Voltmeter { between: between?, ..self.voltmeter(raw, place)? };
-        self.possible(&voltmeter, rate?, place).then_some(Sensor::Voltmeter(voltmeter))
+        self.possible(&sensor, rate?, place).then_some(sensor)
+    }
+
+    fn voltmeter_sensor(
+        &self,
+        field: &Field<Box<schema::Voltmeter>>,
+        between: Option<Between>,
+    ) -> Option<Sensor> {
+        let (raw, place) = field.given()?;
+        let found = self.voltmeter(raw, place);
+        let voltmeter = Voltmeter { between: between?, ..found? };
+        match raw.law.place().filter(|_| voltmeter.law == Law::Official) {
+            Some(at) => self.only_linear(between, "the law official", at)?,
+            None => self.equal_pixels(raw)?,
+        }
+        Some(Sensor::Voltmeter(voltmeter))
+    }
+
+    /// The law `exact` has none of what other laws may have.
+    fn equal_pixels(&self, raw: &schema::Voltmeter) -> Option<()> {
+        let spread = raw.threshold.given().and_then(|(threshold, _)| threshold.spread.place());
+        let places: Vec<Place> =
+            [spread, raw.hot_pixels.place(), raw.allow_cap.place()].into_iter().flatten().collect();
+        for place in &places {
+            self.report(Problem::of_key("is not built yet").help(EQUAL).at(*place));
+        }
+        places.is_empty().then_some(())
     }
 
     /// Whether the sensor makes a stream that can be used (numerics 1.1); if not, that is reported.
-    fn possible(&self, voltmeter: &Voltmeter, rate: Hertz, place: Place) -> bool {
-        let screened = voltmeter.screen(rate).map_err(|error| {
+    fn possible(&self, sensor: &Sensor, rate: Hertz, place: Place) -> bool {
+        let screened = sensor.screen(rate).map_err(|error| {
             let problem = Problem::of_key(format!("is no usable sensor: {error}"));
             self.report(problem.at(place));
         });
@@ -119,16 +157,17 @@ impl Resolver<'_> {
     }
 
     fn voltmeter(&self, raw: &schema::Voltmeter, place: Place) -> Option<Voltmeter> {
-        for later in [&raw.front_end, &raw.hot_pixels, &raw.labels] {
-            self.later(later, "this gs2e simulates ideal pixels");
+        for later in [&raw.front_end, &raw.labels] {
+            self.later(later, IDEAL);
         }
         let k = self.k(raw, place);
         let threshold = self.threshold(&raw.threshold);
         let law = self.sampler(&raw.law);
         let gain = self.or(&raw.gain, schema::Gain::Log);
         let initial = initial(&raw.initial);
-        let cap = self.small(&raw.max_events_per_pixel_frame, 1000, Whole::new(1, 1_000_000_000));
-        let [threshold_on, threshold_off] = threshold?;
+        let cap = self.cap(&raw.max_events_per_pixel_frame);
+        let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
+        let [threshold_on, threshold_off, threshold_spread] = threshold?;
         Some(Voltmeter {
             threshold_on,
             threshold_off,
@@ -139,6 +178,9 @@ impl Resolver<'_> {
             },
             initial: initial?,
             max_events_per_pixel_frame: cap?,
+            allow_cap: allow_cap?,
+            threshold_spread,
+            hot_pixels: hot_pixels?,
             ..Voltmeter::new(k?)
         })
     }
@@ -177,20 +219,19 @@ impl Resolver<'_> {
             .or_else(|| self.refuse(Problem::unknown("preset", name, &names).at(place)))
     }
 
-    fn threshold(&self, field: &Field<schema::Threshold>) -> Option<[f64; 2]> {
+    /// Of ON, of OFF, and their spread.
+    fn threshold(&self, field: &Field<schema::Threshold>) -> Option<[f64; 3]> {
         let absent = schema::Threshold::default();
         let raw = self.section(field, &absent)?;
-        self.later(&raw.spread, "this gs2e simulates equal pixels");
-        let [on, off] = [&raw.on, &raw.off].map(|field| self.real(field, 1.0, Range::new(1e-6, 1e6)));
-        Some([on?, off?])
+        let [on, off] = [&raw.on, &raw.off].map(|field| self.real(field, 1.0, models::THRESHOLD));
+        let spread = self.threshold_spread(&raw.spread, 0.0);
+        Some([on?, off?, spread?])
     }
 
     fn sampler(&self, field: &Field<schema::Law>) -> Option<Law> {
         match field {
             Field::Absent | Field::Given(schema::Law::Exact, _) => Some(Law::Exact),
-            Field::Given(schema::Law::Official, place) => {
-                self.word_later("official", *place, "this gs2e has the law exact")
-            }
+            Field::Given(schema::Law::Official, _) => Some(Law::Official),
             Field::Bad => None,
         }
     }

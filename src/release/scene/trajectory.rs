@@ -7,6 +7,7 @@ use crate::release::built::BuiltTrajectory;
 use crate::render::RenderChoice;
 use crate::render::flow::Quantiles;
 use crate::sensor::Sensor;
+use crate::sensor::voltmeter::Voltmeter;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -55,14 +56,35 @@ fn the_one(built: &BuiltTrajectory) -> Option<(&Simulation, &Stream)> {
 }
 
 fn sensor(simulation: &Simulation, stream: &Stream) -> Value {
-    let (c_on, c_off) = stream.sensor.as_model().contrast();
-    let Sensor::Voltmeter(v) = &stream.sensor;
-    json!({
-        "model": "voltmeter", "law": v.law, "law_version": stream.sensor.as_model().law_version(),
-        "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
-        "theta_on": v.threshold_on, "theta_off": v.threshold_off, "c_on": c_on, "c_off": c_off,
+    let model = stream.sensor.as_model();
+    let (c_on, c_off) = model.contrast();
+    let mut out = json!({
+        "model": stream.sensor.name(), "law_version": model.law_version(), "c_on": c_on, "c_off": c_off,
         "seed": simulation.seed.0.to_string(),
-    })
+    });
+    let parameters = match &stream.sensor {
+        Sensor::Voltmeter(v) => voltmeter(v),
+        Sensor::Esim(sensor) => json!(sensor),
+        Sensor::V2e(sensor) => json!(sensor),
+    };
+    if let (Value::Object(out), Value::Object(parameters)) = (&mut out, parameters) {
+        out.extend(parameters);
+    }
+    out
+}
+
+fn voltmeter(v: &Voltmeter) -> Value {
+    let mut out = json!({
+        "law": v.law, "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
+        "theta_on": v.threshold_on, "theta_off": v.threshold_off,
+    });
+    if v.threshold_spread > 0.0 {
+        out["theta_spread"] = json!(v.threshold_spread);
+    }
+    if !v.hot_pixels.is_absent() {
+        out["hot_pixels"] = json!(v.hot_pixels);
+    }
+    out
 }
 
 /// Each of several sensors with what was counted of its stream.

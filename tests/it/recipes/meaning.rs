@@ -11,8 +11,10 @@ use gs2e::trajectory::travel::Count;
 use gs2e::units::Ratio;
 
 fn voltmeter(recipe: gs2e::recipe::Recipe) -> Voltmeter {
-    let Sensors::One(Sensor::Voltmeter(voltmeter)) = recipe.sensors else { panic!("one sensor") };
-    voltmeter
+    match recipe.sensors {
+        Sensors::One(Sensor::Voltmeter(voltmeter)) => voltmeter,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// The path of the first trajectory.
