@@ -165,11 +165,20 @@ pub enum SimulateError {
     Interrupted,
 }
 
-/// Shows a whole sequence of frames to a sensor, the events going to `sink`. `tap` sees each frame after the sensor
-/// has; it may break the run off.
+/// Where frames lie on a sensor, and the seed of its noise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stream {
+    /// Sensor position of the frames' top-left pixel.
+    pub origin: [u16; 2],
+    /// Seed of the stream.
+    pub seed: Seed,
+}
+
+/// Shows a whole sequence of frames to a sensor of their size, the events going to `sink`. `tap` sees each frame after
+/// the sensor has; it may break the run off.
 ///
 /// # Errors
-/// When a frame cannot be had, the sensor cannot go on, or `tap` breaks.
+/// As [`simulate_crop`].
 pub fn simulate(
     frames: &mut dyn Frames,
     model: &dyn Model,
@@ -177,7 +186,21 @@ pub fn simulate(
     sink: &mut dyn EventSink,
     tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
 ) -> Result<Account, SimulateError> {
-    let mut pixels = model.start(frames.size(), [0, 0], seed)?;
+    simulate_crop(frames, model, Stream { origin: [0, 0], seed }, sink, tap)
+}
+
+/// The same for frames that lie anywhere on the sensor; the events keep the coordinates of the frames.
+///
+/// # Errors
+/// When a frame cannot be had, the sensor cannot go on, or `tap` breaks.
+pub fn simulate_crop(
+    frames: &mut dyn Frames,
+    model: &dyn Model,
+    Stream { origin, seed }: Stream,
+    sink: &mut dyn EventSink,
+    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
+) -> Result<Account, SimulateError> {
+    let mut pixels = model.start(frames.size(), origin, seed)?;
     while let Some(frame) = frames.next()? {
         pixels.advance(&frame, sink)?;
         if tap(&frame).is_break() {
