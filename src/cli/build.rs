@@ -14,7 +14,6 @@ use crate::recipe::{self, Recipe};
 use crate::render::backend::Backend;
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
-use crate::sensor::voltmeter::screen::Noise;
 use crate::stage::StepId;
 use crate::store::fs::Stat;
 use crate::store::space::Space;
@@ -136,19 +135,7 @@ fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
     let scene = &recipe.scene;
     let screening = recipe.sensor.screen(recipe.rate);
     let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
-    let [on, off] = screening.contrast;
-    console
-        .say(&format!("sensor of {scene}: one event is a step of ln(L + k2) by {on:.4} up, {off:.4} down"));
-    for n in screening.noise {
-        let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
-        let Noise { grey, leak_hz, total_hz, .. } = n;
-        console.say(&format!(
-            "  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"
-        ));
-    }
-    for warning in &screening.warnings {
-        console.say(&format!("warning: {scene}: {warning}"));
-    }
+    super::screening::tell(&format!("sensor of {scene}"), scene, &screening, console);
     Ok(())
 }
 

@@ -14,6 +14,17 @@ pub enum FullScale {
     Grey255,
 }
 
+impl FullScale {
+    /// Grey 0..255 of one unit.
+    #[must_use]
+    pub fn grey(self) -> f32 {
+        match self {
+            Self::One => 255.0,
+            Self::Grey255 => 1.0,
+        }
+    }
+}
+
 /// The samples of an array, frame after frame, each row-major from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
@@ -33,7 +44,7 @@ impl Samples {
 
     /// Grey 0..255 of one unit of the samples.
     fn scale(&self) -> f32 {
-        if let Self::Floats(_, FullScale::One) = self { 255.0 } else { 1.0 }
+        if let Self::Floats(_, full_scale) = self { full_scale.grey() } else { 1.0 }
     }
 
     /// A sample on the grey scale 0..255.

@@ -216,8 +216,6 @@ pub struct NpyFrames {
     stack: Stack,
     /// Grey 0..255 of one unit of the samples.
     scale: f32,
-    /// Change per second, on the scale of the samples.
-    rates: Option<Stack>,
     /// ns since the first.
     stamps: Vec<i64>,
     next: usize,
@@ -228,32 +226,14 @@ impl NpyFrames {
     /// floats.
     ///
     /// # Errors
-    /// When there are as many stamps as frames not, or they do not strictly increase.
+    /// When there are not as many stamps as frames, or they do not strictly increase.
     pub fn new(stack: Stack, full_scale: FullScale, stamps_us: &[i64]) -> Result<Self, NpyError> {
         if stamps_us.len() != stack.frames {
             let because = format!("{} frames, and there are {} stamps", stack.frames, stamps_us.len());
             return Err(NpyError::Content { path: stack.array.path, because });
         }
-        let scale = match (stack.kind, full_scale) {
-            (Kind::Floats, FullScale::One) => 255.0,
-            _ => 1.0,
-        };
-        Ok(Self { stack, scale, rates: None, stamps: relative(stamps_us)?, next: 0 })
-    }
-
-    /// The same with the luminance's change per second at every sample, on the samples' scale.
-    ///
-    /// # Errors
-    /// When they are no floats, or not of the frames' number and size.
-    pub fn with_rates(self, rates: Stack) -> Result<Self, NpyError> {
-        let (frames, Size { width, height }) = (self.stack.frames, self.stack.size);
-        let alike = rates.kind == Kind::Floats && rates.frames == frames && rates.size == self.stack.size;
-        if alike {
-            Ok(Self { rates: Some(rates), ..self })
-        } else {
-            let wanted = format!("float32 of the frames' shape [{frames}, {height}, {width}]");
-            Err(rates.array.refusal(&wanted))
-        }
+        let scale = if stack.kind == Kind::Floats { full_scale.grey() } else { 1.0 };
+        Ok(Self { stack, scale, stamps: relative(stamps_us)?, next: 0 })
     }
 }
 
@@ -269,13 +249,56 @@ impl Frames for NpyFrames {
     fn next(&mut self) -> Result<Option<Frame>, FrameError> {
         let index = self.next;
         let Some(&t) = self.stamps.get(index) else { return Ok(None) };
-        let io = |source| FrameError::Io { index, source };
-        let scale = self.scale;
-        let luminance = finite(index, "pixel", self.stack.next(scale).map_err(io)?)?;
-        let rate = self.rates.as_mut().map(|rates| rates.next(scale)).transpose().map_err(io)?;
-        let rate = rate.map(|rate| finite(index, "the rate of pixel", rate)).transpose()?;
+        let frame = self.stack.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
+        let luminance = finite(index, "pixel", frame)?;
         self.next += 1;
-        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate }))
+        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
+    }
+}
+
+/// Frames with the luminance's change per second at every pixel, on the scale of their file.
+pub struct RatedFrames {
+    frames: Box<dyn Frames>,
+    rates: Stack,
+    scale: f32,
+}
+
+impl std::fmt::Debug for RatedFrames {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RatedFrames").field("rates", &self.rates).finish_non_exhaustive()
+    }
+}
+
+impl RatedFrames {
+    /// Both together; `full_scale` is that of the frames' file.
+    ///
+    /// # Errors
+    /// When the rates are no floats, or not of the frames' number and size.
+    pub fn new(frames: Box<dyn Frames>, rates: Stack, full_scale: FullScale) -> Result<Self, NpyError> {
+        let (count, Size { width, height }) = (frames.len(), frames.size());
+        if rates.kind != Kind::Floats || (rates.frames, rates.size) != (count, frames.size()) {
+            let wanted = format!("float32 of the frames' shape [{count}, {height}, {width}]");
+            return Err(rates.array.refusal(&wanted));
+        }
+        Ok(Self { frames, rates, scale: full_scale.grey() })
+    }
+}
+
+impl Frames for RatedFrames {
+    fn size(&self) -> Size {
+        self.frames.size()
+    }
+
+    fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        let Some(frame) = self.frames.next()? else { return Ok(None) };
+        let index = frame.index;
+        let rate = self.rates.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
+        let rate = Some(finite(index, "the rate of pixel", rate)?);
+        Ok(Some(Frame { rate, ..frame }))
     }
 }
 
@@ -320,11 +343,14 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let frames = write(&dir, "f.npy", &[1, 1, 2], &[0.0f32, 1.0]);
         let rates = write(&dir, "r.npy", &[1, 1, 2], &[2.0f32, -0.5]);
-        let new = || NpyFrames::new(Stack::open(&frames).unwrap(), FullScale::One, &[0]).unwrap();
-        let mut both = new().with_rates(Stack::open(&rates).unwrap()).unwrap();
+        let with = |rates: &Path| {
+            let frames = NpyFrames::new(Stack::open(&frames).unwrap(), FullScale::One, &[0]).unwrap();
+            RatedFrames::new(Box::new(frames), Stack::open(rates).unwrap(), FullScale::One)
+        };
+        let mut both = with(&rates).unwrap();
         assert_eq!(both.next().unwrap().unwrap().rate.unwrap().into_pixels(), [510.0, -127.5]);
         let other = write(&dir, "o.npy", &[1, 2, 1], &[2.0f32, -0.5]);
-        let error = new().with_rates(Stack::open(&other).unwrap()).unwrap_err().to_string();
+        let error = with(&other).unwrap_err().to_string();
         let wanted = "an array of float32 and shape [1, 2, 1], wanted float32 of the frames' shape [1, 1, 2]";
         assert!(error.ends_with(wanted), "{error}");
     }

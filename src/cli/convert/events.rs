@@ -1,8 +1,8 @@
 //! Events in another file format.
 
-use super::write_beside;
 use crate::cli::console::Console;
 use crate::cli::message::{Level, Message};
+use crate::cli::output::write_beside;
 use crate::cli::problem::{Exit, Problem};
 use crate::event::evt::Version;
 use crate::event::file::{self, EventFile, Format, Hints, Opened, Sorted};
@@ -16,7 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// What the formats are called by.
-pub(super) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
+pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
 
 /// Options for events.
 #[derive(Debug, clap::Args)]
