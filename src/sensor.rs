@@ -2,6 +2,7 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+pub mod cap;
 pub mod statistics;
 pub mod voltmeter;
 mod window;

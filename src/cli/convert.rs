@@ -1,6 +1,7 @@
 //! `gs2e convert`: a scene, or events, in another file format.
 
 pub(super) mod events;
+mod picture;
 
 use super::console::Console;
 use super::message::{Level, Message};
@@ -21,7 +22,7 @@ pub(super) struct Convert {
     /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG; or events: .h5, .npz, .raw, .aedat4, .txt, .csv
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// File to write: .ply, .spz or .splat for a scene; events as above
+    /// File to write: .ply, .spz or .splat for a scene; events as above, or a .png of them
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Write it although something is lost
@@ -29,10 +30,16 @@ pub(super) struct Convert {
     lossy: bool,
     #[command(flatten)]
     events: events::Options,
+    #[command(flatten)]
+    picture: picture::Asked,
 }
 
 impl Convert {
     pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
+        let drawn = self.picture.of(&self.output)?;
+        if let (true, Some(format)) = (drawn, self.events.format(&self.input)) {
+            return self.picture.draw((&self.input, format), &self.output, &self.events, console);
+        }
         if let Some(conversion) = self.of_events()? {
             return conversion.run(console);
         }

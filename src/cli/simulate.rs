@@ -11,12 +11,14 @@ use super::message::{Level, Message};
 use super::output::{self, unwritable, write_beside};
 use super::problem::{Exit, Problem};
 use crate::event::file::{self, EventFile, Format};
-use crate::event::{EventFileError, Header, LawStamp, h5};
+use crate::event::{Event, EventFileError, EventSink, Header, LawStamp, h5};
 use crate::frames::FrameError;
 use crate::frames::array::FullScale;
+use crate::frames::stamps::relative;
 use crate::seed::Seed;
+use crate::sensor::cap::{Capped, LeftOut};
 use crate::sensor::voltmeter::{Between, Gain, Initial, Law};
-use crate::sensor::{Account, Model, Sensor, SensorError, SimulateError, Stream, simulate_crop};
+use crate::sensor::{Account, Sensor, SensorError, SimulateError, Stream, simulate_crop};
 use crate::units::Hertz;
 use account::Report;
 use indicatif::ProgressBar;
@@ -67,6 +69,10 @@ pub(super) struct Simulate {
     /// Seed of the sensor's noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
+    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames, and count the others, where it is
+    /// an error else
+    #[arg(long)]
+    allow_cap: bool,
     /// The events: .h5, .npz, .raw, .aedat4, .txt or .csv
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -102,7 +108,9 @@ impl Simulate {
         super::screening::tell(&format!("sensor {}", self.sensor), &self.sensor, &screening, console);
         sequence.told.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, console)?;
-        let report = Report { asked: &self, sensor: &sensor, screening, sequence: &sequence, account };
+        let (account, left_out) = account;
+        let report =
+            Report { asked: &self, sensor: &sensor, screening, sequence: &sequence, account, left_out };
         report.tell(console)?;
         Ok(Exit::Done)
     }
@@ -114,7 +122,7 @@ impl Simulate {
         sequence: &mut Sequence,
         format: Format,
         console: &Console,
-    ) -> Result<Account, Problem> {
+    ) -> Result<(Account, LeftOut), Problem> {
         let model = sensor.as_model();
         let (c_on, c_off) = model.contrast();
         let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
@@ -122,21 +130,43 @@ impl Simulate {
         let (first_us, last_us) = sequence.span_us();
         let h5 = h5::Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
         let options = file::Options { zero_us: first_us, h5 };
-        let mut account = Account::default();
+        let mut done = (Account::default(), LeftOut::default());
         let written = write_beside(&self.out, |part| {
             let mut sink = file::create(part, format, &header, options)?;
-            account = self.simulate(model, sequence, &mut *sink, console)?;
+            done = self.simulate(sensor, sequence, &mut *sink, console)?;
             EventFile::finish(sink, last_us - first_us)?;
             Ok(())
         });
-        written.map_err(|failure: Failure| self.told(failure)).map(|()| account)
+        written.map_err(|failure: Failure| self.told(failure)).map(|()| done)
     }
 
+    /// Shows every frame to the sensor.
     fn simulate(
         &self,
-        model: &dyn Model,
+        sensor: &Sensor,
         sequence: &mut Sequence,
         sink: &mut dyn EventFile,
+        console: &Console,
+    ) -> Result<(Account, LeftOut), Failure> {
+        let mut sink = SinkOf(sink);
+        if !self.allow_cap {
+            let account = self.show(sensor, sequence, &mut sink, console)?;
+            return Ok((account, LeftOut::default()));
+        }
+        let (cap, uncapped) = sensor::without_cap(sensor);
+        let stamps = relative(&sequence.stamps_us).expect("they were looked at");
+        let mut capped = Capped::new(&mut sink, cap, sequence.frames.size(), &stamps);
+        let account = self.show(&uncapped, sequence, &mut capped, console)?;
+        let left_out @ LeftOut { on, off } = capped.left_out();
+        let (events, on, off) = (account.events - on - off, account.on - on, account.off - off);
+        Ok((Account { events, on, off, ..account }, left_out))
+    }
+
+    fn show(
+        &self,
+        sensor: &Sensor,
+        sequence: &mut Sequence,
+        sink: &mut dyn EventSink,
         console: &Console,
     ) -> Result<Account, Failure> {
         let stop = super::on_interrupt().map_err(Failure::Told)?;
@@ -149,7 +179,7 @@ impl Simulate {
             if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let stream = Stream { origin: self.origin.0, seed: Seed(self.seed) };
-        let account = simulate_crop(&mut *sequence.frames, model, stream, &mut SinkOf(sink), &mut tap);
+        let account = simulate_crop(&mut *sequence.frames, sensor.as_model(), stream, sink, &mut tap);
         bar.finish_and_clear();
         Ok(account?)
     }
@@ -171,6 +201,11 @@ impl Simulate {
             Failure::Simulate(SimulateError::Sensor(SensorError::Setup(because))) => {
                 Problem::usage("sensor", format!("{}: {because}", self.sensor))
             }
+            Failure::Simulate(SimulateError::Sensor(e @ SensorError::Cap { .. })) => {
+                failed("failed to simulate the events", "step-failed", e.to_string()).help(
+                    "raise max_events_per_pixel_frame, or --allow-cap keeps the first and counts the others",
+                )
+            }
             Failure::Simulate(SimulateError::Sensor(e)) => {
                 failed("failed to simulate the events", "step-failed", e.to_string())
             }
@@ -186,8 +221,8 @@ impl Simulate {
 /// A file as the sink that it is.
 struct SinkOf<'a>(&'a mut dyn EventFile);
 
-impl crate::event::EventSink for SinkOf<'_> {
-    fn append(&mut self, events: &[crate::event::Event]) -> io::Result<()> {
+impl EventSink for SinkOf<'_> {
+    fn append(&mut self, events: &[Event]) -> io::Result<()> {
         self.0.append(events)
     }
 }

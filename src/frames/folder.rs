@@ -3,11 +3,12 @@
 //! microseconds.
 //!
 //! A path of `info.txt` starts at its folder, or else at the folder above, as the published sample's do. Images are PNG of 8
-//! or 16 bits, grey or RGB. The published reader rounds to 8 bits of grey; here the luminance is kept as the file has it.
+//! or 16 bits, grey or RGB, or JPEG. The published reader rounds colours to 8 bits of grey; here their luminance is not
+//! rounded.
 
 use super::stamps::{StampError, relative};
 use super::{Frame, FrameError, Frames};
-use crate::image::{Image, Size, png};
+use crate::image::{Image, Size, jpeg, png};
 use crate::source::natural;
 use crate::units::Timestamp;
 use std::fs::{self, File};
@@ -118,7 +119,7 @@ fn of_names(folder: &Path) -> Result<Listing, FolderError> {
     }
     names.sort_by(|a, b| natural::compare(a, b));
     if names.is_empty() {
-        let because = format!("it holds neither an {INFO} nor a .png");
+        let because = format!("it holds neither an {INFO} nor a .png or .jpg");
         return Err(FolderError::Content { path: folder.to_owned(), because });
     }
     Ok(Listing { images: names.iter().map(|name| folder.join(name)).collect(), stamps_us: None })
@@ -126,8 +127,12 @@ fn of_names(folder: &Path) -> Result<Listing, FolderError> {
 
 /// Whether a file is an image by its name, and no hidden one.
 fn is_image(name: &str) -> bool {
-    let extension = Path::new(name).extension().and_then(|extension| extension.to_str());
-    !name.starts_with('.') && extension.is_some_and(|extension| extension.eq_ignore_ascii_case("png"))
+    let images = ["png", "jpg", "jpeg"];
+    !name.starts_with('.') && images.into_iter().any(|wanted| has_extension(Path::new(name), wanted))
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
 
 /// The images of a folder at their stamps, each read when it is its turn.
@@ -199,8 +204,13 @@ impl Frames for FolderFrames {
 }
 
 fn luminance(path: &Path, wanted: Size) -> Result<Image<f32>, String> {
-    let file = File::open(path).map_err(|e| e.to_string())?;
-    let image = png::read_luminance(BufReader::new(file)).map_err(|e| e.to_string())?;
+    let image = if has_extension(path, "png") {
+        let file = File::open(path).map_err(|e| e.to_string())?;
+        png::read_luminance(BufReader::new(file)).map_err(|e| e.to_string())?
+    } else {
+        let bytes = fs::read(path).map_err(|e| e.to_string())?;
+        jpeg::read_luminance(&bytes).map_err(|e| e.to_string())?
+    };
     // It may have been replaced since its size was looked up.
     let found = image.size();
     if found == wanted { Ok(image) } else { Err(format!("{found}, wanted {wanted} as the first")) }
@@ -269,7 +279,7 @@ mod tests {
         fs::remove_file(dir.path().join(INFO)).unwrap();
         fs::remove_file(dir.path().join("a.png")).unwrap();
         let error = Listing::read(dir.path()).unwrap_err().to_string();
-        assert!(error.ends_with("it holds neither an info.txt nor a .png"), "{error}");
+        assert!(error.ends_with("it holds neither an info.txt nor a .png or .jpg"), "{error}");
     }
 
     #[test]

@@ -72,6 +72,16 @@ impl Options {
         Format::of(path, self.codec.into())
     }
 
+    /// Opens a file of events.
+    pub(super) fn open(&self, path: &Path, format: Format) -> Result<Opened, Problem> {
+        if let Err(e) = std::fs::metadata(path) {
+            return Err(Problem::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
+        }
+        file::open(path, format, self.hints()).map_err(|e| {
+            Problem::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
+        })
+    }
+
     fn hints(&self) -> Hints {
         let unit = self.time_unit.map(|unit| match unit {
             Unit::S => TimeUnit::Second,
@@ -116,7 +126,7 @@ struct Done {
 
 impl Conversion<'_> {
     pub(super) fn run(&self, console: &Console) -> Result<Exit, Problem> {
-        let mut opened = self.open()?;
+        let mut opened = self.options.open(self.from.0, self.from.1)?;
         let before = self.losses_of_form(&opened);
         if !before.is_empty() && !self.lossy {
             return Err(self.refused(&before));
@@ -141,16 +151,6 @@ impl Conversion<'_> {
         let losses = [before, done.losses()].concat();
         self.tell(&opened, &done, &losses, console);
         Ok(Exit::Done)
-    }
-
-    fn open(&self) -> Result<Opened, Problem> {
-        let (path, format) = self.from;
-        if let Err(e) = std::fs::metadata(path) {
-            return Err(Problem::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
-        }
-        file::open(path, format, self.options.hints()).map_err(|e| {
-            Problem::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
-        })
     }
 
     /// What the output's format has no place for.

@@ -6,6 +6,7 @@ use crate::cli::console::Console;
 use crate::cli::output::unwritable;
 use crate::cli::problem::Problem;
 use crate::frames::array::FullScale;
+use crate::sensor::cap::LeftOut;
 use crate::sensor::voltmeter::Screening;
 use crate::sensor::{Account, Sensor};
 use crate::units::amount;
@@ -18,6 +19,8 @@ pub(super) struct Report<'a> {
     pub(super) screening: Screening,
     pub(super) sequence: &'a Sequence,
     pub(super) account: Account,
+    /// By `--allow-cap`.
+    pub(super) left_out: LeftOut,
 }
 
 impl Report<'_> {
@@ -51,7 +54,9 @@ impl Report<'_> {
     fn oddities(&self) -> Vec<String> {
         let Account { negative_luminance, same_us_same_pixel, drift_violations, drift_worst, .. } =
             self.account;
+        let capped = self.left_out.on + self.left_out.off;
         let told = [
+            (capped, "events beyond the cap of their pixel and frame were left out".to_owned()),
             (negative_luminance, "luminance values below zero were set to zero".to_owned()),
             (same_us_same_pixel, "pairs of events of one pixel share a microsecond".to_owned()),
             (
@@ -93,6 +98,7 @@ impl Report<'_> {
             },
             "sensor": self.sensor, "contrast": self.screening.contrast, "noise": self.screening.noise,
             "warnings": self.screening.warnings, "account": self.account,
+            "capped": self.left_out.on + self.left_out.off,
             "events_per_pixel_second": self.rate(),
         })
     }

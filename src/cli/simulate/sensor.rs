@@ -34,6 +34,16 @@ fn read(name: &str) -> Result<Sensor, Problem> {
     Err(Problem::usage("input-missing", format!("{name} is neither a file nor a preset: {names}")))
 }
 
+/// The most events of a pixel between two frames, and the same sensor without that cap.
+pub(super) fn without_cap(sensor: &Sensor) -> (u32, Sensor) {
+    match sensor {
+        Sensor::Voltmeter(voltmeter) => {
+            let free = Voltmeter { max_events_per_pixel_frame: u32::MAX, ..voltmeter.clone() };
+            (voltmeter.max_events_per_pixel_frame, Sensor::Voltmeter(free))
+        }
+    }
+}
+
 /// Cubics with given slopes need them.
 pub(super) fn check_rates(sensor: &Sensor, given: bool) -> Result<(), Problem> {
     let between = match sensor {

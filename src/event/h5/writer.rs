@@ -191,6 +191,8 @@ type Encode = fn(&Event, &mut Vec<u8>);
 /// One growing dataset.
 struct Column {
     dataset: H5Dataset,
+    /// Its chunks are stored as they are.
+    plain: bool,
     width: usize,
     encode: Encode,
     len: usize,
@@ -209,7 +211,7 @@ impl Column {
             Some(pipeline) => growing.filter_pipeline(pipeline),
             None => growing,
         };
-        Ok(Self { dataset: dataset.create(name)?, width, encode, len: 0 })
+        Ok(Self { dataset: dataset.create(name)?, plain: filter == Filter::None, width, encode, len: 0 })
     }
 
     /// Stores the next chunk, filtered already, of `count` elements: `CHUNK` but for the last.
@@ -217,6 +219,9 @@ impl Column {
         let chunk = self.len / CHUNK;
         self.len += count;
         self.dataset.extend(&[self.len])?;
+        if self.plain {
+            return Ok(self.dataset.write_chunk(chunk, bytes)?);
+        }
         Ok(self.dataset.write_chunk_raw(chunk, bytes, 0)?)
     }
 }
