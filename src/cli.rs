@@ -22,6 +22,8 @@ mod progress;
 mod release;
 mod render;
 mod renderers;
+mod screening;
+mod simulate;
 mod trajectory;
 mod why;
 
@@ -63,12 +65,14 @@ enum Verb {
     Audit(audit::Audit),
     /// Show what differs between two release trees, and why
     Diff(diff::Diff),
-    /// Write a scene in another file format
+    /// Write a scene, or events, in another file format
     Convert(convert::Convert),
     /// Delete what no recipe and no release refers to any more
     Gc(gc::Gc),
     /// Render one view of your own scene
     Render(render::Render),
+    /// Show your own frames to a sensor, and write its events
+    Simulate(simulate::Simulate),
     /// Make the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::Trajectory),
 }
@@ -224,6 +228,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Convert(verb) => verb.run(console),
         Verb::Gc(verb) => verb.run(common, console),
         Verb::Render(verb) => verb.run(common, console),
+        Verb::Simulate(verb) => verb.run(common, console),
         Verb::Trajectory(verb) => verb.run(common, console),
     }
 }

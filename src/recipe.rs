@@ -23,7 +23,7 @@ pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_so
 pub use edits::{Edit, edits};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::{RecipeFile, find_all, read_all, read_files};
-pub use fragment::{Fragment, read_fragment};
+pub use fragment::{Fragment, read_fragment, read_sensor};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;

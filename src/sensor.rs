@@ -2,6 +2,7 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+mod cap;
 mod course;
 mod detector;
 pub mod esim;

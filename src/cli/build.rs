@@ -14,7 +14,6 @@ use crate::plan::survey::{Settled, Survey, survey, unsettled};
 use crate::recipe;
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
-use crate::sensor::screening::Noise;
 use crate::stage::StepId;
 use crate::store::fs::Stat;
 use crate::store::space::Space;
@@ -135,19 +134,7 @@ fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), Problem> {
 fn tell_sensor(scene: &str, sensor: &Sensor, rate: Hertz, console: &Console) -> Result<(), Problem> {
     let screening = sensor.screen(rate);
     let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
-    let ([on, off], quantity) = (screening.contrast, screening.quantity);
-    console
-        .say(&format!("sensor of {scene}: one event is a step of {quantity} by {on:.4} up, {off:.4} down"));
-    for n in screening.noise {
-        let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
-        let Noise { grey, leak_hz, total_hz, .. } = n;
-        console.say(&format!(
-            "  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"
-        ));
-    }
-    for warning in &screening.warnings {
-        console.say(&format!("warning: {scene}: {warning}"));
-    }
+    super::screening::tell(&format!("sensor of {scene}"), scene, &screening, console);
     Ok(())
 }
 
