@@ -2,6 +2,7 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+mod cap;
 mod course;
 mod detector;
 pub mod esim;
@@ -21,6 +22,7 @@ use crate::seed::Seed;
 use crate::units::Hertz;
 use screening::{ScreenError, Screening};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 /// A sensor of the recipe.
@@ -66,6 +68,26 @@ impl Sensor {
             Self::Esim(sensor) => sensor.screen(rate),
             Self::V2e(sensor) => sensor.screen(rate),
         }
+    }
+}
+
+/// The sensors that see one rendering.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sensors {
+    /// The one.
+    One(Sensor),
+    /// Several, by name.
+    Named(BTreeMap<String, Sensor>),
+}
+
+impl Sensors {
+    /// Each, with its name where it has one, in the order of names.
+    pub fn iter(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
+        let (one, named) = match self {
+            Self::One(sensor) => (Some((None, sensor)), None),
+            Self::Named(sensors) => (None, Some(sensors.iter().map(|(name, s)| (Some(name.as_str()), s)))),
+        };
+        one.into_iter().chain(named.into_iter().flatten())
     }
 }
 
@@ -200,11 +222,50 @@ pub enum SimulateError {
     Interrupted,
 }
 
-/// Shows a whole sequence of frames to a sensor, the events going to `sink`. `tap` sees each frame after the sensor
-/// has; it may break the run off.
+/// A sensor at work, and where its events go.
+pub struct Channel<'a> {
+    pixels: Box<dyn Pixels>,
+    sink: &'a mut dyn EventSink,
+}
+
+impl<'a> Channel<'a> {
+    /// Pixels at rest whose events will go to `sink`.
+    pub fn new(pixels: Box<dyn Pixels>, sink: &'a mut dyn EventSink) -> Self {
+        Self { pixels, sink }
+    }
+}
+
+impl std::fmt::Debug for Channel<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Channel").finish_non_exhaustive()
+    }
+}
+
+/// Shows a whole sequence of frames to sensors, all in one pass, and gives the account of each. `tap` sees each frame
+/// after the sensors have; it may break the run off.
 ///
 /// # Errors
-/// When a frame cannot be had, the sensor cannot go on, or `tap` breaks.
+/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+pub fn simulate_all(
+    frames: &mut dyn Frames,
+    channels: &mut [Channel<'_>],
+    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
+) -> Result<Vec<Account>, SimulateError> {
+    while let Some(frame) = frames.next()? {
+        for Channel { pixels, sink } in &mut *channels {
+            pixels.advance(&frame, *sink)?;
+        }
+        if tap(&frame).is_break() {
+            return Err(SimulateError::Interrupted);
+        }
+    }
+    channels.iter_mut().map(|Channel { pixels, sink }| Ok(pixels.finish(*sink)?)).collect()
+}
+
+/// Shows a whole sequence of frames to one sensor, as [`simulate_all`].
+///
+/// # Errors
+/// As [`simulate_all`].
 pub fn simulate(
     frames: &mut dyn Frames,
     model: &dyn Model,
@@ -212,14 +273,9 @@ pub fn simulate(
     sink: &mut dyn EventSink,
     tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
 ) -> Result<Account, SimulateError> {
-    let mut pixels = model.start(frames.size(), [0, 0], seed)?;
-    while let Some(frame) = frames.next()? {
-        pixels.advance(&frame, sink)?;
-        if tap(&frame).is_break() {
-            return Err(SimulateError::Interrupted);
-        }
-    }
-    Ok(pixels.finish(sink)?)
+    let pixels = model.start(frames.size(), [0, 0], seed)?;
+    let mut accounts = simulate_all(frames, &mut [Channel::new(pixels, sink)], tap)?;
+    Ok(accounts.pop().expect("an account a sensor"))
 }
 
 #[cfg(test)]
@@ -296,6 +352,25 @@ mod tests {
     fn a_seed_is_a_stream() {
         for sensor in usual() {
             assert_eq!(run(&sensor, moving()), run(&sensor, moving()));
+        }
+    }
+
+    #[test]
+    fn sensors_that_share_their_frames_see_what_each_sees_alone() {
+        let sensors = usual();
+        let mut streams: Vec<Vec<Event>> = vec![Vec::new(); sensors.len()];
+        let size = moving().size();
+        let start = |sensor: &Sensor| sensor.as_model().start(size, [0, 0], Seed(1)).unwrap();
+        let channel = |(sensor, stream)| Channel::new(start(sensor), stream);
+        let mut channels: Vec<Channel<'_>> = sensors
+            .iter()
+            .zip(streams.iter_mut().map(|s| -> &mut dyn EventSink { s }))
+            .map(channel)
+            .collect();
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let accounts = simulate_all(&mut moving(), &mut channels, &mut go_on).unwrap();
+        for ((sensor, stream), account) in sensors.iter().zip(streams).zip(accounts) {
+            assert_eq!((stream, account), run(sensor, moving()), "{sensor:?}");
         }
     }
 

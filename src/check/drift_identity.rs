@@ -20,7 +20,7 @@ impl Check for DriftIdentity {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(account) = subject.account else {
             return vec![subject.not_run(NAME, "", "there is no account of a simulation")];
         };

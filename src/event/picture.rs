@@ -3,6 +3,10 @@
 //! A pixel's colour is its balance of ON and OFF events within the window: one event is half the full colour, each
 //! further one halves what is left. Pixels whose events cancel are grey.
 
+pub mod rate;
+pub mod surface;
+mod text;
+
 use super::{Event, EventSink, Polarity};
 use crate::image::{Image, Size};
 use std::ops::Range;

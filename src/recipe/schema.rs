@@ -18,6 +18,7 @@ use super::field::{Field, Later, Literal};
 use crate::check::Limits;
 use crate::sensor::voltmeter::Units;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// The whole file.
 #[derive(Debug, Default, Deserialize)]
@@ -44,7 +45,7 @@ pub(super) struct Recipe {
     /// The one sensor; default: `voltmeter` with the preset `dvs346`.
     pub sensor: Field<Sensor>,
     /// Several sensors fed from one rendering, by name.
-    pub sensors: Field<Later>,
+    pub sensors: Field<BTreeMap<String, Field<Sensor>>>,
     /// Default: events and sharp.
     pub outputs: Field<Vec<Field<Output>>>,
     /// Sharp frames.

@@ -25,6 +25,7 @@ pub mod units;
 pub use presets::Preset;
 pub use units::Units;
 
+use super::cap::Capped;
 use super::noise::HotPixels;
 use super::pairs::{Cap, Pairs};
 use super::{Model, Pixels, SensorError, check_extent};
@@ -138,6 +139,11 @@ impl Model for Voltmeter {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         match self.law {
+            Law::Exact if self.allow_cap => {
+                let free = Self { max_events_per_pixel_frame: u32::MAX, ..self.clone() };
+                let pixels = Box::new(exact::Exact::new(&free, size, origin, seed));
+                Ok(Box::new(Capped::new(pixels, self.max_events_per_pixel_frame, size)))
+            }
             Law::Exact => Ok(Box::new(exact::Exact::new(self, size, origin, seed))),
             Law::Official => {
                 let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };

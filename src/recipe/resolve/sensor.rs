@@ -5,12 +5,14 @@ mod models;
 use super::Resolver;
 use super::number::Range;
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::names;
+use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::schema;
 use crate::recipe::text::Place;
-use crate::sensor::Sensor;
 use crate::sensor::voltmeter::{Between, Gain, Initial, Law, Preset, Voltmeter};
+use crate::sensor::{Sensor, Sensors};
 use crate::units::Hertz;
+use std::collections::BTreeMap;
 
 const IDEAL: &str = "this gs2e feeds sensors encoded luminance, and labels no events";
 const EQUAL: &str =
@@ -38,7 +40,59 @@ impl Resolver<'_> {
         }
     }
 
-    pub(super) fn sensor(
+    /// The one sensor, or several by name.
+    pub(super) fn sensors(
+        &self,
+        raw: &schema::Recipe,
+        between: Option<Between>,
+        rate: Option<Hertz>,
+    ) -> Option<Sensors> {
+        let (sensors, place) = match &raw.sensors {
+            Field::Absent => return self.sensor(&raw.sensor, between, rate).map(Sensors::One),
+            Field::Bad => return None,
+            Field::Given(sensors, place) => (sensors, *place),
+        };
+        if let Some(at) = raw.sensor.place() {
+            let problem = Problem::of_key("and sensors exclude each other");
+            return self.refuse(problem.help("name it among sensors").at(at));
+        }
+        if sensors.is_empty() {
+            let help = "write sensors: { my-name: { voltmeter: {} } }";
+            return self.refuse(Problem::of_field("names no sensor").help(help).at(place));
+        }
+        let lower: BTreeMap<String, &String> =
+            sensors.keys().map(|name| (name.to_lowercase(), name)).collect();
+        if let Some(name) = sensors.keys().find(|name| lower[&name.to_lowercase()] != *name) {
+            // They are names of files, and some systems know no case.
+            let found = format!(
+                "has {}, which differs from {} in case alone",
+                quoted(lower[&name.to_lowercase()]),
+                quoted(name)
+            );
+            return self.refuse(Problem::of_field(found).help("choose another name").at(place));
+        }
+        // Each is looked at, so that all faults are told.
+        let sensors: Vec<_> = sensors
+            .iter()
+            .map(|(name, field)| self.named_sensor((name, field, place), between, rate))
+            .collect();
+        sensors.into_iter().collect::<Option<BTreeMap<_, _>>>().map(Sensors::Named)
+    }
+
+    /// One of several sensors, which stand at `place`.
+    fn named_sensor(
+        &self,
+        (name, field, place): (&str, &Field<schema::Sensor>, Place),
+        between: Option<Between>,
+        rate: Option<Hertz>,
+    ) -> Option<(String, Sensor)> {
+        let place = field.place().unwrap_or(place);
+        let name = self.named(name, place, names::sensor(name), names::SENSOR_HELP);
+        let sensor = self.sensor(field, between, rate);
+        Some((name?, sensor?))
+    }
+
+    fn sensor(
         &self,
         field: &Field<schema::Sensor>,
         between: Option<Between>,

@@ -56,9 +56,9 @@ impl Voltmeter {
         if self.law == Law::Official && self.initial == Initial::Stationary {
             return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
         }
-        let imperfect = *spread > 0.0 || !hot.is_absent() || self.allow_cap;
+        let imperfect = *spread > 0.0 || !hot.is_absent();
         if self.law == Law::Exact && imperfect {
-            return Err(ScreenError::Combination("the law exact has no spread, hot pixels or allowed cap"));
+            return Err(ScreenError::Combination("the law exact has no spread and no hot pixels"));
         }
         Ok(())
     }

@@ -3,19 +3,19 @@
 use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{Output, Reconstruct, Source};
 use gs2e::render::Rules;
-use gs2e::sensor::Sensor;
 use gs2e::sensor::esim::{Esim, Intensity};
 use gs2e::sensor::noise::{HotPixels, Redraw, Reference, Refractory, Threshold};
 use gs2e::sensor::v2e::{self, Filter, Leak, V2e};
 use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
+use gs2e::sensor::{Sensor, Sensors};
 use gs2e::trajectory::path::Path;
 use gs2e::trajectory::refine::{Refine, Scale};
 use gs2e::trajectory::travel::Count;
 use gs2e::units::Ratio;
 
 fn voltmeter(recipe: gs2e::recipe::Recipe) -> Voltmeter {
-    match recipe.sensor {
-        Sensor::Voltmeter(voltmeter) => voltmeter,
+    match recipe.sensors {
+        Sensors::One(Sensor::Voltmeter(voltmeter)) => voltmeter,
         other => panic!("{other:?}"),
     }
 }
@@ -39,7 +39,7 @@ fn the_bundled_recipes_mean_what_they_say() {
     assert_eq!(scenes, ["procedural/paper-scale", "procedural/still-life"]);
     let [paper, demo] = recipes.try_into().unwrap();
     assert_eq!(paper.trajectories, demo.trajectories);
-    assert_eq!((&paper.sensor, paper.rate, &paper.licence), (&demo.sensor, demo.rate, &demo.licence));
+    assert_eq!((&paper.sensors, paper.rate, &paper.licence), (&demo.sensors, demo.rate, &demo.licence));
 }
 
 #[test]
@@ -186,7 +186,7 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
 fn all_sensors_are_read() {
     let t = |yaml: &str, wanted: Sensor| {
         let found = sound(&format!("sensor: {yaml}"));
-        assert_eq!(found.sensor, wanted, "{yaml}");
+        assert_eq!(found.sensors, Sensors::One(wanted), "{yaml}");
         let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
         assert_eq!(said(again), said(found), "{yaml}");
     };
