@@ -4,8 +4,7 @@
 //! place on the sensor, the seed and the number of the frame, so neither bands nor threads nor crops can show.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "pixel coordinates are below 2^16; times between two frames are positive and below 2^56 ns"
+    reason = "pixel coordinates are below 2^16; times between two frames are below 2^56 ns"
 )]
 
 use super::noise::Site;

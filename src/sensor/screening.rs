@@ -100,7 +100,7 @@ pub enum ScreenError {
     #[error(
         "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
          frame interval at {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: are the units \
-         of k right?"
+         right?"
     )]
     Impossible {
         /// Grey, 0..255.

@@ -57,7 +57,7 @@ pub struct V2e {
     pub filter: Filter,
     /// Leak of the remembered level.
     pub leak: Leak,
-    /// Shot noise of both polarities at black, Hz.
+    /// Shot noise of both polarities together where there is no light, Hz.
     pub shot: f64,
     /// The dead time after an event.
     pub refractory: Refractory,

@@ -152,3 +152,22 @@ impl Model for Voltmeter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What entered a key before there were options beside these still says the same.
+    #[test]
+    fn options_that_are_not_used_are_in_no_record() {
+        let described = |sensor: &Voltmeter| serde_json::to_string(sensor).unwrap();
+        let plain = Voltmeter::new([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        let wanted = r#"{"k":[1.0,2.0,3.0,4.0,5.0,6.0],"threshold_on":1.0,"threshold_off":1.0,"law":"exact","gain":"log","initial":"zero","between":"linear","max_events_per_pixel_frame":1000}"#;
+        assert_eq!(described(&plain), wanted);
+        assert_eq!(serde_json::from_str::<Voltmeter>(wanted).unwrap(), plain);
+        let account = serde_json::to_string(&crate::sensor::Account::default()).unwrap();
+        assert!(!account.contains("capped"), "{account}");
+        let imperfect = Voltmeter { threshold_spread: 0.1, allow_cap: true, ..plain };
+        assert!(described(&imperfect).ends_with(r#""allow_cap":true,"threshold_spread":0.1}"#));
+    }
+}

@@ -61,8 +61,8 @@ mod tests {
     fn the_share_of_pixels_that_fire_is_as_stated() {
         let hot = HotPixels { share: 0.02, rate: 1000.0 };
         let rates = Rates { ends: [hot.per_ns(); 2], length: 1e9 };
-        let fires = |i: u32| {
-            let site = Site { seed: Seed(1), x: (i % 250) as u16, y: (i / 250) as u16 };
+        let fires = |i: u16| {
+            let site = Site { seed: Seed(1), x: i % 250, y: i / 250 };
             hot.train(site).advance(&rates, 0.0).is_some()
         };
         let count = (0..50_000).filter(|i| fires(*i)).count() as f64;
