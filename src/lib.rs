@@ -53,6 +53,7 @@ pub mod artifact;
 pub mod camera;
 pub mod check;
 pub mod cli;
+pub(crate) mod elementary;
 pub mod event;
 pub mod frames;
 pub mod image;

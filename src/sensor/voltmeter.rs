@@ -9,17 +9,22 @@
 //! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
 //! time, no mismatch between pixels, no bandwidth. The published program takes the drift at the midpoint of two frames
 //! (`gain: midpoint`) and draws times as if there were one threshold; the law `exact` draws first passages of this
-//! process, whatever the frames (`exact.rs`, `cell.rs`). Both terms of sigma add as standard deviations, as published.
+//! process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). Both terms of sigma add as standard deviations, as published.
 
 mod band;
 mod bridge;
-mod cell;
+mod curve;
 mod drift;
 mod exact;
+mod leaf;
+mod line;
 mod noiseless;
 pub mod presets;
 pub mod screen;
+mod tree;
 pub mod units;
+mod window;
+mod writer;
 
 pub use presets::Preset;
 pub use screen::{ScreenError, Screening};
