@@ -13,6 +13,7 @@
 
 mod band;
 mod bridge;
+mod cubic;
 mod curve;
 mod drift;
 mod exact;
@@ -91,6 +92,10 @@ pub enum Initial {
 pub enum Between {
     /// Linear in `ln(L + k2)`.
     Linear,
+    /// Cubic in `ln(L + k2)`, with slopes from the frames before and after.
+    Catmull,
+    /// Cubic in `ln(L + k2)`, with slopes from the frames' rates of change.
+    Hermite,
 }
 
 impl Voltmeter {

@@ -48,7 +48,7 @@ const FLOW_SAMPLES: usize = 9;
 
 impl Stage for Simulating {
     const NAME: &'static str = "events";
-    const REVISION: u32 = 2;
+    const REVISION: u32 = 3;
     type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
     type Output = EventStream;
 

@@ -1,9 +1,10 @@
 //! A band of pixels in one window of time: most of them cross it in one step, the rest go down the tree.
 
+use super::Between;
 use super::curve::{Curve, Knot, Wide};
 use super::noiseless;
 use super::tree::{ROOT_DEVIATION, Walk, Walker, Walkers};
-use super::window::Window;
+use super::window::{Leg, Window};
 use super::writer::{Tally, Writer};
 use crate::elementary::{bits, ln, load, places, store};
 use crate::seed::Space;
@@ -48,7 +49,7 @@ type Lane = [f64; BLOCK];
 /// What is known of a block's pixels in a window.
 #[derive(Debug, Default)]
 struct Block {
-    /// `L + k2`, its logarithm and slope, frame by frame from that of the first leg on.
+    /// `L + k2`, its logarithm and the slope of that, for each of the window's knots.
     knots: Vec<[Lane; 3]>,
     /// Of eight pixels: the drift since the window's start at a leg's earlier frame, and the leg's curve.
     pieces: Vec<[[f64; 8]; 5]>,
@@ -68,6 +69,9 @@ struct Crossing<S: Simd> {
     /// Bound on the drift's distance from its chord.
     straying: f64x8<S>,
 }
+
+/// Seconds in a nanosecond.
+const SECONDS: f64 = 1e-9;
 
 const ZEROS: Lane = [0.0; BLOCK];
 
@@ -120,15 +124,46 @@ impl Window<'_> {
     /// Knots of the `count` pixels from `first` on.
     #[inline(always)]
     fn fill<S: Simd>(&self, simd: S, first: usize, count: usize, block: &mut Block) {
-        let frames = self.legs.len() + usize::from(self.legs[self.legs.len() - 1].inverse > 0.0);
-        block.knots.resize(frames, [ZEROS; 3]);
-        block.pieces.resize(self.legs.len(), [[0.0; 8]; 5]);
-        for (knot, frame) in block.knots.iter_mut().zip(&self.frames[self.legs[0].frame..]) {
+        let Block { knots, pieces } = block;
+        pieces.resize(self.legs.len(), [[0.0; 8]; 5]);
+        knots.resize(self.knots.len(), [ZEROS; 3]);
+        for ([level, log, slope], frame) in knots.iter_mut().zip(&self.frames[self.knots.clone()]) {
             let luminance = &frame.luminance[first..first + count];
             for (i, luminance) in (0..).step_by(8).zip(luminance.chunks_exact(8)) {
-                let level = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
-                store(level, &mut knot[0], i);
-                store(ln(level), &mut knot[1], i);
+                let here = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
+                store(here, level, i);
+                store(ln(here), log, i);
+                if self.law.between == Between::Hermite {
+                    let rate = f64x8::from_fn(simd, |lane| frame.rate[first + i + lane].into());
+                    store(rate * SECONDS / here, slope, i);
+                }
+            }
+        }
+        if self.law.between == Between::Catmull {
+            self.slopes(simd, count, knots);
+        }
+    }
+
+    /// Slopes from the frames before and after: that of the parabola through the three, at the ends of the sequence that
+    /// of the line through the two.
+    #[inline(always)]
+    fn slopes<S: Simd>(&self, simd: S, count: usize, knots: &mut [[Lane; 3]]) {
+        let stamps: Vec<i64> = self.frames[self.knots.clone()].iter().map(|frame| frame.t).collect();
+        for at in 0..knots.len() {
+            let [before, after] = [at.saturating_sub(1), (at + 1).min(knots.len() - 1)];
+            let [earlier, later] =
+                [stamps[at] - stamps[before], stamps[after] - stamps[at]].map(|t| t as f64);
+            let whole = earlier + later;
+            // Each secant is weighted by the length of the other; beyond an end there is none.
+            let [left, right] = match (earlier > 0.0, later > 0.0) {
+                (true, true) => [later / (earlier * whole), earlier / (later * whole)],
+                (true, false) => [1.0 / earlier, 0.0],
+                (false, true) => [0.0, 1.0 / later],
+                (false, false) => [0.0, 0.0],
+            };
+            for i in (0..count).step_by(8) {
+                let [v0, v1, v2] = [before, at, after].map(|knot| load(simd, &knots[knot][1], i));
+                store((v1 - v0) * left + (v2 - v1) * right, &mut knots[at][2], i);
             }
         }
     }
@@ -142,12 +177,13 @@ impl Window<'_> {
         i: usize,
         block: &Block,
     ) -> (Wide<S>, [Knot<S>; 2]) {
-        let inverse = self.legs[leg].inverse;
-        let here = knot(simd, &block.knots[leg], i);
+        let Leg { inverse, frame, .. } = self.legs[leg];
+        let at = frame - self.knots.start;
+        let here = knot(simd, &block.knots[at], i);
         if inverse == 0.0 {
             return ([f64x8::splat(simd, 0.0); 4], [here; 2]);
         }
-        let ends = [here, knot(simd, &block.knots[leg + 1], i)];
+        let ends = [here, knot(simd, &block.knots[at + 1], i)];
         (C::between(&self.law.process, ends, inverse), ends)
     }
 

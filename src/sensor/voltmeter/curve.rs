@@ -19,7 +19,6 @@ pub(super) struct Knot<S: Simd> {
     /// Its logarithm, `V`.
     pub(super) log: f64x8<S>,
     /// `dV/dt`, per ns, where the interpolation goes by it.
-    #[expect(dead_code, reason = "for the cubic curves, which come next")]
     pub(super) slope: f64x8<S>,
 }
 

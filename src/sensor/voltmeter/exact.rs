@@ -7,12 +7,13 @@
 
 use super::band::{Band, Slice};
 use super::bridge::Barriers;
+use super::cubic::Cubic;
 use super::drift::Process;
 use super::line::Line;
 use super::tree::ROOT;
 use super::window::Window;
 use super::writer::Tally;
-use super::{Initial, Voltmeter};
+use super::{Between, Initial, Voltmeter};
 use crate::event::EventSink;
 use crate::frames::Frame;
 use crate::image::Size;
@@ -54,6 +55,7 @@ pub(super) struct Law {
     pub(super) process: Process,
     pub(super) barriers: Barriers,
     pub(super) initial: Initial,
+    pub(super) between: Between,
     pub(super) cap: u32,
     pub(super) size: Size,
     pub(super) origin: [u16; 2],
@@ -67,6 +69,8 @@ pub(super) struct Stored {
     pub(super) t: i64,
     /// Not below 0. After the last pixel, zeros to a multiple of 8.
     pub(super) luminance: Vec<f32>,
+    /// Change per second, where the interpolation goes by it.
+    pub(super) rate: Vec<f32>,
 }
 
 /// State of the pixels, at the end of the last window that was crossed. All but the tallies go on to a multiple of 8.
@@ -88,7 +92,8 @@ impl Exact {
         let barriers = Barriers { up: sensor.threshold_on, down: sensor.threshold_off };
         let (process, initial) = (Process::new(sensor), sensor.initial);
         let cap = sensor.max_events_per_pixel_frame;
-        let law = Law { process, barriers, initial, cap, size, origin, seed };
+        let between = sensor.between;
+        let law = Law { process, barriers, initial, between, cap, size, origin, seed };
         let (n, padded) = (size.pixels(), size.pixels().next_multiple_of(8));
         let seat = |pixel| {
             let [x, y] = law.at_sensor(pixel);
@@ -135,7 +140,8 @@ impl Exact {
             self.cross_window(end, last)?;
             self.windows.close(end.div_euclid(1000), sink)?;
             self.crossed = end;
-            while self.frames.len() > 1 && self.frames[1].t <= end {
+            let kept = self.law.kept();
+            while self.frames.len() > kept && self.frames[kept].t <= end {
                 self.spare.extend(self.frames.pop_front());
             }
         }
@@ -156,7 +162,12 @@ impl Exact {
         let level = self.level;
         chunks.into_par_iter().enumerate().for_each(|(i, (seats, voltage, drift, variance, tally, band))| {
             let slice = Slice { first: i * BAND, seats, voltage, drift, variance, tally };
-            dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band));
+            match window.law.between {
+                Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
+                Between::Catmull | Between::Hermite => {
+                    dispatch!(level, simd => window.cross::<Cubic, _>(simd, slice, band));
+                }
+            }
         });
         for band in &mut self.bands {
             if let Some(error) = band.capped.take() {
@@ -183,6 +194,12 @@ impl Exact {
             return Err(refuse(format!("the luminance of pixel ({x}, {y}) is {found}, not a finite number")));
         }
         self.negative_luminance += negative;
+        if self.law.between == Between::Hermite {
+            let rate = usable_rate(frame).map_err(refuse)?;
+            stored.rate.clear();
+            stored.rate.extend_from_slice(rate);
+            stored.rate.resize(self.state.voltage.len(), 0.0);
+        }
         if self.frames.is_empty() {
             self.law.begin(&stored.luminance, &mut self.state.voltage);
         }
@@ -233,6 +250,11 @@ impl Law {
         }
     }
 
+    /// How many frames up to a place a curve that begins there goes by. It goes by as many from its end on.
+    fn kept(&self) -> usize {
+        if self.between == Between::Catmull { 2 } else { 1 }
+    }
+
     /// Coordinates of a pixel in the frame.
     pub(super) fn at(&self, pixel: usize) -> [u16; 2] {
         let width = self.size.width as usize;
@@ -243,6 +265,25 @@ impl Law {
     pub(super) fn at_sensor(&self, pixel: usize) -> [u16; 2] {
         let ([x, y], origin) = (self.at(pixel), self.origin);
         [x + origin[0], y + origin[1]]
+    }
+}
+
+/// The rate of change of a frame.
+fn usable_rate(frame: &Frame) -> Result<&[f32], String> {
+    let Some(rate) = &frame.rate else {
+        return Err("it has no rate of change, which `between: hermite` goes by".to_owned());
+    };
+    let (found, wanted) = (rate.size(), frame.luminance.size());
+    if found != wanted {
+        return Err(format!("its rate of change is {found}, the frame is {wanted}"));
+    }
+    let width = wanted.width as usize;
+    match rate.pixels().iter().position(|rate| !rate.is_finite()) {
+        None => Ok(rate.pixels()),
+        Some(bad) => {
+            let (x, y, found) = (bad % width, bad / width, rate.pixels()[bad]);
+            Err(format!("the rate of change of pixel ({x}, {y}) is {found}, not a finite number"))
+        }
     }
 }
 
@@ -285,7 +326,8 @@ fn follows(before: Option<&Stored>, frame: &Frame, size: Size) -> Result<(), Str
 impl Pixels for Exact {
     fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         self.store(frame)?;
-        self.cross_until(frame.t.0, i64::MAX, sink)
+        let until = self.frames.len().checked_sub(self.law.kept()).map_or(0, |at| self.frames[at].t);
+        self.cross_until(until, i64::MAX, sink)
     }
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
@@ -371,7 +413,8 @@ mod tests {
         };
         let noisy = Voltmeter::new([8.0, 16.0, 2e-2, 1e-5, 1e-6, 4e-3]);
         let quiet = Voltmeter::new([8.0, 16.0, 0.0, 1e-5, 1e-6, 0.0]);
-        for sensor in [noisy, quiet, dvs346()] {
+        let curved = Voltmeter { between: Between::Catmull, ..noisy.clone() };
+        for sensor in [noisy, quiet, curved, dvs346()] {
             let wanted = on(&sensor, best);
             assert!(wanted.0.events > 100, "{:?}", wanted.0);
             levels.iter().for_each(|level| assert_eq!(on(&sensor, *level), wanted, "{level:?}"));

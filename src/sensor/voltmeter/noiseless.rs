@@ -70,21 +70,20 @@ impl<C: Curve> Run<'_, C> {
                 return ControlFlow::Continue(x + rise - crossed * step);
             }
             let guess = start + (to - start) * (target / rise);
-            from = solve::<C>(self.curve, base + target, guess, [from, to]);
+            from = solve::<C>(self.curve, base + target, guess, ([from, to], rise >= 0.0));
             emit.event(self.stamp + from, polarity)?;
             crossed += 1.0;
         }
     }
 }
 
-/// Where in `[low, high]` the monotone drift is `level`: Newton's method from `t` on, kept inside a bracket, to the last
+/// Where in `[low, high]` the drift, which only rises or only falls, is `level`: Newton's method from `t` on, kept inside a bracket, to the last
 /// bit.
-fn solve<C: Curve>(curve: &One, level: f64, t: f64, [mut low, mut high]: [f64; 2]) -> f64 {
+fn solve<C: Curve>(curve: &One, level: f64, t: f64, ([mut low, mut high], rising): ([f64; 2], bool)) -> f64 {
     let mut t = t.clamp(low, high);
     if C::is_straight(curve) {
         return t;
     }
-    let rising = C::rate_of_one(curve, t) >= 0.0;
     // Each round halves the bracket or is a Newton step; 200 are more than bisection alone needs.
     for _ in 0..200 {
         let error = C::rise_of_one(curve, t) - level;

@@ -1,7 +1,7 @@
 //! What a parameter set will do, said before anything runs: contrast, leak and noise at a few greys; and the refusal of
 //! sets that make no usable stream (numerics.md 1.1).
 
-use super::{Preset, Voltmeter};
+use super::{Between, Gain, Preset, Voltmeter};
 use crate::sensor::statistics::Renewal;
 use crate::units::Hertz;
 use serde::Serialize;
@@ -91,6 +91,9 @@ pub enum ScreenError {
         /// What it may be.
         wanted: &'static str,
     },
+    /// The published program's gain has no meaning for curves.
+    #[error("`gain: midpoint` goes with `between: linear` only")]
+    MidpointOfCurve,
     /// More noise than any stream can use.
     #[error(
         "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
@@ -144,6 +147,9 @@ impl Voltmeter {
             if !(holds && found.is_finite()) {
                 return Err(ScreenError::Parameter { name, found, wanted });
             }
+        }
+        if self.gain == Gain::Midpoint && self.between != Between::Linear {
+            return Err(ScreenError::MidpointOfCurve);
         }
         if self.max_events_per_pixel_frame == 0 {
             let name = "max_events_per_pixel_frame";

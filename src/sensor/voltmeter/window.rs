@@ -1,7 +1,9 @@
 //! One window of time, and the legs between frames that it crosses.
 
+use super::Between;
 use super::exact::{Law, Stored};
 use super::tree::LEVELS;
+use std::ops::Range;
 
 /// One window of time.
 #[derive(Debug)]
@@ -10,6 +12,8 @@ pub(super) struct Window<'a> {
     pub(super) frames: Vec<&'a Stored>,
     /// In order of time; the first begins at or before the window's start, the last ends at or after its end.
     pub(super) legs: Vec<Leg>,
+    /// Frames whose brightness the legs' curves go by.
+    pub(super) knots: Range<usize>,
     /// The leg that holds the middle, the later one at a stamp, and the time since its start.
     pub(super) middle: (usize, f64),
     /// Longest part of a leg in the window, ns.
@@ -54,12 +58,16 @@ impl<'a> Window<'a> {
             }
         };
         let legs: Vec<Leg> = (before(start)..=before(end - 1)).map(leg).collect();
+        let mut knots = before(start)..frames.len().min(before(end - 1) + 2);
+        if law.between == Between::Catmull {
+            knots = knots.start.saturating_sub(1)..frames.len().min(knots.end + 1);
+        }
         let middle = start + (end - start) / 2;
         let holding = before(middle);
         let middle = (holding - legs[0].frame, (middle - frames[holding].t) as f64);
         let last = last.saturating_sub(start) as f64;
         let widest = legs.iter().map(|leg: &Leg| leg.to - leg.from).fold(0.0, f64::max);
-        Self { law, legs, middle, widest, start, length: since_start(end), last, frames }
+        Self { law, legs, knots, middle, widest, start, length: since_start(end), last, frames }
     }
 
     /// The leg that holds `t`, ns since the window's start; at a stamp, the later one.
