@@ -21,7 +21,7 @@
 //!
 //! | room | what lives there |
 //! |---|---|
-//! | [`units`] [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
+//! | [`units`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
 //! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`source`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
@@ -54,6 +54,7 @@ pub mod artifact;
 pub mod camera;
 pub mod check;
 pub mod cli;
+pub(crate) mod elementary;
 pub mod event;
 pub mod frames;
 pub mod image;
