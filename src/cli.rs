@@ -24,6 +24,7 @@ mod render;
 mod renderers;
 mod screening;
 mod simulate;
+mod study;
 mod trajectory;
 mod why;
 
@@ -73,6 +74,8 @@ enum Verb {
     Render(render::Render),
     /// Show your own frames to a sensor, and write its events
     Simulate(simulate::Simulate),
+    /// Measure what a setting does to the events of a scene
+    Study(study::Study),
     /// Make the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::Trajectory),
 }
@@ -229,6 +232,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Gc(verb) => verb.run(common, console),
         Verb::Render(verb) => verb.run(common, console),
         Verb::Simulate(verb) => verb.run(common, console),
+        Verb::Study(verb) => verb.run(common, console),
         Verb::Trajectory(verb) => verb.run(common, console),
     }
 }

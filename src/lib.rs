@@ -21,7 +21,7 @@
 //!
 //! | room | what lives there |
 //! |---|---|
-//! | [`units`] [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
+//! | [`units`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
 //! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`source`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
@@ -30,6 +30,7 @@
 //! | [`plan`] | recipes to steps; which of them must run, and why; which scenes are up to date at a glance |
 //! | [`run`] | runs them: order, cores and memory, failures, interrupts, time left |
 //! | [`release`] | the tree that people download, and its audit |
+//! | [`study`] | measurements of a scene: what a setting costs and what it does to the events |
 //! | [`cli`] | what the user types and reads; the only printing, environment and clock for people |
 //!
 //! # Invariants
@@ -53,6 +54,7 @@ pub mod artifact;
 pub mod camera;
 pub mod check;
 pub mod cli;
+pub(crate) mod elementary;
 pub mod event;
 pub mod frames;
 pub mod image;
@@ -70,5 +72,6 @@ pub mod source;
 pub mod speed;
 pub mod stage;
 pub mod store;
+pub mod study;
 pub mod trajectory;
 pub mod units;

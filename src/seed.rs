@@ -1,5 +1,6 @@
 //! Randomness as a pure function of what is drawn for: no generator in the program has a hidden position.
 
+pub(crate) mod eight;
 #[cfg(test)]
 pub(crate) mod ks;
 pub mod normal;
@@ -91,7 +92,14 @@ impl Seed {
     /// The draws of one cell, from number 0.
     #[must_use]
     pub fn draws(self, cell: Cell, space: Space) -> Draws {
-        Draws { key: self.key(), counter: counter(cell, space), block: [0; 4], next: 0 }
+        Draws {
+            key: self.key(),
+            counter: counter(cell, space),
+            first: [0; 4],
+            known: 0,
+            block: [0; 4],
+            next: 0,
+        }
     }
 
     /// Draw `number` of a cell as a standard normal deviate; `number` 0 and 1 cost one block each.
@@ -113,9 +121,15 @@ impl Seed {
 #[expect(clippy::cast_possible_truncation, reason = "the two halves of the index")]
 fn counter(cell: Cell, space: Space) -> [u32; 4] {
     debug_assert!(cell.index < 1 << 56 && cell.level < 64, "{cell:?} fits its fields");
-    let tag = match space {
-        Space::Tree => u32::from(cell.level) << 1,
-        Space::Leaf => u32::from(cell.level) << 1 | 1,
+    let third = tag(cell.level, space) << 24 | (cell.index >> 32) as u32;
+    [u32::from(cell.y) << 16 | u32::from(cell.x), cell.index as u32, third, 0]
+}
+
+/// Level and purpose.
+fn tag(level: u8, space: Space) -> u32 {
+    match space {
+        Space::Tree => u32::from(level) << 1,
+        Space::Leaf => u32::from(level) << 1 | 1,
         Space::Initial => 0xff,
         Space::Choice => 0xfe,
         Space::Pair => 0xfd,
@@ -123,8 +137,7 @@ fn counter(cell: Cell, space: Space) -> [u32; 4] {
         Space::Leak => 0xfb,
         Space::Shot => 0xfa,
         Space::Hot => 0xf9,
-    };
-    [u32::from(cell.y) << 16 | u32::from(cell.x), cell.index as u32, tag << 24 | (cell.index >> 32) as u32, 0]
+    }
 }
 
 /// Draw `number` lies in the first or the second half of its block.
@@ -135,15 +148,19 @@ fn half(block: [u32; 4], number: u32) -> u64 {
 
 /// The upper 52 bits as a number strictly between 0 and 1: with 53 bits the largest would round to 1.
 fn uniform(bits: u64) -> f64 {
-    const STEP: f64 = 1.0 / (1u64 << 52) as f64;
     ((bits >> 12) as f64 + 0.5) * STEP
 }
+
+const STEP: f64 = 1.0 / (1u64 << 52) as f64;
 
 /// The draws of one cell in order.
 #[derive(Debug, Clone)]
 pub struct Draws {
     key: [u32; 2],
     counter: [u32; 4],
+    /// The first draws, of which so many are known.
+    first: [u64; 4],
+    known: u32,
     block: [u32; 4],
     next: u32,
 }
@@ -176,9 +193,13 @@ impl Draws {
     }
 
     fn bits(&mut self) -> u64 {
+        if self.next < self.known {
+            self.next += 1;
+            return self.first[self.next as usize - 1];
+        }
         if self.next.is_multiple_of(2) {
+            self.counter[3] = self.next / 2;
             self.block = philox::block(self.counter, self.key);
-            self.counter[3] = self.counter[3].wrapping_add(1);
         }
         let bits = half(self.block, self.next);
         self.next = self.next.wrapping_add(1);

@@ -5,7 +5,9 @@
 //! the logarithm of the tails is `libm`'s, so the result is the same on every machine.
 #![expect(clippy::excessive_precision, clippy::unreadable_literal, reason = "coefficients as published")]
 
-const CENTRE_NUMERATOR: [f64; 8] = [
+use fearless_simd::{Simd, f64x8};
+
+pub(super) const CENTRE_NUMERATOR: [f64; 8] = [
     3.3871328727963666080,
     1.3314166789178437745e2,
     1.9715909503065514427e3,
@@ -15,7 +17,7 @@ const CENTRE_NUMERATOR: [f64; 8] = [
     3.3430575583588128105e4,
     2.5090809287301226727e3,
 ];
-const CENTRE_DENOMINATOR: [f64; 8] = [
+pub(super) const CENTRE_DENOMINATOR: [f64; 8] = [
     1.0,
     4.2313330701600911252e1,
     6.8718700749205790830e2,
@@ -25,7 +27,7 @@ const CENTRE_DENOMINATOR: [f64; 8] = [
     2.8729085735721942674e4,
     5.2264952788528545610e3,
 ];
-const MIDDLE_NUMERATOR: [f64; 8] = [
+pub(super) const MIDDLE_NUMERATOR: [f64; 8] = [
     1.42343711074968357734,
     4.63033784615654529590,
     5.76949722146069140550,
@@ -35,7 +37,7 @@ const MIDDLE_NUMERATOR: [f64; 8] = [
     2.27238449892691845833e-2,
     7.74545014278341407640e-4,
 ];
-const MIDDLE_DENOMINATOR: [f64; 8] = [
+pub(super) const MIDDLE_DENOMINATOR: [f64; 8] = [
     1.0,
     2.05319162663775882187,
     1.67638483018380384940,
@@ -45,7 +47,7 @@ const MIDDLE_DENOMINATOR: [f64; 8] = [
     5.47593808499534494600e-4,
     1.05075007164441684324e-9,
 ];
-const FAR_NUMERATOR: [f64; 8] = [
+pub(super) const FAR_NUMERATOR: [f64; 8] = [
     6.65790464350110377720,
     5.46378491116411436990,
     1.78482653991729133580,
@@ -55,7 +57,7 @@ const FAR_NUMERATOR: [f64; 8] = [
     2.71155556874348757815e-5,
     2.01033439929228813265e-7,
 ];
-const FAR_DENOMINATOR: [f64; 8] = [
+pub(super) const FAR_DENOMINATOR: [f64; 8] = [
     1.0,
     5.99832206555887937690e-1,
     1.36929880922735805310e-1,
@@ -66,12 +68,21 @@ const FAR_DENOMINATOR: [f64; 8] = [
     2.04426310338993978564e-15,
 ];
 
+/// Farther than this from 1/2, a uniform is in a tail.
+pub(super) const CENTRE: f64 = 0.425;
+/// Its square.
+pub(super) const CENTRE_SQUARE: f64 = 0.180625;
+/// Tails are expanded about the first where `sqrt(-ln p)` is below the second, and about the second beyond.
+pub(super) const FAR_CENTRE: [f64; 2] = [1.6, 5.0];
+/// The border between the two.
+pub(super) const FAR: f64 = 5.0;
+
 /// The deviate `z` with `Phi(z) = p`, for `0 < p < 1`.
 #[must_use]
 pub fn quantile(p: f64) -> f64 {
     let q = p - 0.5;
-    if q.abs() <= 0.425 {
-        let r = 0.180625 - q * q;
+    if q.abs() <= CENTRE {
+        let r = CENTRE_SQUARE - q * q;
         return q * polynomial(&CENTRE_NUMERATOR, r) / polynomial(&CENTRE_DENOMINATOR, r);
     }
     let tail = if q < 0.0 { p } else { 1.0 - p };
@@ -80,10 +91,11 @@ pub fn quantile(p: f64) -> f64 {
 
 fn tail_quantile(tail: f64) -> f64 {
     let r = (-libm::log(tail)).sqrt();
-    if r <= 5.0 {
-        polynomial(&MIDDLE_NUMERATOR, r - 1.6) / polynomial(&MIDDLE_DENOMINATOR, r - 1.6)
+    let [middle, far] = FAR_CENTRE.map(|centre| r - centre);
+    if r <= FAR {
+        polynomial(&MIDDLE_NUMERATOR, middle) / polynomial(&MIDDLE_DENOMINATOR, middle)
     } else {
-        polynomial(&FAR_NUMERATOR, r - 5.0) / polynomial(&FAR_DENOMINATOR, r - 5.0)
+        polynomial(&FAR_NUMERATOR, far) / polynomial(&FAR_DENOMINATOR, far)
     }
 }
 
@@ -92,6 +104,15 @@ fn polynomial(c: &[f64; 8], x: f64) -> f64 {
     let square = x * x;
     let low = (c[0] + c[1] * x) + (c[2] + c[3] * x) * square;
     let high = (c[4] + c[5] * x) + (c[6] + c[7] * x) * square;
+    low + high * (square * square)
+}
+
+/// [`polynomial`] of eight numbers.
+#[inline(always)]
+pub(super) fn eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
+    let square = x * x;
+    let low = (x * c[1] + c[0]) + (x * c[3] + c[2]) * square;
+    let high = (x * c[5] + c[4]) + (x * c[7] + c[6]) * square;
     low + high * (square * square)
 }
 

@@ -9,18 +9,25 @@
 //! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
 //! time, no mismatch between pixels, no bandwidth. The published program takes the drift at the midpoint of two frames
 //! (`gain: midpoint`) and draws times as if there were one threshold (law `official`, `official.rs`); the law `exact`
-//! draws first passages of this process, whatever the frames (`exact.rs`, `cell.rs`). Both terms of sigma add as standard deviations, as published.
+//! draws first passages of this process, whatever the frames (`exact.rs`, `tree.rs`,
+//! `leaf.rs`). Both terms of sigma add as standard deviations, as published.
 
 mod band;
 mod bridge;
-mod cell;
+mod cubic;
+mod curve;
 mod drift;
 mod exact;
+mod leaf;
+mod line;
 mod noiseless;
 mod official;
 pub mod presets;
 mod screen;
+mod tree;
 pub mod units;
+mod window;
+mod writer;
 
 pub use presets::Preset;
 pub use units::Units;
@@ -100,6 +107,10 @@ pub enum Initial {
 pub enum Between {
     /// Linear in `ln(L + k2)`.
     Linear,
+    /// Cubic in `ln(L + k2)`, with slopes from the frames before and after.
+    Catmull,
+    /// Cubic in `ln(L + k2)`, with slopes from the frames' rates of change.
+    Hermite,
 }
 
 impl Voltmeter {

@@ -46,6 +46,9 @@ pub(super) struct Windows {
     first_us: i64,
     events: Vec<Packed>,
     chunk: Vec<Event>,
+    sorted: Vec<Packed>,
+    /// How many events each microsecond has, then where the next of each goes.
+    places: Vec<u32>,
     /// Pairs of events of one pixel in one microsecond, so far.
     pub(super) same_us_same_pixel: u64,
 }
@@ -56,10 +59,38 @@ impl Windows {
         self.events.append(events);
     }
 
+    /// Sorts by counting the events of each microsecond; within one there are few, and often in order.
+    fn sort(&mut self) {
+        let Self { events, sorted, places, .. } = self;
+        let last = events.iter().max().map_or(0, |event| event.micros().cast_unsigned() as usize);
+        if last > MOST_MICROS {
+            return events.sort_unstable();
+        }
+        places.clear();
+        places.resize(last + 2, 0);
+        let micros = |event: &Packed| (event.0 >> MICROS_SHIFT) as usize;
+        events.iter().for_each(|event| places[micros(event) + 1] += 1);
+        for i in 1..places.len() {
+            places[i] += places[i - 1];
+        }
+        sorted.resize(events.len(), Packed(0));
+        for event in &*events {
+            let place = &mut places[micros(event)];
+            sorted[*place as usize] = *event;
+            *place += 1;
+        }
+        let mut start = 0;
+        for end in places.iter().map(|end| *end as usize) {
+            sorted[start..end].sort_unstable();
+            start = end;
+        }
+        std::mem::swap(events, sorted);
+    }
+
     /// Hands over what lies before the microsecond `end_us`, where the next window begins.
     pub(super) fn close(&mut self, end_us: i64, sink: &mut dyn EventSink) -> std::io::Result<()> {
         let finished = end_us - self.first_us;
-        self.events.sort_unstable();
+        self.sort();
         let count = self.events.partition_point(|event| event.micros() < finished);
         self.same_us_same_pixel += pairs(&self.events[..count]);
         for part in self.events[..count].chunks(CHUNK) {
@@ -75,6 +106,9 @@ impl Windows {
         Ok(())
     }
 }
+
+/// Longer windows are sorted without a count for each of their microseconds.
+const MOST_MICROS: usize = 4096;
 
 /// Events handed to a sink at once.
 const CHUNK: usize = 1 << 16;

@@ -9,6 +9,7 @@
 )]
 
 mod clips;
+mod cubic;
 mod golden;
 mod identity;
 mod interval_law;

@@ -44,6 +44,7 @@ mod simulate_verb;
 mod sources;
 mod staleness;
 mod store;
+mod study;
 mod support;
 mod tidy;
 mod trajectories;

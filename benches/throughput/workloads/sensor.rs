@@ -25,20 +25,25 @@ pub(super) fn workloads() -> Vec<Workload> {
     let mut all = Vec::new();
     for rate in RATES {
         let frames: Arc<[Frame]> = frames(rate, &noisy).into();
-        all.push(workload("with noise", &noisy, rate, &frames));
-        all.push(workload("without noise", &quiet, rate, &frames));
+        for (name, model) in [("with noise", &noisy), ("without noise", &quiet)] {
+            all.push(workload(name, model, rate, &frames, 0));
+            all.push(workload(name, model, rate, &frames, 1));
+        }
     }
     all
 }
 
-fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>) -> Workload {
+/// On so many threads; 0 for as many as there are.
+fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>, threads: usize) -> Workload {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
+    let cores = if threads == 1 { "one core" } else { "all cores" };
     let (model, frames) = (model.clone(), Arc::clone(frames));
     let steps = frames.len() - 2;
     let seconds = frames[1 + steps].t.seconds() - frames[1].t.seconds();
     let what = format!(
-        "voltmeter dvs346 {name}, {SIZE}, {steps} steps at 2400/s, {seconds:.3} s, {rate} ev/px/s asked"
+        "voltmeter dvs346 {name}, {SIZE}, {steps} steps at 2400/s, {seconds:.3} s, {rate} ev/px/s asked, {cores}"
     );
-    let run = move || {
+    let simulate = move || {
         let mut pixels = model.start(SIZE, [0, 0], Seed(1)).expect("the preset is valid");
         let mut settled = Counted(0);
         advance(&mut *pixels, &frames[..2], &mut settled);
@@ -48,6 +53,7 @@ fn workload(name: &str, model: &Voltmeter, rate: f64, frames: &Arc<[Frame]>) -> 
             vec![amount(steps * SIZE.pixels(), "Mpixel-frame"), amount(events.0, "Mevent")]
         })
     };
+    let run = move || pool.install(&simulate);
     Workload { part: "sensor", what, rival: false, run: Box::new(run) }
 }
 

@@ -54,10 +54,12 @@ pub(super) fn scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
         let streams = streams(part).into_par_iter().filter(|(name, _)| folder.has(name));
         let contents = streams.flat_map(|(name, stated)| events::audit(&folder, &name, stated));
         faults.extend(contents.collect::<Vec<_>>());
-        let others: [(&str, fn(&Folder<'_>) -> Vec<Fault>); 2] =
-            [("poses.txt", motion::audit), ("checks.json", checks)];
-        let contents = others.into_par_iter().filter(|(name, _)| folder.has(name));
-        faults.extend(contents.flat_map(|(_, audit)| audit(&folder)).collect::<Vec<_>>());
+        if folder.has("poses.txt") {
+            faults.extend(motion::audit(&folder));
+        }
+        if folder.has("checks.json") {
+            faults.extend(checks(&folder));
+        }
         faults.extend(pictures::audit(&folder));
     }
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()

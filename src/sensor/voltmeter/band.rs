@@ -1,324 +1,298 @@
 //! A band of pixels in one window of time: most of them cross it in one step, the rest go down the tree.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "pixel coordinates are below 2^16; times within a window are below 2^31 ns"
-)]
 
-use super::bridge::{Barriers, Live};
-use super::cell::{Emit, LEVELS, Scratch, Walk, root_noise};
-use super::drift::{Part, Path, Smooth};
-use super::exact::{Law, Stored};
+use super::Between;
+use super::curve::{Curve, Knot, Wide};
 use super::noiseless;
-use crate::event::Polarity;
+use super::tree::{ROOT_DEVIATION, Walk, Walker, Walkers};
+use super::window::{Leg, Window};
+use super::writer::{Tally, Writer};
+use crate::elementary::{bits, ln, load, places, store};
+use crate::seed::Space;
+use crate::seed::eight::{self, Cells};
+use crate::sensor::SensorError;
 use crate::sensor::window::Packed;
-use crate::sensor::{Account, SensorError};
+use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
 use std::ops::ControlFlow;
 
 /// What a thread needs to cross bands, and what it counts.
 #[derive(Debug, Default)]
 pub(super) struct Band {
-    /// Pixels of the band that some barrier may stop.
-    live: Vec<usize>,
-    path: Path,
-    pub(super) scratch: Scratch,
+    block: Block,
+    pub(super) walkers: Walkers,
     pub(super) events: Vec<Packed>,
     /// Most events of one pixel between two frames.
     pub(super) most: u32,
     pub(super) capped: Option<SensorError>,
 }
 
-/// The state of the pixels of a band.
+/// The state of the pixels of a band, as many as a multiple of 8; those beyond the last of the image have no meaning.
 #[derive(Debug)]
 pub(super) struct Slice<'a> {
     /// Number of the first pixel.
     pub(super) first: usize,
+    /// Pixels on the sensor, `y << 16 | x`.
+    pub(super) seats: &'a [u32],
     pub(super) voltage: &'a mut [f64],
     pub(super) drift: &'a mut [f64],
     pub(super) variance: &'a mut [f64],
+    /// One for each pixel that has a meaning.
     pub(super) tally: &'a mut [Tally],
 }
 
-/// One window of time.
-#[derive(Debug)]
-pub(super) struct Window<'a> {
-    law: &'a Law,
-    frames: Vec<&'a Stored>,
-    pieces: Vec<Piece>,
-    middle: Place,
-    end: Place,
-    /// ns since the first stamp.
-    start: i64,
-    length: f64,
-    /// Later events, in ns since `start`, are dropped.
-    last: f64,
+/// Pixels that go through a window together, one piece of arithmetic after the other: short loops over many pixels keep
+/// a processor busier than one long one over few.
+const BLOCK: usize = 64;
+
+/// One number of each pixel of a block.
+type Lane = [f64; BLOCK];
+
+/// What is known of a block's pixels in a window.
+#[derive(Debug, Default)]
+struct Block {
+    /// `L + k2`, its logarithm and the slope of that, for each of the window's knots.
+    knots: Vec<[Lane; 3]>,
+    /// Of eight pixels: the drift since the window's start at a leg's earlier frame, and the leg's curve.
+    pieces: Vec<[[f64; 8]; 5]>,
 }
 
-/// The part of a window between two frames, or after the last.
-#[derive(Debug, Clone, Copy)]
-struct Piece {
-    begin: Place,
-    /// ns since the window's start.
-    from: f64,
-    to: f64,
-}
-
-/// An instant, by the frame before it.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    /// Position of that frame among those that are kept.
-    frame: usize,
-    /// ns since that frame.
-    after: f64,
-    /// One over the time to the next frame; 0 after the last.
-    inverse: f64,
-}
-
-impl Place {
-    fn new(frames: &[&Stored], t: i64) -> Self {
-        let frame = frames.partition_point(|frame| frame.t <= t) - 1;
-        let here = frames[frame].t;
-        let inverse = frames.get(frame + 1).map_or(0.0, |next| 1.0 / (next.t - here) as f64);
-        Self { frame, after: (t - here) as f64, inverse }
-    }
-
-    fn is_at_frame(self) -> bool {
-        self.after == 0.0 || self.inverse == 0.0
-    }
-}
-
-/// What happens to a pixel in a window if no barrier stops it.
-struct Crossing {
-    voltage: f64,
-    /// Drift since the first frame, at the window's end.
-    drift: f64,
+/// What happens to eight pixels in a window if no barrier stops them.
+#[derive(Clone, Copy)]
+struct Crossing<S: Simd> {
+    /// Increment of the root's Brownian motion.
+    increment: f64x8<S>,
+    /// Drift over the window.
+    drift: f64x8<S>,
     /// Noise per square root of a nanosecond.
-    sigma: f64,
-    live: Live,
+    sigma: f64x8<S>,
+    /// Bound on the drift's second derivative.
+    curvature: f64x8<S>,
+    /// Bound on the drift's distance from its chord.
+    straying: f64x8<S>,
 }
 
-impl<'a> Window<'a> {
-    /// The window from `start` to `end`, in ns, which the first frame does not follow.
-    pub(super) fn new(law: &'a Law, frames: Vec<&'a Stored>, [start, end]: [i64; 2], last: i64) -> Self {
-        let inner = frames.iter().map(|frame| frame.t).filter(|&t| start < t && t < end);
-        let cuts: Vec<i64> = std::iter::once(start).chain(inner).chain([end]).collect();
-        let since_start = |t: i64| (t - start) as f64;
-        let piece = |cut: &[i64]| Piece {
-            begin: Place::new(&frames, cut[0]),
-            from: since_start(cut[0]),
-            to: since_start(cut[1]),
-        };
-        Self {
-            law,
-            pieces: cuts.windows(2).map(piece).collect(),
-            middle: Place::new(&frames, start + (end - start) / 2),
-            end: Place::new(&frames, end),
-            start,
-            length: since_start(end),
-            last: last.saturating_sub(start) as f64,
-            frames,
-        }
-    }
+/// Seconds in a nanosecond.
+const SECONDS: f64 = 1e-9;
 
+const ZEROS: Lane = [0.0; BLOCK];
+
+impl Window<'_> {
     /// Crosses the window with every pixel of a band.
-    pub(super) fn cross(&self, slice: Slice<'_>, band: &mut Band) {
-        let Slice { first, voltage, drift, variance, tally } = slice;
-        let mut live = std::mem::take(&mut band.live);
-        live.clear();
-        let observed = self.length.min(self.last);
-        for i in 0..voltage.len() {
-            let crossing = self.straight(first + i, voltage[i], drift[i]);
-            variance[i] += crossing.sigma * crossing.sigma * observed;
-            if crossing.live == Live::Neither {
-                (voltage[i], drift[i]) = (crossing.voltage, crossing.drift);
-            } else {
-                live.push(i);
-            }
+    #[inline(always)]
+    pub(super) fn cross<C: Curve, S: Simd>(&self, simd: S, mut slice: Slice<'_>, band: &mut Band) {
+        band.walkers.clear();
+        for start in (0..slice.voltage.len()).step_by(BLOCK) {
+            let end = slice.voltage.len().min(start + BLOCK);
+            simd.vectorize(
+                #[inline(always)]
+                || {
+                    let mut noise = ZEROS;
+                    self.draw(simd, &slice.seats[start..end], &mut noise);
+                    self.fill(simd, slice.first + start, end - start, &mut band.block);
+                    for i in (start..end).step_by(8) {
+                        let increment = load(simd, &noise, i - start);
+                        let crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
+                        self.pass::<C, S>(crossing, i, i - start, &mut slice, band);
+                    }
+                },
+            );
         }
-        for &i in &live {
-            let pixel = first + i;
-            if self.walk(pixel, &mut voltage[i], &mut drift[i], &mut tally[i], band).is_break() {
-                break;
-            }
-        }
-        band.live = live;
+        let Band { walkers, events, most, capped, .. } = band;
+        let Slice { first, voltage, tally, .. } = slice;
+        let writer = Writer { window: self, first, tally, events, most, capped };
+        // A walk ends early where the step has failed.
+        let _ = Walk { window: self, walkers, writer }.cross::<C, S>(simd);
+        walkers.settled().for_each(|(pixel, x)| voltage[pixel] = x);
     }
 
-    /// The crossing in one step. It asks more of a quiet pixel than the law does, never less.
-    fn straight(&self, pixel: usize, voltage: f64, drift: f64) -> Crossing {
-        let end = self.drift_at(self.end, pixel);
-        let sigma = self.sigma(pixel);
-        let noise = if sigma > 0.0 {
-            sigma * root_noise(self.law.seed, self.law.at_sensor(pixel), self.root())
-        } else {
-            0.0
-        };
-        let y = voltage + (end - drift) + noise;
-        let straying = self.straying_at_most(pixel, drift, end);
-        let live = self.law.barriers.shrunk(straying).live(voltage, y, sigma * sigma * self.length);
-        Crossing { voltage: y, drift: end, sigma, live }
+    /// The root noise of pixels: draw 0 of the tree.
+    #[inline(always)]
+    fn draw<S: Simd>(&self, simd: S, seats: &[u32], noise: &mut Lane) {
+        if self.law.process.is_noiseless() {
+            return;
+        }
+        let cells = Cells { seed: self.law.seed, space: Space::Tree, level: 0, index: self.root() };
+        for (i, seats) in (0..).step_by(8).zip(seats.chunks_exact(8)) {
+            let [draw, _] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), 0);
+            store(eight::uniform(draw), noise, i);
+        }
+        eight::normals(simd, &mut noise[..seats.len()]);
+        for i in (0..seats.len()).step_by(8) {
+            store(load(simd, noise, i) * ROOT_DEVIATION, noise, i);
+        }
     }
 
-    /// The crossing by way of the law.
-    fn walk(
+    /// Knots of the `count` pixels from `first` on.
+    #[inline(always)]
+    fn fill<S: Simd>(&self, simd: S, first: usize, count: usize, block: &mut Block) {
+        let Block { knots, pieces } = block;
+        pieces.resize(self.legs.len(), [[0.0; 8]; 5]);
+        knots.resize(self.knots.len(), [ZEROS; 3]);
+        for ([level, log, slope], frame) in knots.iter_mut().zip(&self.frames[self.knots.clone()]) {
+            let luminance = &frame.luminance[first..first + count];
+            for (i, luminance) in (0..).step_by(8).zip(luminance.chunks_exact(8)) {
+                let here = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
+                store(here, level, i);
+                store(ln(here), log, i);
+                if self.law.between == Between::Hermite {
+                    let rate = f64x8::from_fn(simd, |lane| frame.rate[first + i + lane].into());
+                    store(rate * SECONDS / here, slope, i);
+                }
+            }
+        }
+        if self.law.between == Between::Catmull {
+            self.slopes(simd, count, knots);
+        }
+    }
+
+    /// Slopes from the frames before and after: that of the parabola through the three, at the ends of the sequence that
+    /// of the line through the two.
+    #[inline(always)]
+    fn slopes<S: Simd>(&self, simd: S, count: usize, knots: &mut [[Lane; 3]]) {
+        let stamps: Vec<i64> = self.frames[self.knots.clone()].iter().map(|frame| frame.t).collect();
+        for at in 0..knots.len() {
+            let [before, after] = [at.saturating_sub(1), (at + 1).min(knots.len() - 1)];
+            let [earlier, later] =
+                [stamps[at] - stamps[before], stamps[after] - stamps[at]].map(|t| t as f64);
+            let whole = earlier + later;
+            // Each secant is weighted by the length of the other; beyond an end there is none.
+            let [left, right] = match (earlier > 0.0, later > 0.0) {
+                (true, true) => [later / (earlier * whole), earlier / (later * whole)],
+                (true, false) => [1.0 / earlier, 0.0],
+                (false, true) => [0.0, 1.0 / later],
+                (false, false) => [0.0, 0.0],
+            };
+            for i in (0..count).step_by(8) {
+                let [v0, v1, v2] = [before, at, after].map(|knot| load(simd, &knots[knot][1], i));
+                store((v1 - v0) * left + (v2 - v1) * right, &mut knots[at][2], i);
+            }
+        }
+    }
+
+    /// The curve of a leg for eight pixels of a block, and its knots.
+    #[inline(always)]
+    fn curve<C: Curve, S: Simd>(
         &self,
+        simd: S,
+        leg: usize,
+        i: usize,
+        block: &Block,
+    ) -> (Wide<S>, [Knot<S>; 2]) {
+        let Leg { inverse, frame, .. } = self.legs[leg];
+        let at = frame - self.knots.start;
+        let here = knot(simd, &block.knots[at], i);
+        if inverse == 0.0 {
+            return ([f64x8::splat(simd, 0.0); 4], [here; 2]);
+        }
+        let ends = [here, knot(simd, &block.knots[at + 1], i)];
+        (C::between(&self.law.process, ends, inverse), ends)
+    }
+
+    /// The way of eight pixels of a block, the `i`-th and on. Leaves behind where their pieces begin.
+    #[inline(always)]
+    fn crossing<C: Curve, S: Simd>(&self, increment: f64x8<S>, i: usize, block: &mut Block) -> Crossing<S> {
+        let (simd, process) = (increment.simd, &self.law.process);
+        let zero = f64x8::splat(simd, 0.0);
+        let (mut drift, mut curvature, mut level) = (zero, zero, zero);
+        for (at, leg) in self.legs.iter().enumerate() {
+            let (curve, ends) = self.curve::<C, S>(simd, at, i, block);
+            let [from, to] = [leg.from - leg.stamp, leg.to - leg.stamp];
+            let here = if from > 0.0 { drift - C::rise(process, &curve, from) } else { drift };
+            here.store_slice(&mut block.pieces[at][0]);
+            drift = here + C::rise(process, &curve, to);
+            curvature = curvature.max(C::curvature(&curve, [from, to]));
+            if at == self.middle.0 && !process.is_noiseless() {
+                level = C::level(process, ends, leg.inverse, self.middle.1);
+            }
+        }
+        let slope = drift * (1.0 / self.length);
+        let mut knots = zero;
+        for (leg, piece) in self.legs.iter().zip(&block.pieces).skip(1) {
+            knots = knots.max((f64x8::from_slice(simd, &piece[0]) - slope * leg.stamp).abs());
+        }
+        let sigma = if process.is_noiseless() { zero } else { process.sigma(level) };
+        let straying = curvature * (self.widest * self.widest * 0.125) + knots;
+        Crossing { increment, drift, sigma, curvature, straying }
+    }
+
+    /// Takes eight pixels across that no barrier may stop; sends the others on their way through the clock. The first is
+    /// `pixel` in the band and `i` in its block.
+    #[inline(always)]
+    fn pass<C: Curve, S: Simd>(
+        &self,
+        crossing: Crossing<S>,
         pixel: usize,
-        voltage: &mut f64,
-        drift: &mut f64,
-        tally: &mut Tally,
+        i: usize,
+        slice: &mut Slice<'_>,
         band: &mut Band,
-    ) -> ControlFlow<()> {
-        let Band { path, scratch, events, most, capped, .. } = band;
-        let end = self.drift_at(self.end, pixel);
-        path.fill(self.pieces.iter().map(|piece| self.part(piece, pixel, *drift)), end - *drift);
-        *drift = end;
-        let sigma = self.sigma(pixel);
-        let mut writer = Writer { window: self, pixel, tally, events, most, capped };
-        if sigma > 0.0 {
-            let at = self.law.at_sensor(pixel);
-            let walk =
-                Walk { seed: self.law.seed, at, root: self.root(), barriers: self.law.barriers, sigma, path };
-            walk.cross(voltage, scratch, &mut writer)
-        } else {
-            noiseless::cross(self.law.barriers, voltage, path, &mut writer)
+    ) {
+        let Crossing { increment, drift, sigma, curvature, straying } = crossing;
+        let simd = drift.simd;
+        let x = load(simd, slice.voltage, pixel);
+        let y = x + drift + sigma * increment;
+        let square = sigma * sigma;
+        store(y, slice.voltage, pixel);
+        store(load(simd, slice.drift, pixel) + drift, slice.drift, pixel);
+        if !self.law.process.is_noiseless() {
+            let observed = self.length.min(self.last);
+            store(load(simd, slice.variance, pixel) + square * observed, slice.variance, pixel);
+        }
+        let live = bits(self.law.barriers.reached([x, y], square * self.length, straying));
+        if live == 0 {
+            return;
+        }
+        for at in 0..self.legs.len() {
+            let (curve, _) = self.curve::<C, S>(simd, at, i, &band.block);
+            let [_, to @ ..] = &mut band.block.pieces[at];
+            to.iter_mut().zip(curve).for_each(|(to, c)| c.store_slice(to));
+        }
+        // Beyond the image's last pixel there is no tally.
+        let pixels = slice.tally.len();
+        let live = places(live).take_while(|lane| pixel + lane < pixels);
+        if self.law.process.is_noiseless() {
+            return self.run::<C>(live, (pixel, *x), slice, band);
+        }
+        for lane in live {
+            let walker = Walker {
+                pixel: pixel + lane,
+                seat: slice.seats[pixel + lane].into(),
+                voltage: x[lane],
+                sigma: sigma[lane],
+                curvature: curvature[lane],
+                increment: increment[lane],
+                drift: drift[lane],
+            };
+            band.walkers
+                .push(walker, band.block.pieces.iter().map(|piece| piece.each_ref().map(|c| c[lane])));
         }
     }
+}
 
-    /// The drift of a pixel along a piece, from `drift` at the window's start.
-    fn part(&self, piece: &Piece, pixel: usize, drift: f64) -> Part {
-        let smooth = self.smooth(piece.begin, pixel);
-        let Piece { begin, from, to } = *piece;
-        if begin.after == 0.0 {
-            Part { from, to, at: self.frames[begin.frame].drift[pixel] - drift, smooth }
-        } else {
-            Part { from, to, at: 0.0, smooth: smooth.from(begin.after) }
-        }
-    }
-
-    /// The drift of a pixel between the frames around a place, from the earlier one.
-    fn smooth(&self, place: Place, pixel: usize) -> Smooth {
-        let from = self.frames[place.frame].sample(pixel);
-        if place.inverse == 0.0 {
-            return self.law.process.after(from);
-        }
-        self.law.process.between(from, self.frames[place.frame + 1].sample(pixel), place.inverse)
-    }
-
-    /// Drift since the first frame.
-    fn drift_at(&self, place: Place, pixel: usize) -> f64 {
-        let drift = self.frames[place.frame].drift[pixel];
-        if place.is_at_frame() { drift } else { drift + self.smooth(place, pixel).rise(place.after) }
-    }
-
-    /// The noise of the window, per square root of a nanosecond: that of its middle.
-    fn sigma(&self, pixel: usize) -> f64 {
-        let process = &self.law.process;
-        if process.is_noiseless() {
-            return 0.0;
-        }
-        process.sigma(process.luminance(&self.smooth(self.middle, pixel), self.middle.after))
-    }
-
-    /// A bound on the drift's distance from its chord, cheaper and looser than that of a path.
-    fn straying_at_most(&self, pixel: usize, drift: f64, end: f64) -> f64 {
-        let slope = (end - drift) / self.length;
-        let (mut knots, mut bows) = (0.0f64, 0.0f64);
-        for piece in &self.pieces {
-            let Place { frame, after, inverse } = piece.begin;
-            if after == 0.0 {
-                knots = knots.max((self.frames[frame].drift[pixel] - drift - slope * piece.from).abs());
-            }
-            if inverse > 0.0 {
-                let [from, to] = [frame, frame + 1].map(|frame| self.frames[frame].luminance[pixel]);
-                bows = bows.max(self.law.process.bow(from, to, piece.to - piece.from));
+impl Window<'_> {
+    /// Takes pixels across by the law without noise: lanes of eight from `pixel` on, with their voltages.
+    #[inline(always)]
+    fn run<C: Curve>(
+        &self,
+        lanes: impl Iterator<Item = usize>,
+        (pixel, x): (usize, [f64; 8]),
+        slice: &mut Slice<'_>,
+        band: &mut Band,
+    ) {
+        let Band { block, events, most, capped, .. } = band;
+        let Slice { first, tally, voltage, .. } = slice;
+        let mut writer = Writer { window: self, first: *first, tally, events, most, capped };
+        for lane in lanes {
+            let curves = block.pieces.iter().map(|[_, curve @ ..]| curve.each_ref().map(|c| c[lane]));
+            let mut emit = writer.of(pixel + lane);
+            // It ends early where the step has failed.
+            if let ControlFlow::Continue(y) = noiseless::cross::<C>(self, x[lane], curves, &mut emit) {
+                voltage[pixel + lane] = y;
             }
         }
-        knots + bows
-    }
-
-    /// Number of the root cell.
-    fn root(&self) -> u64 {
-        (self.start >> LEVELS).cast_unsigned()
     }
 }
 
-/// What one pixel's events were.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Tally {
-    on: u32,
-    off: u32,
-    /// Number of the frame that precedes the latest event, and the events that followed it.
-    frame: u32,
-    since: u32,
-}
-
-impl Tally {
-    /// Adds a pixel to the account. What its events have taken from the voltage differs from its drift over the run by
-    /// noise and by the voltages at the ends; `bound` says by how much at most (O1).
-    pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut Account) {
-        account.on += u64::from(self.on);
-        account.off += u64::from(self.off);
-        account.active_pixels += u64::from(self.on + self.off > 0);
-        let balance = barriers.up * f64::from(self.on) - barriers.down * f64::from(self.off) - drift;
-        let share = balance.abs() / bound;
-        account.drift_worst = account.drift_worst.max(share);
-        account.drift_violations += u64::from(share > 1.0);
-    }
-
-    /// Counts an event; how many there have been since the frame before it.
-    fn count(&mut self, polarity: Polarity, frame: u32) -> u32 {
-        match polarity {
-            Polarity::On => self.on += 1,
-            Polarity::Off => self.off += 1,
-        }
-        self.since = if self.frame == frame { self.since + 1 } else { 1 };
-        self.frame = frame;
-        self.since
-    }
-}
-
-/// Writes down the events of one pixel.
-struct Writer<'a> {
-    window: &'a Window<'a>,
-    pixel: usize,
-    tally: &'a mut Tally,
-    events: &'a mut Vec<Packed>,
-    most: &'a mut u32,
-    capped: &'a mut Option<SensorError>,
-}
-
-impl Emit for Writer<'_> {
-    fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()> {
-        let window = self.window;
-        if t > window.last {
-            return ControlFlow::Continue(());
-        }
-        // An event at a stamp belongs to the frames before it.
-        let frame = window.pieces[window.pieces.partition_point(|piece| piece.to < t)].begin.frame;
-        let count = self.tally.count(polarity, window.frames[frame].index as u32);
-        *self.most = count.max(*self.most);
-        if count > window.law.cap {
-            *self.capped = Some(self.too_many(frame));
-            return ControlFlow::Break(());
-        }
-        let ns = t as u64 + window.start.rem_euclid(1000).cast_unsigned();
-        self.events.push(Packed::new(ns, window.law.at(self.pixel), polarity));
-        ControlFlow::Continue(())
-    }
-}
-
-impl Writer<'_> {
-    fn too_many(&self, frame: usize) -> SensorError {
-        let [x, y] = self.window.law.at(self.pixel);
-        let before = self.window.frames[frame];
-        let after = self.window.frames.get(frame + 1).unwrap_or(&before);
-        SensorError::Cap {
-            x,
-            y,
-            frame: before.index,
-            before: before.luminance[self.pixel],
-            after: after.luminance[self.pixel],
-            cap: self.window.law.cap,
-        }
-    }
+/// Eight of a block's knots at a frame.
+#[inline(always)]
+fn knot<S: Simd>(simd: S, [level, log, slope]: &[Lane; 3], i: usize) -> Knot<S> {
+    Knot { level: load(simd, level, i), log: load(simd, log, i), slope: load(simd, slope, i) }
 }

@@ -5,22 +5,27 @@
 //! luminance, so neither the bands nor their order can show.
 #![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
-use super::band::{Band, Slice, Tally, Window};
+use super::band::{Band, Slice};
 use super::bridge::Barriers;
-use super::cell::ROOT;
-use super::drift::{Process, Sample};
-use super::{Initial, Voltmeter};
+use super::cubic::Cubic;
+use super::drift::Process;
+use super::line::Line;
+use super::tree::ROOT;
+use super::window::Window;
+use super::writer::Tally;
+use super::{Between, Initial, Voltmeter};
 use crate::event::EventSink;
 use crate::frames::Frame;
 use crate::image::Size;
 use crate::seed::{Cell, Seed, Space};
 use crate::sensor::window::{LONGEST, Windows};
 use crate::sensor::{Account, Pixels, SensorError};
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Version of the law: raised when a clock, a constant or a draw changes.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 
 /// Stamps end here, so that the number of a cell fits the counter of the draws: 2.3 years.
 const LAST_STAMP: i64 = 1 << 56;
@@ -31,6 +36,8 @@ const BAND: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Exact {
     law: Law,
+    /// The instruction set.
+    level: Level,
     frames: VecDeque<Stored>,
     /// Frames that are no longer needed, for their memory.
     spare: Vec<Stored>,
@@ -48,6 +55,7 @@ pub(super) struct Law {
     pub(super) process: Process,
     pub(super) barriers: Barriers,
     pub(super) initial: Initial,
+    pub(super) between: Between,
     pub(super) cap: u32,
     pub(super) size: Size,
     pub(super) origin: [u16; 2],
@@ -59,22 +67,17 @@ pub(super) struct Law {
 pub(super) struct Stored {
     pub(super) index: usize,
     pub(super) t: i64,
+    /// Not below 0. After the last pixel, zeros to a multiple of 8.
     pub(super) luminance: Vec<f32>,
-    /// `ln(L + k2)`.
-    pub(super) log: Vec<f64>,
-    /// Drift since the first frame.
-    pub(super) drift: Vec<f64>,
+    /// Change per second, where the interpolation goes by it.
+    pub(super) rate: Vec<f32>,
 }
 
-impl Stored {
-    pub(super) fn sample(&self, pixel: usize) -> Sample {
-        Sample { luminance: self.luminance[pixel], log: self.log[pixel] }
-    }
-}
-
-/// State of the pixels, at the end of the last window that was crossed.
+/// State of the pixels, at the end of the last window that was crossed. All but the tallies go on to a multiple of 8.
 #[derive(Debug)]
 struct State {
+    /// Pixels on the sensor, `y << 16 | x`.
+    seats: Vec<u32>,
     /// In thresholds, between the barriers.
     voltage: Vec<f64>,
     /// Since the first frame.
@@ -89,15 +92,25 @@ impl Exact {
         let barriers = Barriers { up: sensor.threshold_on, down: sensor.threshold_off };
         let (process, initial) = (Process::new(sensor), sensor.initial);
         let cap = sensor.max_events_per_pixel_frame;
-        let n = size.pixels();
+        let between = sensor.between;
+        let law = Law { process, barriers, initial, between, cap, size, origin, seed };
+        let (n, padded) = (size.pixels(), size.pixels().next_multiple_of(8));
+        let seat = |pixel| {
+            let [x, y] = law.at_sensor(pixel);
+            u32::from(y) << 16 | u32::from(x)
+        };
+        let mut seats: Vec<u32> = (0..n).map(seat).collect();
+        seats.resize(padded, 0);
         Self {
-            law: Law { process, barriers, initial, cap, size, origin, seed },
+            law,
+            level: Level::new(),
             frames: VecDeque::new(),
             spare: Vec::new(),
             state: State {
-                voltage: vec![0.0; n],
-                drift: vec![0.0; n],
-                variance: vec![0.0; n],
+                seats,
+                voltage: vec![0.0; padded],
+                drift: vec![0.0; padded],
+                variance: vec![0.0; padded],
                 tally: vec![Tally::default(); n],
             },
             bands: std::iter::repeat_with(Band::default).take(n.div_ceil(BAND)).collect(),
@@ -127,7 +140,8 @@ impl Exact {
             self.cross_window(end, last)?;
             self.windows.close(end.div_euclid(1000), sink)?;
             self.crossed = end;
-            while self.frames.len() > 1 && self.frames[1].t <= end {
+            let kept = self.law.kept();
+            while self.frames.len() > kept && self.frames[kept].t <= end {
                 self.spare.extend(self.frames.pop_front());
             }
         }
@@ -136,16 +150,24 @@ impl Exact {
 
     fn cross_window(&mut self, end: i64, last: i64) -> Result<(), SensorError> {
         let window = Window::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
-        let State { voltage, drift, variance, tally } = &mut self.state;
+        let State { seats, voltage, drift, variance, tally } = &mut self.state;
         let chunks = (
+            seats.par_chunks(BAND),
             voltage.par_chunks_mut(BAND),
             drift.par_chunks_mut(BAND),
             variance.par_chunks_mut(BAND),
             tally.par_chunks_mut(BAND),
             self.bands.par_iter_mut(),
         );
-        chunks.into_par_iter().enumerate().for_each(|(i, (voltage, drift, variance, tally, band))| {
-            window.cross(Slice { first: i * BAND, voltage, drift, variance, tally }, band);
+        let level = self.level;
+        chunks.into_par_iter().enumerate().for_each(|(i, (seats, voltage, drift, variance, tally, band))| {
+            let slice = Slice { first: i * BAND, seats, voltage, drift, variance, tally };
+            match window.law.between {
+                Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
+                Between::Catmull | Between::Hermite => {
+                    dispatch!(level, simd => window.cross::<Cubic, _>(simd, slice, band));
+                }
+            }
         });
         for band in &mut self.bands {
             if let Some(error) = band.capped.take() {
@@ -161,15 +183,23 @@ impl Exact {
         let refuse = |because| SensorError::Frame { frame: frame.index, because };
         follows(self.frames.back(), frame, self.law.size).map_err(refuse)?;
         let luminance = frame.luminance.pixels();
-        if let Some(bad) = luminance.iter().position(|l| !l.is_finite()) {
+        let mut stored = self.spare.pop().unwrap_or_default();
+        (stored.index, stored.t) = (frame.index, frame.t.0);
+        stored.luminance.resize(self.state.voltage.len(), 0.0);
+        let (negative, finite) = dispatch!(self.level, simd => clamp(simd, luminance, &mut stored.luminance));
+        if !finite {
+            let bad = luminance.iter().position(|l| !l.is_finite()).unwrap_or_default();
             let width = self.law.size.width as usize;
             let (x, y, found) = (bad % width, bad / width, luminance[bad]);
             return Err(refuse(format!("the luminance of pixel ({x}, {y}) is {found}, not a finite number")));
         }
-        self.negative_luminance += luminance.iter().filter(|l| **l < 0.0).count() as u64;
-        let mut stored = self.spare.pop().unwrap_or_default();
-        (stored.index, stored.t) = (frame.index, frame.t.0);
-        convert(&self.law.process, luminance, self.frames.back(), &mut stored);
+        self.negative_luminance += negative;
+        if self.law.between == Between::Hermite {
+            let rate = usable_rate(frame).map_err(refuse)?;
+            stored.rate.clear();
+            stored.rate.extend_from_slice(rate);
+            stored.rate.resize(self.state.voltage.len(), 0.0);
+        }
         if self.frames.is_empty() {
             self.law.begin(&stored.luminance, &mut self.state.voltage);
         }
@@ -180,17 +210,17 @@ impl Exact {
     /// The account of the run.
     fn settle(&self) -> Account {
         let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
-        let drifts: &[f64] = self.frames.back().map_or(&[], |frame| &frame.drift);
         let left_over = self.law.left_over();
-        for ((tally, drift), variance) in self.state.tally.iter().zip(drifts).zip(&self.state.variance) {
+        let State { drift, variance, tally, .. } = &self.state;
+        for ((tally, drift), variance) in tally.iter().zip(drift).zip(variance) {
             let bound = left_over + 6.0 * variance.sqrt();
             tally.settle(self.law.barriers, *drift, bound, &mut account);
         }
         account.events = account.on + account.off;
         account.same_us_same_pixel = self.windows.same_us_same_pixel;
         for band in &self.bands {
-            account.leaves += band.scratch.leaves;
-            account.splits += band.scratch.splits;
+            account.leaves += band.walkers.leaf_count;
+            account.splits += band.walkers.splits;
             account.max_per_pixel_frame = account.max_per_pixel_frame.max(u64::from(band.most));
         }
         account
@@ -220,6 +250,11 @@ impl Law {
         }
     }
 
+    /// How many frames up to a place a curve that begins there goes by. It goes by as many from its end on.
+    fn kept(&self) -> usize {
+        if self.between == Between::Catmull { 2 } else { 1 }
+    }
+
     /// Coordinates of a pixel in the frame.
     pub(super) fn at(&self, pixel: usize) -> [u16; 2] {
         let width = self.size.width as usize;
@@ -233,36 +268,43 @@ impl Law {
     }
 }
 
-/// Fills `stored` from the luminance of a frame and the frame before.
-fn convert(process: &Process, luminance: &[f32], before: Option<&Stored>, stored: &mut Stored) {
-    let n = luminance.len();
-    stored.luminance.resize(n, 0.0);
-    stored.log.resize(n, 0.0);
-    stored.drift.resize(n, 0.0);
-    let t = stored.t;
-    let chunks = (
-        luminance.par_chunks(BAND),
-        stored.luminance.par_chunks_mut(BAND),
-        stored.log.par_chunks_mut(BAND),
-        stored.drift.par_chunks_mut(BAND),
-    );
-    chunks.into_par_iter().enumerate().for_each(|(band, (found, luminance, log, drift))| {
-        for i in 0..found.len() {
-            luminance[i] = found[i].max(0.0);
-            match before {
-                None => (log[i], drift[i]) = (process.log_brightness(luminance[i]), 0.0),
-                Some(before) => {
-                    let pixel = band * BAND + i;
-                    let from = before.sample(pixel);
-                    let unchanged = from.luminance.to_bits() == luminance[i].to_bits();
-                    log[i] = if unchanged { from.log } else { process.log_brightness(luminance[i]) };
-                    let length = (t - before.t) as f64;
-                    let to = Sample { luminance: luminance[i], log: log[i] };
-                    drift[i] = before.drift[pixel] + process.between(from, to, 1.0 / length).rise(length);
-                }
-            }
+/// The rate of change of a frame.
+fn usable_rate(frame: &Frame) -> Result<&[f32], String> {
+    let Some(rate) = &frame.rate else {
+        return Err("it has no rate of change, which `between: hermite` goes by".to_owned());
+    };
+    let (found, wanted) = (rate.size(), frame.luminance.size());
+    if found != wanted {
+        return Err(format!("its rate of change is {found}, the frame is {wanted}"));
+    }
+    let width = wanted.width as usize;
+    match rate.pixels().iter().position(|rate| !rate.is_finite()) {
+        None => Ok(rate.pixels()),
+        Some(bad) => {
+            let (x, y, found) = (bad % width, bad / width, rate.pixels()[bad]);
+            Err(format!("the rate of change of pixel ({x}, {y}) is {found}, not a finite number"))
         }
-    });
+    }
+}
+
+/// Copies luminance with what is below 0 as 0: how many are below, and whether all are finite.
+#[inline(always)]
+fn clamp<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
+    /// Few enough for their count to fit an f32's lane, so that the loop keeps to one width.
+    const CHUNK: usize = 4096;
+    let (mut negative, mut finite) = (0, true);
+    for (from, to) in from.chunks(CHUNK).zip(to.chunks_mut(CHUNK)) {
+        let (mut below, mut unusable) = (0u32, 0u32);
+        for (from, to) in from.iter().zip(to) {
+            let is_negative = *from < 0.0;
+            below += u32::from(is_negative);
+            unusable |= u32::from(!from.is_finite());
+            *to = if is_negative { 0.0 } else { *from };
+        }
+        negative += u64::from(below);
+        finite &= unusable == 0;
+    }
+    (negative, finite)
 }
 
 /// Whether the frame can come after `before`.
@@ -284,7 +326,8 @@ fn follows(before: Option<&Stored>, frame: &Frame, size: Size) -> Result<(), Str
 impl Pixels for Exact {
     fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         self.store(frame)?;
-        self.cross_until(frame.t.0, i64::MAX, sink)
+        let until = self.frames.len().checked_sub(self.law.kept()).map_or(0, |at| self.frames[at].t);
+        self.cross_until(until, i64::MAX, sink)
     }
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
@@ -343,6 +386,39 @@ mod tests {
         let other = Image::filled(Size { width: 2, height: 3 }, 0.0);
         let other = Frame { index: 0, t: Timestamp(0), luminance: other, rate: None };
         t(&[other], "frame 0: it is 2x3, the sequence is 3x2");
+    }
+
+    /// Frames that make events of both kinds, quiet pixels, and more than one leg in a window.
+    fn lively() -> Vec<Frame> {
+        let grey =
+            |i: usize, pixel: usize| 120.0 + 110.0 * libm::sinf(0.3 * (i * pixel) as f32 + pixel as f32);
+        (0..40).map(|i| frame(i, 416_667 * i as i64, std::array::from_fn(|pixel| grey(i, pixel)))).collect()
+    }
+
+    #[test]
+    fn instruction_sets_do_not_show() {
+        let mut levels = vec![Level::baseline()];
+        let best = Level::new();
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            levels.extend(best.as_sse4_2().map(Level::Sse4_2));
+            levels.extend(best.as_avx2().map(Level::Avx2));
+        }
+        let on = |sensor: &Voltmeter, level| {
+            let mut pixels = Exact::new(sensor, SIZE, [7, 9], Seed(1));
+            pixels.level = level;
+            let mut events: Vec<crate::event::Event> = Vec::new();
+            lively().iter().for_each(|frame| pixels.advance(frame, &mut events).unwrap());
+            (pixels.finish(&mut events).unwrap(), events)
+        };
+        let noisy = Voltmeter::new([8.0, 16.0, 2e-2, 1e-5, 1e-6, 4e-3]);
+        let quiet = Voltmeter::new([8.0, 16.0, 0.0, 1e-5, 1e-6, 0.0]);
+        let curved = Voltmeter { between: Between::Catmull, ..noisy.clone() };
+        for sensor in [noisy, quiet, curved, dvs346()] {
+            let wanted = on(&sensor, best);
+            assert!(wanted.0.events > 100, "{:?}", wanted.0);
+            levels.iter().for_each(|level| assert_eq!(on(&sensor, *level), wanted, "{level:?}"));
+        }
     }
 
     #[test]

@@ -1,75 +1,101 @@
 //! The law without noise: events are where the drift crosses a level. No random number is drawn.
 
 use super::bridge::{Barriers, Side};
-use super::cell::Emit;
-use super::drift::{Path, Smooth};
+use super::curve::{Curve, One};
+use super::leaf::Emit;
+use super::window::Window;
 use crate::event::Polarity;
+use std::marker::PhantomData;
 use std::ops::ControlFlow;
 
-/// Moves the voltage `x` along a path.
-pub(super) fn cross(barriers: Barriers, x: &mut f64, path: &Path, emit: &mut impl Emit) -> ControlFlow<()> {
-    for part in path.parts() {
-        let length = part.to - part.from;
-        let turn = part.smooth.turn(length);
-        let mut from = 0.0;
-        for to in turn.into_iter().chain([length]) {
-            let run = Run { smooth: &part.smooth, begin: part.from, from, to };
-            *x = run.cross(barriers, *x, emit)?;
+/// Takes a pixel of voltage `x` across the window, along its curve of each leg; the voltage at the end.
+#[inline(always)]
+pub(super) fn cross<C: Curve>(
+    window: &Window<'_>,
+    mut x: f64,
+    curves: impl Iterator<Item = One>,
+    emit: &mut impl Emit,
+) -> ControlFlow<(), f64> {
+    for (leg, curve) in window.legs.iter().zip(curves) {
+        let span = [leg.from - leg.stamp, leg.to - leg.stamp];
+        let run = Run::<C> { curve: &curve, stamp: leg.stamp, family: PhantomData };
+        x = run.cross(window.law.barriers, x, span, emit)?;
+    }
+    ControlFlow::Continue(x)
+}
+
+/// A pixel's drift along a leg.
+struct Run<'a, C> {
+    curve: &'a One,
+    /// Of the curve's start, ns since the window's start.
+    stamp: f64,
+    family: PhantomData<C>,
+}
+
+impl<C: Curve> Run<'_, C> {
+    /// The voltage at the end of a span of the curve, from `x` at its start.
+    fn cross(
+        &self,
+        barriers: Barriers,
+        mut x: f64,
+        span: [f64; 2],
+        emit: &mut impl Emit,
+    ) -> ControlFlow<(), f64> {
+        let [mut from, end] = span;
+        for to in C::turns_of_one(self.curve, span).into_iter().flatten().chain([end]) {
+            x = self.cross_one_way(barriers, x, [from, to], emit)?;
             from = to;
         }
+        ControlFlow::Continue(x)
     }
-    ControlFlow::Continue(())
-}
 
-/// A stretch of time in which the drift goes one way.
-struct Run<'a> {
-    smooth: &'a Smooth,
-    /// Start of the piece, ns since the window's start.
-    begin: f64,
-    /// Start of the run since the start of the piece.
-    from: f64,
-    /// Its end.
-    to: f64,
-}
-
-impl Run<'_> {
-    /// The voltage at the end, from `x` at the start.
-    fn cross(&self, barriers: Barriers, x: f64, emit: &mut impl Emit) -> ControlFlow<(), f64> {
-        let base = self.smooth.rise(self.from);
-        let rise = self.smooth.rise(self.to) - base;
+    /// The same, where the drift goes one way.
+    fn cross_one_way(
+        &self,
+        barriers: Barriers,
+        x: f64,
+        [start, to]: [f64; 2],
+        emit: &mut impl Emit,
+    ) -> ControlFlow<(), f64> {
+        let base = C::rise_of_one(self.curve, start);
+        let rise = C::rise_of_one(self.curve, to) - base;
         let (side, polarity) =
             if rise >= 0.0 { (Side::Up, Polarity::On) } else { (Side::Down, Polarity::Off) };
         let (first, step) = (side.step(barriers) - x, side.step(barriers));
         let mut crossed = 0.0;
-        let mut from = self.from;
+        let mut from = start;
         loop {
             let target = first + crossed * step;
             if target.abs() > rise.abs() {
                 return ControlFlow::Continue(x + rise - crossed * step);
             }
-            from = solve(self.smooth, base + target, [from, self.to]);
-            emit.event(self.begin + from, polarity)?;
+            let guess = start + (to - start) * (target / rise);
+            from = solve::<C>(self.curve, base + target, guess, ([from, to], rise >= 0.0));
+            emit.event(self.stamp + from, polarity)?;
             crossed += 1.0;
         }
     }
 }
 
-/// Where in `[low, high]` the monotone drift is `level`: Newton's method kept inside a bracket, to the last bit.
-fn solve(smooth: &Smooth, level: f64, [mut low, mut high]: [f64; 2]) -> f64 {
-    let rising = smooth.rise(high) >= smooth.rise(low);
-    let mut t = 0.5 * (low + high);
+/// Where in `[low, high]` the drift, which only rises or only falls, is `level`: Newton's method from `t` on, kept inside a bracket, to the last
+/// bit.
+fn solve<C: Curve>(curve: &One, level: f64, t: f64, ([mut low, mut high], rising): ([f64; 2], bool)) -> f64 {
+    let mut t = t.clamp(low, high);
+    if C::is_straight(curve) {
+        return t;
+    }
     // Each round halves the bracket or is a Newton step; 200 are more than bisection alone needs.
     for _ in 0..200 {
-        let error = smooth.rise(t) - level;
+        let error = C::rise_of_one(curve, t) - level;
         if error == 0.0 {
             return t;
         }
         if (error > 0.0) == rising {
-            high = t
+            high = t;
         } else {
-            low = t
+            low = t;
         }
-        let newton = t - error / smooth.rate(t);
+        let newton = t - error / C::rate_of_one(curve, t);
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         if (next - t).abs() <= f64::EPSILON * t.abs() || next <= low || next >= high {
             return next;
@@ -81,7 +107,9 @@ fn solve(smooth: &Smooth, level: f64, [mut low, mut high]: [f64; 2]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::drift::{Part, Process, Sample};
+    use super::super::curve::of_one;
+    use super::super::drift::Process;
+    use super::super::line::Line;
     use super::super::{Preset, Voltmeter};
     use super::*;
 
@@ -95,19 +123,18 @@ mod tests {
     }
 
     /// One piece between two greys.
-    fn piece(k: [f64; 6], greys: [f32; 2], length: f64) -> Path {
+    fn piece(k: [f64; 6], greys: [f64; 2], length: f64) -> One {
         let process = Process::new(&Voltmeter::new(k));
-        let [a, b] = greys.map(|luminance| Sample { luminance, log: process.log_brightness(luminance) });
-        let smooth = process.between(a, b, 1.0 / length);
-        let mut path = Path::default();
-        path.fill([Part { from: 0.0, to: length, at: 0.0, smooth }].into_iter(), smooth.rise(length));
-        path
+        of_one::<Line>(&process, greys.map(|l| [l + process.k2, libm::log(l + process.k2), 0.0]), length)
     }
 
-    fn events(barriers: Barriers, path: &Path) -> (Vec<(f64, i32)>, f64) {
-        let (mut x, mut events) = (0.0, Vec::new());
-        assert!(cross(barriers, &mut x, path, &mut events).is_continue());
-        (events, x)
+    fn events(barriers: Barriers, curve: &One, length: f64) -> (Vec<(f64, i32)>, f64) {
+        let mut events = Vec::new();
+        let run = Run::<Line> { curve, stamp: 0.0, family: PhantomData };
+        match run.cross(barriers, 0.0, [0.0, length], &mut events) {
+            ControlFlow::Continue(x) => (events, x),
+            ControlFlow::Break(()) => unreachable!("the sink never breaks"),
+        }
     }
 
     #[test]
@@ -115,7 +142,7 @@ mod tests {
         // k1 V is linear in time: event j at the time where it has risen by j.
         let [k1, k2, ..] = Preset::Dvs346.k();
         for (greys, sign) in [([0.0, 255.0], 1), ([255.0, 0.0], -1)] {
-            let (found, x) = events(UNIT, &piece([k1, k2, 0.0, 0.0, 0.0, 0.0], greys, 1e6));
+            let (found, x) = events(UNIT, &piece([k1, k2, 0.0, 0.0, 0.0, 0.0], greys, 1e6), 1e6);
             let rise = k1 * (275.0f64 / 20.0).ln();
             assert_eq!(found.len(), 13);
             for (j, (t, polarity)) in found.into_iter().enumerate() {
@@ -129,9 +156,9 @@ mod tests {
     #[test]
     fn with_leak_the_drift_at_event_j_is_level_j() {
         // Leak against signal: down first, then up again.
-        let path = piece([10.0, 20.0, 0.0, 1e-7, 3e-2, 0.0], [255.0, 200.0], 3e6);
+        let curve = piece([10.0, 20.0, 0.0, 1e-7, 3e-2, 0.0], [255.0, 200.0], 3e6);
         let barriers = Barriers { up: 1.3, down: 0.7 };
-        let (found, x) = events(barriers, &path);
+        let (found, x) = events(barriers, &curve, 3e6);
         let mut count = [0.0, 0.0];
         let mut level = 0.0;
         assert!(found.len() > 5000);
@@ -139,15 +166,16 @@ mod tests {
             count[usize::from(polarity > 0)] += 1.0;
             level = 1.3 * count[1] - 0.7 * count[0];
             // The drift reaches 20,000, where an ulp is 4e-12; its slope is 8e-3 per ns, an ulp of t 5e-10 ns.
-            assert!((path.at(t) - level).abs() < 2e-11, "{t}: {} {level}", path.at(t));
+            let drift = Line::rise_of_one(&curve, t);
+            assert!((drift - level).abs() < 2e-11, "{t}: {drift} {level}");
         }
-        assert!((path.end() - level - x).abs() < 1e-8 && x < 1.3 && x > -0.7);
+        assert!((Line::rise_of_one(&curve, 3e6) - level - x).abs() < 1e-8 && x < 1.3 && x > -0.7);
     }
 
     #[test]
     fn a_turn_makes_events_of_both_kinds() {
-        let path = piece([40.0, 20.0, 0.0, 0.0, 1e-2, 0.0], [255.0, 0.0], 1e5);
-        let (found, _) = events(UNIT, &path);
+        let curve = piece([40.0, 20.0, 0.0, 0.0, 1e-2, 0.0], [255.0, 0.0], 1e5);
+        let (found, _) = events(UNIT, &curve, 1e5);
         let ons = found.iter().take_while(|event| event.1 > 0).count();
         assert!(ons > 0 && ons < found.len(), "{found:?}");
         assert!(found[ons..].iter().all(|event| event.1 < 0) && found.is_sorted_by(|a, b| a.0 < b.0));

@@ -16,7 +16,8 @@
 //! microseconds; each draw belongs to seed, pixel and frame; events of one microsecond have one order. To lengthen
 //! either list is another law: raise `VERSION`.
 
-use super::drift::{Process, Sample};
+use super::bridge::Barriers;
+use super::drift::Process;
 use super::{Gain, Voltmeter};
 use crate::event::Polarity;
 use crate::seed::{Draws, Space, normal};
@@ -63,10 +64,11 @@ impl Official {
     /// Drift and standard deviation of the noise between two frames, per ns and per square root of a ns.
     fn motion(&self, pair: &Pair) -> [f64; 2] {
         let [from, to] = pair.luminance;
-        #[expect(clippy::cast_possible_truncation, reason = "luminance was 32 bits wide")]
-        let sample = |luminance: f64| Sample { luminance: luminance as f32, log: 0.0 };
-        let drift = self.process.between(sample(from), sample(to), 1.0 / pair.length).rate(0.0);
-        [drift, self.process.sigma(0.5 * (from + to))]
+        let middle = 0.5 * (from + to);
+        let [up, down] = self.thresholds;
+        let rest = self.process.at_rest(middle, Barriers { up, down });
+        let signal = self.process.k1 * (to - from) / (middle + self.process.k2) / pair.length;
+        [signal + rest.drift, rest.variance.sqrt()]
     }
 
     /// Moves the voltage from frame to frame.

@@ -1,6 +1,6 @@
 //! What a parameter set of the voltmeter will do (numerics.md 1.1).
 
-use super::{Initial, Law, Preset, Voltmeter};
+use super::{Between, Gain, Initial, Law, Preset, Voltmeter};
 use crate::sensor::screening::{Noise, ScreenError, Screening, Warning, at_least_zero};
 use crate::sensor::statistics::Renewal;
 use crate::units::Hertz;
@@ -41,6 +41,9 @@ impl Voltmeter {
                 return Err(ScreenError::Parameter { name, found, wanted });
             }
         }
+        if self.gain == Gain::Midpoint && self.between != Between::Linear {
+            return Err(ScreenError::Combination("`gain: midpoint` goes with `between: linear` only"));
+        }
         if self.max_events_per_pixel_frame == 0 {
             let name = "max_events_per_pixel_frame";
             return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
@@ -53,6 +56,9 @@ impl Voltmeter {
         let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
         at_least_zero("threshold.spread", *spread)?;
         hot.validate()?;
+        if self.law == Law::Official && self.between != Between::Linear {
+            return Err(ScreenError::Combination("the law official goes with `between: linear` only"));
+        }
         if self.law == Law::Official && self.initial == Initial::Stationary {
             return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
         }

@@ -1,0 +1,165 @@
+//! Logarithm and exponential of eight numbers at a time, without a branch: the same bits on every machine and by every
+//! instruction set, since nothing is fused.
+//!
+//! The algorithms and constants are those of FreeBSD's msun (`e_log.c`, `e_exp.c`; Sun Microsystems 1993, freely
+//! distributable), which `libm` follows too, so that where both are defined they agree to the bit; errors below 1 ulp.
+#![expect(clippy::excessive_precision, clippy::unreadable_literal, reason = "constants as published")]
+
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f64x8, u64x8};
+
+const LN2_HIGH: f64 = 6.93147180369123816490e-01;
+const LN2_LOW: f64 = 1.90821492927058770002e-10;
+
+/// Coefficients of `(ln(1 + s) - ln(1 - s) - 2s) / s` in powers of `s^2`.
+const LOG: [f64; 7] = [
+    6.666666666666735130e-01,
+    3.999999999940941908e-01,
+    2.857142874366239149e-01,
+    2.222219843214978396e-01,
+    1.818357216161805012e-01,
+    1.531383769920937332e-01,
+    1.479819860511658591e-01,
+];
+
+/// `2^52`: its last place is 1.
+const UNIT_ULP: u64 = 0x4330_0000_0000_0000;
+/// Upper half of the bits of `sqrt(1/2)`: reduced arguments lie between it and twice it.
+const LEAST: u64 = 0x3fe6_a09e << 32;
+const ONE: u64 = 0x3ff0_0000 << 32;
+const MANTISSA: u64 = (1 << 52) - 1;
+
+/// Natural logarithms of positive finite numbers.
+#[inline(always)]
+pub(crate) fn ln<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+    let simd = x.simd;
+    let all = |v: f64| f64x8::splat(simd, v);
+    let subnormal = x.simd_lt(f64::MIN_POSITIVE);
+    let x = subnormal.select(x * TWO_54, x);
+    let shift = subnormal.select(all(TWO_52 + 1023.0 + 54.0), all(TWO_52 + 1023.0));
+    let bits = x.to_bits() + (ONE - LEAST);
+    let exponent = f64x8::from_bits((bits >> 52) | UNIT_ULP) - shift;
+    let f = f64x8::from_bits((bits & MANTISSA) + LEAST) - 1.0;
+    let half_square = f * 0.5 * f;
+    let s = f / (f + 2.0);
+    let z = s * s;
+    let w = z * z;
+    let [c1, c2, c3, c4, c5, c6, c7] = LOG;
+    let even = w * (w * (w * c6 + c4) + c2);
+    let odd = z * (w * (w * (w * c7 + c5) + c3) + c1);
+    s * (half_square + (odd + even)) + exponent * LN2_LOW - half_square + f + exponent * LN2_HIGH
+}
+
+const TWO_52: f64 = 4_503_599_627_370_496.0;
+const TWO_54: f64 = 18_014_398_509_481_984.0;
+
+/// Coefficients of `x - 2 x/(e^x - 1)...` of `e_exp.c`: of `x^2` to `x^10`.
+const EXP: [f64; 5] = [
+    1.66666666666666019037e-01,
+    -2.77777777770155933842e-03,
+    6.61375632143793436117e-05,
+    -1.65339022054652515390e-06,
+    4.13813679705723846039e-08,
+];
+const INVERSE_LN2: f64 = std::f64::consts::LOG2_E;
+/// Adding `1.5 * 2^52` rounds to an integer, and leaves it in the low bits.
+const ROUNDER: f64 = 6_755_399_441_055_744.0;
+/// Beyond, arguments count as this: the result is neither infinite nor subnormal.
+const LARGEST: f64 = 708.0;
+
+/// Exponentials of numbers, which count as 708 or -708 where they are beyond.
+#[inline(always)]
+pub(crate) fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+    let simd = x.simd;
+    let all = |v: f64| f64x8::splat(simd, v);
+    let x = x.max(-LARGEST).min(LARGEST);
+    let shifted = x * INVERSE_LN2 + ROUNDER;
+    let k = shifted - ROUNDER;
+    let (high, low) = (x - k * LN2_HIGH, k * LN2_LOW);
+    let r = high - low;
+    let z = r * r;
+    let [c1, c2, c3, c4, c5] = EXP;
+    let c = r - z * (z * (z * (z * (z * c5 + c4) + c3) + c2) + c1);
+    let y = (r * c / (all(2.0) - c) - low + high) + 1.0;
+    f64x8::from_bits(y.to_bits() + (shifted.to_bits() << 52))
+}
+
+/// Eight of a slice's numbers, from `start` on.
+#[inline(always)]
+pub(crate) fn load<S: Simd>(simd: S, from: &[f64], start: usize) -> f64x8<S> {
+    f64x8::from_slice(simd, &from[start..start + 8])
+}
+
+/// Puts eight numbers into a slice, from `start` on.
+#[inline(always)]
+pub(crate) fn store<S: Simd>(value: f64x8<S>, to: &mut [f64], start: usize) {
+    value.store_slice(&mut to[start..start + 8]);
+}
+
+/// The places of the true lanes, from the first on.
+#[inline(always)]
+pub(crate) fn places(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (place < 64).then_some(place)
+    })
+}
+
+/// [`fearless_simd::mask64x8`] as bits, the first lane lowest.
+#[inline(always)]
+pub(crate) fn bits<S: Simd>(mask: fearless_simd::mask64x8<S>) -> u64 {
+    mask.to_bitmask()
+}
+
+/// Whole numbers below `2^52` as floating point.
+#[inline(always)]
+pub(crate) fn float<S: Simd>(x: u64x8<S>) -> f64x8<S> {
+    f64x8::from_bits(x | UNIT_ULP) - TWO_52
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    fn check(
+        wide: impl Fn([f64; 8]) -> [f64; 8],
+        library: fn(f64) -> f64,
+        arguments: impl Iterator<Item = f64>,
+    ) {
+        let all: Vec<f64> = arguments.collect();
+        for eight in all.chunks_exact(8) {
+            let found = wide(eight.try_into().unwrap());
+            for (x, found) in eight.iter().zip(found) {
+                let wanted = library(*x);
+                assert_eq!(found.to_bits(), wanted.to_bits(), "{x:e}: {found:e}, wanted {wanted:e}");
+            }
+        }
+    }
+
+    /// Numbers that fill their range evenly in no hurry.
+    fn spread(low: f64, high: f64) -> impl Iterator<Item = f64> {
+        (1..=1u32 << 16).map(move |i| low + (high - low) * (f64::from(i) * std::f64::consts::SQRT_2).fract())
+    }
+
+    #[test]
+    fn logarithms_are_those_of_the_library() {
+        let ln = |x: [f64; 8]| -> [f64; 8] {
+            dispatch!(Level::new(), simd => ln(f64x8::from_slice(simd, &x)).into())
+        };
+        check(ln, libm::log, spread(0.0, 300.0));
+        check(ln, libm::log, spread(0.5, 1.5));
+        check(ln, libm::log, spread(-700.0, 700.0).map(libm::exp));
+        check(ln, libm::log, spread(1.0, f64::from(1 << 20)).map(|i| i * f64::from_bits(1)));
+    }
+
+    #[test]
+    fn exponentials_are_those_of_the_library() {
+        let exp = |x: [f64; 8]| -> [f64; 8] {
+            dispatch!(Level::new(), simd => exp(f64x8::from_slice(simd, &x)).into())
+        };
+        check(exp, libm::exp, spread(-700.0, 700.0));
+        check(exp, libm::exp, spread(-1.0, 1.0));
+        check(exp, libm::exp, spread(-1e-3, 1e-3));
+    }
+}

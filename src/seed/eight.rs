@@ -1,0 +1,132 @@
+//! Eight draws at a time: the bits that `Seed::draws` gives one by one.
+
+use super::{Cell, Draws, Seed, Space, normal, philox, tag};
+use crate::elementary::{self, bits, float, load, places, store};
+use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8, u64x8};
+
+/// Cells of eight pixels that differ in nothing else.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cells {
+    pub(crate) seed: Seed,
+    pub(crate) space: Space,
+    pub(crate) level: u8,
+    pub(crate) index: u64,
+}
+
+impl Cells {
+    /// Draws `2 block` and `2 block + 1` of the cells of these pixels (`y << 16 | x`).
+    #[inline(always)]
+    pub(crate) fn pair<S: Simd>(self, pixels: u64x8<S>, block: u32) -> [u64x8<S>; 2] {
+        let all = |v: u64| u64x8::splat(pixels.simd, v);
+        let third = u64::from(tag(self.level, self.space)) << 24 | self.index >> 32;
+        let counter = [pixels, all(self.index & philox::LOW), all(third), all(block.into())];
+        let [a, b, c, d] = philox::eight(counter, self.seed.key());
+        [b << 32 | a, d << 32 | c]
+    }
+
+    /// The draws of one of these cells, of which the first four are known.
+    #[inline(always)]
+    pub(crate) fn go_on(self, pixel: u64, first: [u64; 4]) -> Draws {
+        let Self { seed, space, level, index } = self;
+        let cell = Cell { x: (pixel & 0xffff) as u16, y: (pixel >> 16 & 0xffff) as u16, level, index };
+        Draws { first, known: 4, ..seed.draws(cell, space) }
+    }
+}
+
+/// The upper 52 bits as numbers strictly between 0 and 1.
+#[inline(always)]
+pub(crate) fn uniform<S: Simd>(draws: u64x8<S>) -> f64x8<S> {
+    (float(draws >> 12) + 0.5) * super::STEP
+}
+
+/// Numbers of which the tails are gathered at once.
+const CHUNK: usize = 64;
+
+/// Turns uniforms into standard normal deviates, in place; as many as a multiple of 8.
+#[inline(always)]
+pub(crate) fn normals<S: Simd>(simd: S, values: &mut [f64]) {
+    for chunk in values.chunks_mut(CHUNK) {
+        chunk_of_normals(simd, chunk);
+    }
+}
+
+/// The middle of the distribution costs no logarithm: the tails, a seventh of all, are done apart.
+#[inline(always)]
+fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
+    let (mut tail_places, mut tails, mut count) = ([0; CHUNK], [0.5; CHUNK], 0);
+    for start in (0..values.len()).step_by(8) {
+        let p = load(simd, values, start);
+        let q = p - 0.5;
+        for i in places(bits(q.abs().simd_gt(normal::CENTRE))) {
+            tail_places[count % CHUNK] = start + i;
+            tails[count % CHUNK] = p[i];
+            count += 1;
+        }
+        let r = f64x8::splat(simd, normal::CENTRE_SQUARE) - q * q;
+        let z =
+            q * normal::eight(&normal::CENTRE_NUMERATOR, r) / normal::eight(&normal::CENTRE_DENOMINATOR, r);
+        store(z, values, start);
+    }
+    for start in (0..count).step_by(8) {
+        let z = tail(load(simd, &tails, start));
+        for i in 0..8.min(count - start) {
+            values[tail_places[start + i]] = z[i];
+        }
+    }
+}
+
+#[inline(always)]
+fn tail<S: Simd>(p: f64x8<S>) -> f64x8<S> {
+    let q = p - 0.5;
+    let nearer = p.min(f64x8::splat(p.simd, 1.0) - p);
+    let r = (-elementary::ln(nearer)).sqrt();
+    let s = r - normal::FAR_CENTRE[0];
+    let z = normal::eight(&normal::MIDDLE_NUMERATOR, s) / normal::eight(&normal::MIDDLE_DENOMINATOR, s);
+    let mut z = z.copysign(q);
+    // One draw in 10^11.
+    for i in places(bits(r.simd_gt(normal::FAR))) {
+        z[i] = normal::quantile(p[i]);
+    }
+    z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    #[test]
+    fn draws_are_those_of_one_at_a_time() {
+        let (level, index) = (3, 0x0012_3456_789a);
+        for space in [Space::Tree, Space::Leaf] {
+            let cells = Cells { seed: Seed(0xfeed_0123_4567), space, level, index };
+            let pixels: [u64; 8] = [0, 1, 0xffff, 0xffff_ffff, 7 << 16, 0x1234_5678, 42, 3];
+            let pairs: [[[u64; 8]; 2]; 2] = dispatch!(Level::new(), simd => {
+                let pixels = u64x8::from_slice(simd, &pixels);
+                [0, 1].map(|block| cells.pair(pixels, block).map(Into::into))
+            });
+            for (i, pixel) in pixels.into_iter().enumerate() {
+                let cell = Cell { x: (pixel & 0xffff) as u16, y: (pixel >> 16) as u16, level, index };
+                let mut draws = cells.seed.draws(cell, space);
+                let first = pairs.as_flattened().iter().map(|draw| draw[i]).collect::<Vec<_>>();
+                let mut going_on = cells.go_on(pixel, first.clone().try_into().unwrap());
+                for number in 0..9 {
+                    let wanted = draws.bits();
+                    assert_eq!((going_on.bits(), *first.get(number).unwrap_or(&wanted)), (wanted, wanted));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn normals_are_those_of_one_at_a_time() {
+        let least = 0.5 * super::super::STEP;
+        let even = (0..4000u32).map(|i| (f64::from(i) + 0.5) / 4000.0);
+        let all: Vec<f64> = even.chain([least, 1.0 - least, 1e-12, 0.075, 0.925, 0.5, 1e-4, 1e-9]).collect();
+        let mut found = all.clone();
+        dispatch!(Level::new(), simd => normals(simd, &mut found));
+        for (p, found) in all.into_iter().zip(found) {
+            assert_eq!(found.to_bits(), normal::quantile(p).to_bits(), "{p:e}");
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Brightness whose logarithm is a cubic between frames, from its slopes at them (numerics.md 3.1).
+//!
+//! The signal's part of the drift is `k1` times that cubic, so between frames it is exact. The leak's is the integral of
+//! the parabola through the brightness at both frames and in the middle, which is a cubic too. Slopes are not limited.
+
+use super::curve::{Curve, Knot, One, Wide};
+use super::drift::Process;
+use crate::elementary;
+use fearless_simd::{Simd, SimdBase as _, f64x8};
+
+/// `((c3 s + c2) s + c1) s` with `s = t/h`: coefficients c1, c2, c3 and `1/h`.
+#[derive(Debug)]
+pub(super) struct Cubic;
+
+/// `V - V0` in powers of `s`, from 1 on.
+#[inline(always)]
+fn log<S: Simd>([from, to]: [Knot<S>; 2], inverse: f64) -> [f64x8<S>; 3] {
+    let step = to.log - from.log;
+    let [a, b] = [from.slope, to.slope].map(|slope| slope * (1.0 / inverse));
+    [a, step * 3.0 - a * 2.0 - b, a + b - step * 2.0]
+}
+
+#[inline(always)]
+fn horner<S: Simd>([c1, c2, c3]: [f64x8<S>; 3], s: f64) -> f64x8<S> {
+    ((c3 * s + c2) * s + c1) * s
+}
+
+impl Curve for Cubic {
+    #[inline(always)]
+    fn between<S: Simd>(process: &Process, knots: [Knot<S>; 2], inverse: f64) -> Wide<S> {
+        let Process { k1, k2, k4, k5, .. } = *process;
+        let length = 1.0 / inverse;
+        let signal = log(knots, inverse).map(|c| c * k1);
+        let mut leak = [f64x8::splat(signal[0].simd, 0.0); 3];
+        if k5 != 0.0 {
+            let middle = Self::level(process, knots, inverse, 0.5 * length) - k2;
+            let [first, last] = knots.map(|knot| knot.level - k2);
+            leak = [
+                first,
+                (middle * 4.0 - first * 3.0 - last) * 0.5,
+                (first - middle * 2.0 + last) * (2.0 / 3.0),
+            ];
+        }
+        let [l1, l2, l3] = leak.map(|c| c * (k5 * length));
+        let inverse = f64x8::splat(l1.simd, inverse);
+        [signal[0] + l1 + k4 * length, signal[1] + l2, signal[2] + l3, inverse]
+    }
+
+    #[inline(always)]
+    fn level<S: Simd>(_: &Process, knots: [Knot<S>; 2], inverse: f64, t: f64) -> f64x8<S> {
+        if inverse == 0.0 {
+            return knots[0].level;
+        }
+        elementary::exp(knots[0].log + horner(log(knots, inverse), t * inverse))
+    }
+
+    #[inline(always)]
+    fn rise<S: Simd>(_: &Process, [c1, c2, c3, inverse]: &Wide<S>, t: f64) -> f64x8<S> {
+        let s = *inverse * t;
+        ((*c3 * s + *c2) * s + *c1) * s
+    }
+
+    #[inline(always)]
+    fn curvature<S: Simd>([_, c2, c3, inverse]: &Wide<S>, times: [f64; 2]) -> f64x8<S> {
+        let [from, to] = times.map(|t| (*c3 * (*inverse * (3.0 * t)) + *c2).abs());
+        from.max(to) * 2.0 * *inverse * *inverse
+    }
+
+    /// About `s0`, the quadratic part strays by a quarter of its coefficient, the cubic one by `2/sqrt 27`.
+    fn bulge_of_one([_, c2, c3, inverse]: &One, [from, to]: [f64; 2]) -> f64 {
+        let [s, width] = [from * inverse, (to - from) * inverse];
+        ((c2 + 3.0 * c3 * s).abs() * 0.25 + 0.385 * c3.abs() * width) * width * width
+    }
+
+    fn rise_of_one([c1, c2, c3, inverse]: &One, t: f64) -> f64 {
+        let s = inverse * t;
+        ((c3 * s + c2) * s + c1) * s
+    }
+
+    fn rate_of_one([c1, c2, c3, inverse]: &One, t: f64) -> f64 {
+        let s = inverse * t;
+        ((3.0 * c3 * s + 2.0 * c2) * s + c1) * inverse
+    }
+
+    /// The roots of `3 c3 s^2 + 2 c2 s + c1`, without a difference of like numbers.
+    fn turns_of_one([c1, c2, c3, inverse]: &One, [from, to]: [f64; 2]) -> [Option<f64>; 2] {
+        let square = c2 * c2 - 3.0 * c1 * c3;
+        if square <= 0.0 {
+            return [None, None];
+        }
+        let q = -(c2 + square.sqrt().copysign(*c2));
+        let inside = |s: f64| Some(s / inverse).filter(|t| *t > from && *t < to);
+        let [a, b] = [q / (3.0 * c3), c1 / q];
+        [inside(a.min(b)), inside(a.max(b))]
+    }
+
+    fn is_straight([_, c2, c3, _]: &One) -> bool {
+        *c2 == 0.0 && *c3 == 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::curve::{of_one, wide};
+    use super::super::{Preset, Voltmeter};
+    use super::*;
+
+    const LENGTH: f64 = 4e5;
+
+    /// `V` at `s` and its slope in `s`: a cubic.
+    fn signal(s: f64) -> [f64; 2] {
+        [4.5 + 0.7 * s - 1.9 * s * s + 0.8 * s * s * s, 0.7 - 3.8 * s + 2.4 * s * s]
+    }
+
+    fn sensor(k5: f64) -> Process {
+        let [k1, k2, ..] = Preset::Dvs346.k();
+        Process::new(&Voltmeter::new([k1, k2, 0.0, 1e-5, k5, 0.0]))
+    }
+
+    /// The curve of [`signal`] over `[from, to]`, in units of `LENGTH`.
+    fn piece(process: &Process, [from, to]: [f64; 2]) -> One {
+        let knot = |s: f64| {
+            let [log, slope] = signal(s);
+            [libm::exp(log), log, slope / LENGTH]
+        };
+        of_one::<Cubic>(process, [knot(from), knot(to)], LENGTH * (to - from))
+    }
+
+    #[test]
+    fn a_cubic_is_reproduced_wherever_it_is_cut() {
+        let process = sensor(0.0);
+        for cut in [[0.0, 1.0], [0.3, 0.4], [-2.0, 1.5], [0.9999, 1.0]] {
+            let curve = piece(&process, cut);
+            for i in 0..=20 {
+                let s = cut[0] + (cut[1] - cut[0]) * f64::from(i) / 20.0;
+                let t = (s - cut[0]) * LENGTH;
+                let wanted = process.k1 * (signal(s)[0] - signal(cut[0])[0]) + process.k4 * t;
+                let found = Cubic::rise_of_one(&curve, t);
+                // V is some 20 at most, and k1 5: a few ulp of 100.
+                assert!((found - wanted).abs() < 5e-14, "{cut:?} {s}: {found} {wanted}");
+                assert_eq!(wide::<Cubic>(&process, &curve, t)[0].to_bits(), found.to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn the_leak_is_the_integral_of_the_brightness() {
+        let process = sensor(1e-2);
+        let quiet = sensor(0.0);
+        // Cut finer, the leak over [0, 1] converges to its quadrature.
+        let n = 2000;
+        let weight = |i: i32| if i == 0 || i == n { 1.0 } else { 2.0 + 2.0 * f64::from(i % 2) };
+        let brightness = |i: i32| libm::exp(signal(f64::from(i) / f64::from(n))[0]) - process.k2;
+        let wanted = process.k5 * LENGTH / (3.0 * f64::from(n))
+            * (0..=n).map(|i| weight(i) * brightness(i)).sum::<f64>();
+        let error = |cuts: i32| {
+            let part = |i: i32| {
+                let cut = [i, i + 1].map(|i| f64::from(i) / f64::from(cuts));
+                let end = LENGTH / f64::from(cuts);
+                [&process, &quiet].map(|process| Cubic::rise_of_one(&piece(process, cut), end))
+            };
+            let found: f64 = (0..cuts).map(part).map(|[with, without]| with - without).sum();
+            (found - wanted).abs() / wanted
+        };
+        let errors = [2, 4, 8, 16].map(error);
+        println!("relative errors on halving: {errors:?}");
+        // Simpson's rule: of order 4 in the step.
+        assert!(errors.windows(2).all(|pair| pair[1] < pair[0] / 11.0) && errors[3] < 1e-6);
+    }
+
+    #[test]
+    fn bounds_hold_and_turns_are_turns() {
+        let process = sensor(1e-6);
+        let curve = piece(&process, [-1.0, 2.0]);
+        for [from, to] in [[0.0, 3.0], [0.2, 0.9], [1.4, 1.5]].map(|span| span.map(|s| s * LENGTH)) {
+            let [a, b] = [from, to].map(|t| Cubic::rise_of_one(&curve, t));
+            let stray = |i: i32| {
+                let share = f64::from(i) / 1000.0;
+                let t = from + (to - from) * share;
+                (Cubic::rise_of_one(&curve, t) - a - (b - a) * share).abs()
+            };
+            let largest = (0..=1000).map(stray).fold(0.0, f64::max);
+            let bound = Cubic::bulge_of_one(&curve, [from, to]);
+            // Over a long span the two parts of the bound may stray to opposite sides.
+            let loose = if to - from < LENGTH { 4.0 } else { 10.0 };
+            assert!(bound >= largest && bound < loose * largest, "{bound} {largest}");
+        }
+        let largest = (0..=1000).map(|i| 3e-3 * f64::from(i) * LENGTH).map(|t| {
+            let h = 1.0;
+            (Cubic::rate_of_one(&curve, t + h) - Cubic::rate_of_one(&curve, t - h)).abs() / (2.0 * h)
+        });
+        let curvature = wide::<Cubic>(&process, &curve, 3.0 * LENGTH)[1];
+        assert!(curvature * (1.0 + 1e-5) >= largest.fold(0.0, f64::max));
+        let turns = Cubic::turns_of_one(&curve, [0.0, 3.0 * LENGTH]).map(Option::unwrap);
+        // The signal's own turns are at s = 0.213 and 1.370, and the leak is weak.
+        for (turn, s) in turns.into_iter().zip([0.213, 1.370]) {
+            assert!((turn / LENGTH - 1.0 - s).abs() < 0.02, "{turn}");
+            assert!(Cubic::rate_of_one(&curve, turn).abs() * LENGTH < 1e-13);
+        }
+    }
+}

@@ -1,0 +1,442 @@
+//! The pixels of a band in one root cell of the dyadic clock: the exact law (numerics.md 2.1).
+//!
+//! The noise is a Brownian tree: every draw belongs to a cell of the clock, so neither frames nor neighbours nor
+//! threads can change it. Cells in which no barrier is within reach are crossed in one step; the others are halved down
+//! to leaves. All pixels that reach a cell go through it together: they share its times, and so do the same arithmetic.
+
+#![expect(clippy::cast_possible_truncation, reason = "walkers of a band are counted in few bits")]
+
+use super::curve::Curve;
+use super::leaf::{Leaf, Span};
+use super::window::Window;
+use super::writer::Writer;
+use crate::elementary::{bits, load, places, store};
+use crate::seed::Space;
+use crate::seed::eight::{self, Cells};
+use fearless_simd::{Simd, SimdBase as _, SimdMask as _, f64x8, mask64x8, u64x8};
+use std::ops::{ControlFlow, Range};
+
+/// Halvings of a root cell down to one nanosecond.
+pub(super) const LEVELS: u8 = 20;
+/// Length of a root cell, ns.
+pub(super) const ROOT: i64 = 1 << LEVELS;
+/// Its standard deviation of Brownian motion, `sqrt(2^20 ns)`.
+pub(super) const ROOT_DEVIATION: f64 = 1024.0;
+/// Longest leaf, ns.
+const LEAF: u32 = 1 << 13;
+/// Drift in a leaf is straight to this many thresholds.
+const STRAIGHT: f64 = 1e-6;
+
+/// Pixels on their way through a root cell, and what became of them.
+#[derive(Debug, Default)]
+pub(super) struct Walkers {
+    /// Pixel in the band.
+    pixels: Vec<usize>,
+    /// Pixel on the sensor, `y << 16 | x`.
+    seats: Vec<u64>,
+    /// Voltage now.
+    voltage: Vec<f64>,
+    /// Noise per square root of a nanosecond.
+    sigma: Vec<f64>,
+    /// Bound on the drift's second derivative.
+    curvature: Vec<f64>,
+    /// Leg by leg of a walker, the drift since the window's start at its earlier frame, and its curve.
+    pieces: Vec<[f64; 5]>,
+    /// A list for each level of the clock.
+    lists: Vec<List>,
+    leaves: List,
+    spans: Vec<Span>,
+    /// Leaves visited.
+    pub(super) leaf_count: u64,
+    /// Cells split.
+    pub(super) splits: u64,
+}
+
+/// Walkers that reach one cell. After the last, lists go on to a multiple of 8 with what has no meaning.
+#[derive(Debug, Default)]
+struct List {
+    len: usize,
+    members: Vec<u64>,
+    /// Increment of the Brownian motion over the cell.
+    increment: Vec<f64>,
+    /// Drift at its start.
+    from: Vec<f64>,
+    /// Drift at its end.
+    to: Vec<f64>,
+    /// Increment over its first half, and the drift in its middle: where it is split.
+    half: Vec<f64>,
+    middle: Vec<f64>,
+}
+
+impl List {
+    /// Makes room for eight more.
+    #[inline(always)]
+    fn reserve(&mut self) {
+        if self.len + 8 > self.members.len() {
+            let longer = (2 * self.len + 64).next_multiple_of(8);
+            self.members.resize(longer, 0);
+            for values in
+                [&mut self.increment, &mut self.from, &mut self.to, &mut self.half, &mut self.middle]
+            {
+                values.resize(longer, 0.0);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, member: u64, increment: f64, [from, to]: [f64; 2]) {
+        self.reserve();
+        let i = self.len;
+        (self.members[i], self.increment[i], self.from[i], self.to[i]) = (member, increment, from, to);
+        self.len = i + 1;
+    }
+
+    /// Adds those of eight that `which` names.
+    #[inline(always)]
+    fn extend<S: Simd>(&mut self, which: u64, members: u64x8<S>, [increment, from, to]: [f64x8<S>; 3]) {
+        self.reserve();
+        let simd = members.simd;
+        let mask = mask64x8::from_bitmask(simd, which);
+        simd.compress_u64x8(members, mask).store_slice(&mut self.members[self.len..self.len + 8]);
+        store(simd.compress_f64x8(increment, mask), &mut self.increment, self.len);
+        store(simd.compress_f64x8(from, mask), &mut self.from, self.len);
+        store(simd.compress_f64x8(to, mask), &mut self.to, self.len);
+        self.len += which.count_ones() as usize;
+    }
+
+    /// Makes what follows the last harmless.
+    fn pad(&mut self) {
+        for i in self.len..self.len.next_multiple_of(8) {
+            self.members[i] = self.members[0];
+        }
+    }
+
+    fn whole(&self) -> Crowd<'_> {
+        let Self { len, members, increment, from, to, .. } = self;
+        Crowd { len: *len, members, increment, from, to }
+    }
+
+    /// After the split.
+    fn first_half(&self) -> Crowd<'_> {
+        Crowd { increment: &self.half, to: &self.middle, ..self.whole() }
+    }
+
+    /// After the split, which leaves the second half's increment in the place of the whole's.
+    fn second_half(&self) -> Crowd<'_> {
+        Crowd { from: &self.middle, ..self.whole() }
+    }
+}
+
+/// A list at the start of a cell.
+#[derive(Debug, Clone, Copy)]
+struct Crowd<'a> {
+    len: usize,
+    members: &'a [u64],
+    increment: &'a [f64],
+    from: &'a [f64],
+    to: &'a [f64],
+}
+
+/// A pixel that some barrier may stop, at the start of a window.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Walker {
+    pub(super) pixel: usize,
+    pub(super) seat: u64,
+    pub(super) voltage: f64,
+    pub(super) sigma: f64,
+    pub(super) curvature: f64,
+    pub(super) increment: f64,
+    /// Drift over the window.
+    pub(super) drift: f64,
+}
+
+impl Walkers {
+    pub(super) fn clear(&mut self) {
+        self.pixels.clear();
+        self.seats.clear();
+        self.voltage.clear();
+        self.sigma.clear();
+        self.curvature.clear();
+        self.pieces.clear();
+        // One more, for those that enter the root.
+        self.lists.resize_with(usize::from(LEVELS) + 2, List::default);
+        self.lists[0].len = 0;
+    }
+
+    #[inline(always)]
+    pub(super) fn push(&mut self, walker: Walker, pieces: impl Iterator<Item = [f64; 5]>) {
+        let Walker { pixel, seat, voltage, sigma, curvature, increment, drift } = walker;
+        self.lists[0].push(self.pixels.len() as u64, increment, [0.0, drift]);
+        self.pixels.push(pixel);
+        self.seats.push(seat);
+        self.voltage.push(voltage);
+        self.sigma.push(sigma);
+        self.curvature.push(curvature);
+        self.pieces.extend(pieces);
+    }
+
+    /// Eight walkers' pieces of one leg.
+    #[inline(always)]
+    fn pieces<S: Simd>(&self, simd: S, members: &[usize; 8], [leg, legs]: [usize; 2]) -> [f64x8<S>; 5] {
+        let mut eight = [[0.0; 8]; 5];
+        for (lane, member) in members.iter().enumerate() {
+            let piece = &self.pieces[member * legs + leg];
+            for (to, from) in eight.iter_mut().zip(piece) {
+                to[lane] = *from;
+            }
+        }
+        eight.map(|values| f64x8::from_slice(simd, &values))
+    }
+
+    /// Pixels and where their voltages have come to.
+    pub(super) fn settled(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.pixels.iter().copied().zip(self.voltage.iter().copied())
+    }
+}
+
+/// A cell of the clock.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    level: u8,
+    /// ns since the root's start.
+    start: u32,
+}
+
+impl Node {
+    fn length(self) -> u32 {
+        1 << (LEVELS - self.level)
+    }
+
+    /// Its ends, ns since the root's start.
+    fn ends(self) -> [f64; 2] {
+        [self.start.into(), (self.start + self.length()).into()]
+    }
+
+    fn halves(self) -> [Self; 2] {
+        let level = self.level + 1;
+        [Self { level, ..self }, Self { level, start: self.start + self.length() / 2 }]
+    }
+
+    fn index(self, root: u64) -> u64 {
+        root << self.level | u64::from(self.start >> (LEVELS - self.level))
+    }
+}
+
+/// Eight of a list's members, as places in the arrays of [`Walkers`].
+#[inline(always)]
+fn places_of(members: &[u64], i: usize) -> [usize; 8] {
+    let eight = &members[i..i + 8];
+    std::array::from_fn(|lane| eight[lane] as usize)
+}
+
+/// A walk of pixels through a root cell.
+#[derive(Debug)]
+pub(super) struct Walk<'a> {
+    pub(super) window: &'a Window<'a>,
+    pub(super) walkers: &'a mut Walkers,
+    pub(super) writer: Writer<'a>,
+}
+
+impl Walk<'_> {
+    /// Takes all walkers across the root cell.
+    pub(super) fn cross<C: Curve, S: Simd>(&mut self, simd: S) -> ControlFlow<()> {
+        let root = Node { level: 0, start: 0 };
+        let mut all = std::mem::take(&mut self.walkers.lists[usize::from(LEVELS) + 1]);
+        std::mem::swap(&mut all, &mut self.walkers.lists[0]);
+        all.pad();
+        let done = self.enter::<C, S>(simd, root, &all.whole());
+        self.walkers.lists[usize::from(LEVELS) + 1] = all;
+        done
+    }
+
+    /// Takes walkers across a cell.
+    fn enter<C: Curve, S: Simd>(&mut self, simd: S, node: Node, crowd: &Crowd<'_>) -> ControlFlow<()> {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                self.visit::<C, S>(simd, node, crowd);
+                self.cross_leaves(simd, node)
+            },
+        )?;
+        self.halve::<C, S>(simd, node)
+    }
+
+    /// Splits a cell for the walkers on its level's list, and takes them across its halves.
+    fn halve<C: Curve, S: Simd>(&mut self, simd: S, node: Node) -> ControlFlow<()> {
+        let level = usize::from(node.level);
+        if self.walkers.lists[level].len == 0 {
+            return ControlFlow::Continue(());
+        }
+        let mut list = std::mem::take(&mut self.walkers.lists[level]);
+        list.pad();
+        self.walkers.splits += list.len as u64;
+        simd.vectorize(
+            #[inline(always)]
+            || self.split::<C, S>(simd, node, &mut list),
+        );
+        let [first, second] = node.halves();
+        let done = self.enter::<C, S>(simd, first, &list.first_half());
+        let done = if done.is_break() { done } else { self.enter::<C, S>(simd, second, &list.second_half()) };
+        self.walkers.lists[level] = list;
+        done
+    }
+
+    /// What the halves of a cell need: the middle of a Brownian motion between known ends is normal around their mean.
+    #[inline(always)]
+    fn split<C: Curve, S: Simd>(&self, simd: S, node: Node, list: &mut List) {
+        let Self { window, walkers, .. } = self;
+        let law = window.law;
+        let (space, level, index) = (Space::Tree, node.level, node.index(window.root()));
+        let cells = Cells { seed: law.seed, space, level, index };
+        let end = list.len.next_multiple_of(8);
+        for i in (0..end).step_by(8) {
+            let members = places_of(&list.members, i);
+            let seats = u64x8::from_fn(simd, |lane| walkers.seats[members[lane]]);
+            let [_, draw] = cells.pair(seats, 0);
+            store(eight::uniform(draw), &mut list.half, i);
+        }
+        eight::normals(simd, &mut list.half[..end]);
+        let deviation = 0.5 * f64::from(node.length()).sqrt();
+        let middle = f64::from(node.start + node.length() / 2);
+        let at = window.leg_at(middle);
+        let since = middle - window.legs[at].stamp;
+        for i in (0..end).step_by(8) {
+            let members = places_of(&list.members, i);
+            let [start, curve @ ..] = walkers.pieces(simd, &members, [at, window.legs.len()]);
+            store(start + C::rise(&law.process, &curve, since), &mut list.middle, i);
+            let half = load(simd, &list.increment, i) * 0.5 + load(simd, &list.half, i) * deviation;
+            store(half, &mut list.half, i);
+            store(load(simd, &list.increment, i) - half, &mut list.increment, i);
+        }
+    }
+
+    /// Moves walkers across a cell that no barrier is within reach of; lists the others, by what is to be done.
+    #[inline(always)]
+    fn visit<C: Curve, S: Simd>(&mut self, simd: S, node: Node, crowd: &Crowd<'_>) {
+        let level = usize::from(node.level);
+        let mut next = std::mem::take(&mut self.walkers.lists[level]);
+        let mut leaves = std::mem::take(&mut self.walkers.leaves);
+        (next.len, leaves.len) = (0, 0);
+        let length = f64::from(node.length());
+        let barriers = self.window.law.barriers;
+        let knots = self.knots(node);
+        for i in (0..crowd.len).step_by(8) {
+            let members = places_of(crowd.members, i);
+            let [increment, from, to] =
+                [crowd.increment, crowd.from, crowd.to].map(|values| load(simd, values, i));
+            let gather = |values: &[f64]| f64x8::from_fn(simd, |lane| values[members[lane]]);
+            let [x, sigma] = [&self.walkers.voltage, &self.walkers.sigma].map(|values| gather(values));
+            let mut straying = gather(&self.walkers.curvature) * (length * length * 0.125);
+            if !knots.is_empty() {
+                straying += self.knots_of(simd, node, &members, [from, to], knots.clone());
+            }
+            let y = x + (to - from) + sigma * increment;
+            let live = bits(barriers.reached([x, y], sigma * sigma * length, straying));
+            let known = u64::MAX >> (64 - 8.min(crowd.len - i));
+            for lane in places(!live & known) {
+                self.walkers.voltage[members[lane]] = y[lane];
+            }
+            let leaf = if node.length() <= LEAF { self.leaves::<C>(node, &members, live & known) } else { 0 };
+            let all = u64x8::from_slice(simd, &crowd.members[i..i + 8]);
+            leaves.extend(leaf, all, [increment, from, to]);
+            next.extend(live & known & !leaf, all, [increment, from, to]);
+        }
+        self.walkers.lists[level] = next;
+        self.walkers.leaves = leaves;
+    }
+
+    /// Legs of the window that begin inside a cell.
+    fn knots(&self, node: Node) -> Range<usize> {
+        let [a, b] = node.ends();
+        let before = |t: f64| self.window.legs.partition_point(|leg| leg.stamp < t);
+        before(a.next_up())..before(b)
+    }
+
+    /// The largest distance of the drift from its chord in a cell at the stamps inside.
+    #[inline(always)]
+    fn knots_of<S: Simd>(
+        &self,
+        simd: S,
+        node: Node,
+        members: &[usize; 8],
+        [from, to]: [f64x8<S>; 2],
+        knots: Range<usize>,
+    ) -> f64x8<S> {
+        let Self { window, walkers, .. } = self;
+        let slope = (to - from) * (1.0 / f64::from(node.length()));
+        let legs = window.legs.len();
+        knots.fold(f64x8::splat(simd, 0.0), |farthest, leg| {
+            let at = f64x8::from_fn(simd, |lane| walkers.pieces[members[lane] * legs + leg][0]);
+            let since = window.legs[leg].stamp - f64::from(node.start);
+            farthest.max((at - from - slope * since).abs())
+        })
+    }
+
+    /// Those of eight walkers for whom a short cell is a leaf: in which the drift is straight.
+    #[inline(always)]
+    fn leaves<C: Curve>(&self, node: Node, members: &[usize; 8], live: u64) -> u64 {
+        if node.level == LEVELS {
+            return live;
+        }
+        let mut leaf = 0;
+        for lane in places(live) {
+            leaf |= u64::from(self.straying::<C>(node, members[lane]) <= STRAIGHT) << lane;
+        }
+        leaf
+    }
+
+    /// A bound on the distance of a walker's drift from its chord in a cell: the largest at the stamps inside, plus what
+    /// a piece can stray from its own chord.
+    fn straying<C: Curve>(&self, node: Node, member: usize) -> f64 {
+        let [a, b] = node.ends();
+        let legs = &self.window.legs;
+        let pieces = &self.walkers.pieces[member * legs.len()..][..legs.len()];
+        let [first, last] = [self.window.leg_at(a), self.window.leg_at(b.next_down())];
+        let bulge = |at: usize| {
+            let (leg, [_, curve @ ..]) = (&legs[at], &pieces[at]);
+            C::bulge_of_one(curve, [leg.from.max(a) - leg.stamp, leg.to.min(b) - leg.stamp])
+        };
+        if first == last {
+            return bulge(first);
+        }
+        let drift = |at: usize, t: f64| {
+            let (leg, [start, curve @ ..]) = (&legs[at], &pieces[at]);
+            start + C::rise_of_one(curve, t - leg.stamp)
+        };
+        let (from, to) = (drift(first, a), drift(last, b));
+        let slope = (to - from) / (b - a);
+        let stray = |at: usize| (pieces[at][0] - from - slope * (legs[at].stamp - a)).abs();
+        (first + 1..=last).map(stray).fold(0.0, f64::max) + (first..=last).map(bulge).fold(0.0, f64::max)
+    }
+
+    /// Takes walkers across a leaf. Their first draws are made together.
+    #[inline(always)]
+    fn cross_leaves<S: Simd>(&mut self, simd: S, node: Node) -> ControlFlow<()> {
+        let Self { window, walkers, writer } = self;
+        let law = window.law;
+        walkers.leaves.pad();
+        walkers.leaf_count += walkers.leaves.len as u64;
+        let [begin, end] = node.ends();
+        let index = node.index(window.root());
+        let cells = Cells { seed: law.seed, space: Space::Leaf, level: node.level, index };
+        for i in (0..walkers.leaves.len).step_by(8) {
+            let list = &walkers.leaves;
+            let seats = u64x8::from_fn(simd, |lane| walkers.seats[list.members[i + lane] as usize]);
+            let [first, second] = [cells.pair(seats, 0), cells.pair(seats, 1)];
+            for lane in 0..8.min(list.len - i) {
+                let member = list.members[i + lane] as usize;
+                let drift = list.to[i + lane] - list.from[i + lane];
+                let sigma = walkers.sigma[member];
+                let draws = [first[0][lane], first[1][lane], second[0][lane], second[1][lane]];
+                let draws = cells.go_on(seats[lane], draws);
+                let variance = sigma * sigma;
+                let mut leaf = Leaf { barriers: law.barriers, variance, draws, time: begin };
+                let x = walkers.voltage[member];
+                let whole = Span { end: x + drift + sigma * list.increment[i + lane], until: end };
+                let mut emit = writer.of(walkers.pixels[member]);
+                walkers.voltage[member] = leaf.cross(x, whole, &mut walkers.spans, &mut emit)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}

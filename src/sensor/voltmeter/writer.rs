@@ -1,0 +1,118 @@
+//! Counts a pixel's events and writes them down.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "frames are below 2^32; times within a window are below 2^31 ns"
+)]
+
+use super::bridge::Barriers;
+use super::leaf::Emit;
+use super::window::Window;
+use crate::event::Polarity;
+use crate::sensor::window::Packed;
+use crate::sensor::{Account, SensorError};
+use std::ops::ControlFlow;
+
+/// What one pixel's events were.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Tally {
+    on: u32,
+    off: u32,
+    /// Number of the frame that precedes the latest event, and the events that followed it.
+    frame: u32,
+    since: u32,
+}
+
+impl Tally {
+    /// Adds a pixel to the account. What its events have taken from the voltage differs from its drift over the run by
+    /// noise and by the voltages at the ends; `bound` says by how much at most (O1).
+    pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut Account) {
+        account.on += u64::from(self.on);
+        account.off += u64::from(self.off);
+        account.active_pixels += u64::from(self.on + self.off > 0);
+        let balance = barriers.up * f64::from(self.on) - barriers.down * f64::from(self.off) - drift;
+        let share = balance.abs() / bound;
+        account.drift_worst = account.drift_worst.max(share);
+        account.drift_violations += u64::from(share > 1.0);
+    }
+
+    /// Counts an event; how many there have been since the frame before it.
+    fn count(&mut self, polarity: Polarity, frame: u32) -> u32 {
+        match polarity {
+            Polarity::On => self.on += 1,
+            Polarity::Off => self.off += 1,
+        }
+        self.since = if self.frame == frame { self.since + 1 } else { 1 };
+        self.frame = frame;
+        self.since
+    }
+}
+
+/// Writes down the events of a band's pixels.
+#[derive(Debug)]
+pub(super) struct Writer<'a> {
+    pub(super) window: &'a Window<'a>,
+    /// Number of the band's first pixel.
+    pub(super) first: usize,
+    pub(super) tally: &'a mut [Tally],
+    pub(super) events: &'a mut Vec<Packed>,
+    /// Most events of one pixel between two frames.
+    pub(super) most: &'a mut u32,
+    pub(super) capped: &'a mut Option<SensorError>,
+}
+
+impl Writer<'_> {
+    /// Writes down the events of one of the band's pixels.
+    #[inline(always)]
+    pub(super) fn of(&mut self, pixel: usize) -> impl Emit {
+        Pen { at: self.window.law.at(self.first + pixel), pixel, writer: self }
+    }
+}
+
+struct Pen<'a, 'b> {
+    writer: &'a mut Writer<'b>,
+    pixel: usize,
+    at: [u16; 2],
+}
+
+impl Emit for Pen<'_, '_> {
+    #[inline(always)]
+    fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()> {
+        let Self { writer, pixel, at } = self;
+        let window = writer.window;
+        if t > window.last {
+            return ControlFlow::Continue(());
+        }
+        // An event at a stamp belongs to the frames before it.
+        let legs = &window.legs;
+        let frame = legs[legs.iter().position(|leg| t <= leg.to).unwrap_or(legs.len() - 1)].frame;
+        let count = writer.tally[*pixel].count(polarity, window.frames[frame].index as u32);
+        *writer.most = count.max(*writer.most);
+        if count > window.law.cap {
+            if writer.capped.is_none() {
+                *writer.capped = Some(writer.too_many(*pixel, frame));
+            }
+            return ControlFlow::Break(());
+        }
+        let ns = t as u64 + window.start.rem_euclid(1000).cast_unsigned();
+        writer.events.push(Packed::new(ns, *at, polarity));
+        ControlFlow::Continue(())
+    }
+}
+
+impl Writer<'_> {
+    fn too_many(&self, pixel: usize, frame: usize) -> SensorError {
+        let pixel = self.first + pixel;
+        let [x, y] = self.window.law.at(pixel);
+        let before = self.window.frames[frame];
+        let after = self.window.frames.get(frame + 1).unwrap_or(&before);
+        SensorError::Cap {
+            x,
+            y,
+            frame: before.index,
+            before: before.luminance[pixel],
+            after: after.luminance[pixel],
+            cap: self.window.law.cap,
+        }
+    }
+}
