@@ -403,6 +403,17 @@ mod tests {
     }
 
     #[test]
+    fn what_the_law_does_not_know_is_refused() {
+        let with = |sensor: Voltmeter| sensor.start(SIZE, [0, 0], Seed(1)).err().map(|e| e.to_string());
+        let plain = official(Preset::Dvs346.k());
+        assert_eq!(with(plain.clone()), None);
+        let cubic = Voltmeter { between: super::super::Between::Catmull, ..plain.clone() };
+        assert_eq!(with(cubic).as_deref(), Some("the law official goes linearly between frames"));
+        let spread = Voltmeter { initial: super::super::Initial::Stationary, ..plain };
+        assert_eq!(with(spread).as_deref(), Some("the law official begins with all voltages at zero"));
+    }
+
+    #[test]
     fn unequal_and_hot_pixels() {
         let dark = [[50.0; 2]; 3];
         let hot = HotPixels { share: 1.0, rate: 1e4 };

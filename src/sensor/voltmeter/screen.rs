@@ -62,6 +62,9 @@ impl Voltmeter {
         if self.law == Law::Official && self.initial == Initial::Stationary {
             return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
         }
+        if self.law == Law::Official && self.between != Between::Linear {
+            return Err(ScreenError::Combination("the law official goes linearly between frames"));
+        }
         let imperfect = *spread > 0.0 || !hot.is_absent();
         if self.law == Law::Exact && imperfect {
             return Err(ScreenError::Combination("the law exact has no spread and no hot pixels"));
