@@ -155,18 +155,45 @@ impl Artifact for Motion {
     }
 }
 
-/// An event stream and what was counted while it was made.
+/// The event streams of a trajectory and what was counted while they were made.
 #[derive(Debug)]
-pub struct EventStream {
-    /// `events.h5`.
-    pub events: PathBuf,
-    /// What the sensor saw at a few frames: `brightness.npy`, float32 `[K, H, W]`.
+pub struct EventStreams {
+    /// The file of each of [`Simulation::streams`].
+    pub files: Vec<PathBuf>,
+    /// What the sensors saw at a few frames: `brightness.npy`, float32 `[K, H, W]`.
     pub anchors: Anchors,
     /// The rest.
     pub simulation: Simulation,
 }
 
-/// How an event stream was made: `simulation.json`.
+/// One of the streams.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stream {
+    /// The sensor's name, where there are several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// What it counted.
+    pub account: Account,
+}
+
+impl Stream {
+    /// The name of a stream's file in the store.
+    #[must_use]
+    pub fn stored(name: Option<&str>) -> String {
+        name.map_or_else(|| "events.h5".to_owned(), |name| format!("events-{name}.h5"))
+    }
+
+    /// The name of a stream's file in a trajectory's folder of a release.
+    #[must_use]
+    pub fn released(name: Option<&str>) -> String {
+        name.map_or_else(|| "events.h5".to_owned(), |name| format!("events/{name}.h5"))
+    }
+}
+
+/// How event streams were made: `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Simulation {
@@ -180,12 +207,10 @@ pub struct Simulation {
     pub screening: Screening,
     /// Whether the antialiased rule was used.
     pub antialiased: bool,
-    /// The sensor.
-    pub sensor: Sensor,
-    /// Seed of its stream.
+    /// The streams, one a sensor, in the order of names.
+    pub streams: Vec<Stream>,
+    /// Seed of their noise.
     pub seed: Seed,
-    /// What it counted.
-    pub account: Account,
     /// What the renderer counted, over all frames.
     pub work: Work,
     /// How far the picture moves between neighbouring poses, px; `None` where no pixel has a depth.
@@ -199,14 +224,16 @@ pub struct Simulation {
     pub brightness_stamps_us: Vec<i64>,
 }
 
-impl Artifact for EventStream {
+impl Artifact for EventStreams {
     const KIND: &'static str = "events";
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         let simulation: Simulation = files.json("simulation.json")?;
         let stamps = simulation.brightness_stamps_us.clone();
         let anchors = files.read("brightness.npy", |file| Anchors::read(stamps, file))?;
-        Ok(Self { events: files.path("events.h5")?.to_owned(), anchors, simulation })
+        let file = |stream: &Stream| files.path(&Stream::stored(stream.name.as_deref())).map(Path::to_owned);
+        let files = simulation.streams.iter().map(file).collect::<Result<_, _>>()?;
+        Ok(Self { files, anchors, simulation })
     }
 }
 
@@ -229,10 +256,10 @@ impl Artifact for Pictures {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Verdicts {
-    /// One record a statement; the subjects are empty but for a statement's own suffix.
+    /// One record a statement; the subjects are empty but for the name of a stream and a statement's own suffix.
     pub findings: Vec<Finding>,
-    /// Most events in one millisecond.
-    pub peak_ev_per_ms: Option<u64>,
+    /// Most events in one millisecond, a stream.
+    pub peaks_ev_per_ms: Vec<u64>,
 }
 
 impl Verdicts {

@@ -110,8 +110,17 @@ pub trait Check: Sync {
     /// Its name, one of [`NAMES`].
     fn name(&self) -> &'static str;
 
-    /// What it finds, one finding a statement; never none.
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding>;
+    /// What it finds in a trajectory, whatever the sensors, one finding a statement.
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let _ = subject;
+        Vec::new()
+    }
+
+    /// What it finds in the stream of one sensor. Between the two a pass never says nothing.
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let _ = subject;
+        Vec::new()
+    }
 }
 
 /// The passes that are built, in the order of reports.
@@ -130,12 +139,19 @@ pub const ALL: [&dyn Check; 12] = [
     &speed::Speed,
 ];
 
-/// Runs every pass, and turns faults that the recipe accepts into [`Verdict::Waived`].
+/// Runs every pass over a trajectory and its streams, and turns faults that the recipe accepts into
+/// [`Verdict::Waived`]. Where there is no stream, the passes over streams are told that there are no events.
 #[must_use]
-pub fn judge(subject: &Subject<'_>) -> Vec<Finding> {
-    let mut findings: Vec<Finding> = ALL.iter().flat_map(|check| check.run(subject)).collect();
+pub fn judge(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> {
+    let streams = if streams.is_empty() { std::slice::from_ref(trajectory) } else { streams };
+    let run = |check: &&dyn Check| {
+        let mut findings = check.of_trajectory(trajectory);
+        findings.extend(streams.iter().flat_map(|stream| check.of_stream(stream)));
+        findings
+    };
+    let mut findings: Vec<Finding> = ALL.iter().flat_map(run).collect();
     for finding in &mut findings {
-        waive(finding, &subject.limits.waive);
+        waive(finding, &trajectory.limits.waive);
     }
     findings
 }

@@ -21,6 +21,10 @@ mod problem;
 mod progress;
 mod release;
 mod render;
+mod renderers;
+mod screening;
+mod simulate;
+mod study;
 mod trajectory;
 mod why;
 
@@ -29,6 +33,7 @@ use crate::render::gpu::{self, Device, GpuError};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use console::Console;
 use problem::{Exit, Problem};
+use renderers::{Auto, Chosen};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -61,12 +66,16 @@ enum Verb {
     Audit(audit::Audit),
     /// Show what differs between two release trees, and why
     Diff(diff::Diff),
-    /// Write a scene in another file format
+    /// Write a scene, or events, in another file format
     Convert(convert::Convert),
     /// Delete what no recipe and no release refers to any more
     Gc(gc::Gc),
     /// Render one view of your own scene
     Render(render::Render),
+    /// Show your own frames to a sensor, and write its events
+    Simulate(simulate::Simulate),
+    /// Measure what a setting does to the events of a scene
+    Study(study::Study),
     /// Make the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::Trajectory),
 }
@@ -110,7 +119,16 @@ impl Common {
     /// Where built things are kept unless the user says otherwise.
     const STORE: &'static str = ".gs2e";
 
-    /// The back end of steps, which their keys depend on: the CPU unless another one is asked for.
+    /// What renders the scenes of recipes, which the keys of their steps depend on.
+    fn renderers(&self) -> Result<Chosen, Problem> {
+        match self.backend {
+            // One in software is slower than the CPU renderer: it is taken where it is named.
+            Choice::Auto => Ok(Chosen::Auto(Auto::new(self.gpu.clone().unwrap_or(gpu::Choice::Hardware)))),
+            _ => self.backend().map(Chosen::One),
+        }
+    }
+
+    /// The one back end of what is rendered beside recipes' scenes: the CPU unless another one is asked for.
     fn backend(&self) -> Result<Backend, Problem> {
         match self.backend {
             Choice::Gpu => self.device(&gpu::Choice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e)),
@@ -213,6 +231,8 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Convert(verb) => verb.run(console),
         Verb::Gc(verb) => verb.run(common, console),
         Verb::Render(verb) => verb.run(common, console),
+        Verb::Simulate(verb) => verb.run(common, console),
+        Verb::Study(verb) => verb.run(common, console),
         Verb::Trajectory(verb) => verb.run(common, console),
     }
 }

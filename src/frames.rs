@@ -2,7 +2,10 @@
 
 pub mod anchors;
 pub mod array;
+pub mod folder;
+pub mod npy;
 pub mod rendered;
+pub mod stamps;
 
 use crate::image::{Image, Size};
 use crate::units::Timestamp;
@@ -67,4 +70,12 @@ pub trait Frames {
     /// # Errors
     /// When it cannot be read or rendered, or holds a value that is not finite.
     fn next(&mut self) -> Result<Option<Frame>, FrameError>;
+}
+
+/// An image, all of whose values are finite; an error with the first that is not, `what` saying what the values are.
+fn finite(index: usize, what: &str, image: Image<f32>) -> Result<Image<f32>, FrameError> {
+    let Some(bad) = image.pixels().iter().position(|v| !v.is_finite()) else { return Ok(image) };
+    let width = image.size().width as usize;
+    let because = format!("{what} ({}, {}) is {}", bad % width, bad / width, image.pixels()[bad]);
+    Err(FrameError::Invalid { index, because })
 }

@@ -1,5 +1,6 @@
 //! Images in memory and the colour arithmetic that all of the program shares.
 
+pub mod jpeg;
 pub mod npy;
 pub mod png;
 

@@ -30,6 +30,7 @@
 //! | [`plan`] | recipes to steps; which of them must run, and why; which scenes are up to date at a glance |
 //! | [`run`] | runs them: order, cores and memory, failures, interrupts, time left |
 //! | [`release`] | the tree that people download, and its audit |
+//! | [`study`] | measurements of a scene: what a setting costs and what it does to the events |
 //! | [`cli`] | what the user types and reads; the only printing, environment and clock for people |
 //!
 //! # Invariants
@@ -71,5 +72,6 @@ pub mod source;
 pub mod speed;
 pub mod stage;
 pub mod store;
+pub mod study;
 pub mod trajectory;
 pub mod units;

@@ -9,6 +9,19 @@ use crate::recipe::Recipe;
 use crate::render::backend::Backend;
 use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
 
+/// Says what renders each scene.
+pub trait Renderers {
+    /// The back end of a scene.
+    fn of(&self, recipe: &Recipe) -> Backend;
+}
+
+/// One for all.
+impl Renderers for Backend {
+    fn of(&self, _: &Recipe) -> Backend {
+        self.clone()
+    }
+}
+
 /// The steps of some scenes, inputs before those that need them.
 #[derive(Debug, Default)]
 pub struct Plan {
@@ -28,12 +41,12 @@ pub struct PlannedStep {
 }
 
 impl Plan {
-    /// Plans every scene, rendered by this back end. `recipes` are sorted by scene id, so the order of files does not matter.
+    /// Plans every scene. `recipes` are sorted by scene id, so the order of files does not matter.
     #[must_use]
-    pub fn new(recipes: Vec<Recipe>, backend: &Backend) -> Self {
+    pub fn new(recipes: Vec<Recipe>, renderers: &dyn Renderers) -> Self {
         let mut plan = Self::default();
         for (scene, recipe) in recipes.iter().enumerate() {
-            wire::scene(recipe, backend, &mut Wiring { plan: &mut plan, scene });
+            wire::scene(recipe, &renderers.of(recipe), &mut Wiring { plan: &mut plan, scene });
         }
         plan.scenes = recipes;
         plan
@@ -51,6 +64,12 @@ impl Plan {
     #[must_use]
     pub fn scenes(&self) -> &[Recipe] {
         &self.scenes
+    }
+
+    /// Gives the scenes back.
+    #[must_use]
+    pub fn into_scenes(self) -> Vec<Recipe> {
+        self.scenes
     }
 
     /// The steps, inputs before those that need them.

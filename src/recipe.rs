@@ -23,13 +23,13 @@ pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_so
 pub use edits::{Edit, edits};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::{RecipeFile, find_all, read_all, read_files};
-pub use fragment::{Fragment, read_fragment};
+pub use fragment::{Fragment, read_fragment, read_sensor};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
 use crate::scene::procedural::StillLife;
-use crate::sensor::Sensor;
+use crate::sensor::Sensors;
 use crate::speed::Speed;
 use crate::store::stat_cache::Sighting;
 use crate::trajectory::path::Path;
@@ -66,8 +66,8 @@ pub struct Recipe {
     pub law: Summation,
     /// Rendering.
     pub render: RenderChoice,
-    /// The sensor.
-    pub sensor: Sensor,
+    /// The sensors.
+    pub sensors: Sensors,
     /// What is made for each trajectory.
     pub outputs: BTreeSet<Output>,
     /// Every how many poses a sharp frame is kept.

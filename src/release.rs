@@ -18,6 +18,7 @@ pub use built::GatherError;
 pub use manifest::{Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep};
 pub use scene::SceneFile;
 
+use crate::artifact::Stream;
 use crate::check::{Finding, Verdict};
 use crate::plan::Plan;
 use crate::recipe::ReleaseInfo;
@@ -180,8 +181,12 @@ fn trajectory_files(
     let blob = |o: &Output| Content::Blob { path: store.path_of(&o.digest), digest: o.digest, size: o.size };
     let mut files = BTreeMap::new();
     files.extend(trajectory.motion_files.iter().map(|o| (o.name.clone(), blob(o))));
-    let events = trajectory.events.iter().flat_map(|(_, outputs)| outputs);
-    files.extend(events.filter(|o| o.name == "events.h5").map(|o| (o.name.clone(), blob(o))));
+    for stream in trajectory.streams() {
+        let name = stream.name.as_deref();
+        let outputs = trajectory.events.iter().flat_map(|(_, outputs)| outputs);
+        let stored = outputs.filter(|o| o.name == Stream::stored(name));
+        files.extend(stored.map(|o| (Stream::released(name), blob(o))));
+    }
     let pictures = trajectory.sharp.iter().flatten().filter(|o| o.name.ends_with(".png"));
     files.extend(pictures.map(|o| (format!("sharp/{}", o.name), blob(o))));
     files.insert("checks.json".into(), Content::json(&trajectory.findings));

@@ -15,6 +15,8 @@ pub use resources::Budget;
 use crate::plan::assess::{PlanError, Product, Reason};
 use crate::plan::past::past;
 use crate::plan::{Plan, survey};
+use crate::render::RenderError;
+use crate::render::gpu::GpuError;
 use crate::stage::{StageError, StepId};
 use crate::store::record::Output;
 use crate::store::space::Space;
@@ -171,7 +173,35 @@ pub struct Summary {
     pub products: BTreeMap<StepId, Product>,
 }
 
+impl Failure {
+    /// What befell the GPU, where that is why.
+    #[must_use]
+    pub fn of_gpu(&self) -> Option<&GpuError> {
+        let StepError::Stage(error) = &self.error else { return None };
+        let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+        while let Some(error) = cause {
+            if let Some(RenderError::Gpu(because)) = error.downcast_ref() {
+                return Some(because);
+            }
+            cause = error.source();
+        }
+        None
+    }
+}
+
 impl Summary {
+    /// The whole of two runs, the second of which began where this one ended.
+    #[must_use]
+    pub fn then(self, second: Self) -> Self {
+        Self {
+            made: self.made + second.made,
+            // What the first made the second found up to date.
+            kept: second.kept.saturating_sub(self.made),
+            rechecked: self.rechecked + second.rechecked,
+            ..second
+        }
+    }
+
     /// Whether a step found no room for its files.
     #[must_use]
     pub fn is_full(&self) -> bool {

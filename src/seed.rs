@@ -63,6 +63,16 @@ pub enum Space {
     Initial,
     /// Choices of which no pixel knows; their cell is at pixel 0, 0 and level 0, and its index says which choice.
     Choice,
+    /// What a law that goes frame by frame draws between two frames; the index is the earlier frame's.
+    Pair,
+    /// How a pixel differs from its neighbours; level 0, and the index is a frame's where it differs in each.
+    Mismatch,
+    /// Jitter of a pixel's leak between two frames; level 0, and the index is the earlier frame's.
+    Leak,
+    /// Shot noise; level 0, and the index counts the pixel's shots.
+    Shot,
+    /// A hot pixel's own events; level 0, index 0 says whether it is one, the others count the events.
+    Hot,
 }
 
 /// One sensor pixel in one cell of the dyadic clock: where a sequence of draws belongs.
@@ -122,6 +132,11 @@ fn tag(level: u8, space: Space) -> u32 {
         Space::Leaf => u32::from(level) << 1 | 1,
         Space::Initial => 0xff,
         Space::Choice => 0xfe,
+        Space::Pair => 0xfd,
+        Space::Mismatch => 0xfc,
+        Space::Leak => 0xfb,
+        Space::Shot => 0xfa,
+        Space::Hot => 0xf9,
     }
 }
 
@@ -202,6 +217,8 @@ mod tests {
     use super::*;
 
     const CELL: Cell = Cell { x: 3, y: 5, level: 2, index: 7 };
+    const OFF_THE_CLOCK: [Space; 7] =
+        [Space::Initial, Space::Choice, Space::Pair, Space::Mismatch, Space::Leak, Space::Shot, Space::Hot];
 
     #[test]
     fn purposes_and_names_lead_to_different_streams() {
@@ -218,7 +235,7 @@ mod tests {
 
     #[test]
     fn draws_by_number_are_draws_in_order() {
-        for space in [Space::Tree, Space::Leaf, Space::Initial, Space::Choice] {
+        for space in [Space::Tree, Space::Leaf].into_iter().chain(OFF_THE_CLOCK) {
             let mut draws = Seed(9).draws(CELL, space);
             for number in 0..9 {
                 let in_order = draws.normal();
@@ -238,8 +255,7 @@ mod tests {
             Cell { index: 7 + (1 << 32), ..CELL },
         ];
         let in_clock = cells.iter().flat_map(|&cell| [Space::Tree, Space::Leaf].map(|s| counter(cell, s)));
-        let counters: Vec<_> =
-            in_clock.chain([Space::Initial, Space::Choice].map(|s| counter(CELL, s))).collect();
+        let counters: Vec<_> = in_clock.chain(OFF_THE_CLOCK.map(|s| counter(CELL, s))).collect();
         for (i, a) in counters.iter().enumerate() {
             assert!(counters[..i].iter().all(|b| a != b), "{i}");
         }

@@ -2,7 +2,16 @@
 //!
 //! A sensor knows luminance and time; it sees neither the scene nor the renderer.
 
+mod cap;
+mod course;
+mod detector;
+pub mod esim;
+mod input;
+pub mod noise;
+mod pairs;
+pub mod screening;
 pub mod statistics;
+pub mod v2e;
 pub mod voltmeter;
 mod window;
 
@@ -11,7 +20,9 @@ use crate::frames::{Frame, FrameError, Frames};
 use crate::image::Size;
 use crate::seed::Seed;
 use crate::units::Hertz;
+use screening::{ScreenError, Screening};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 /// A sensor of the recipe.
@@ -20,6 +31,10 @@ use std::ops::ControlFlow;
 pub enum Sensor {
     /// The stochastic model of DVS-Voltmeter.
     Voltmeter(voltmeter::Voltmeter),
+    /// Thresholds on the logarithm, as in ESIM.
+    Esim(esim::Esim),
+    /// A low-pass filter, leak and shot noise, as in v2e.
+    V2e(v2e::V2e),
 }
 
 impl Sensor {
@@ -27,7 +42,19 @@ impl Sensor {
     #[must_use]
     pub fn as_model(&self) -> &dyn Model {
         match self {
-            Self::Voltmeter(v) => v,
+            Self::Voltmeter(sensor) => sensor,
+            Self::Esim(sensor) => sensor,
+            Self::V2e(sensor) => sensor,
+        }
+    }
+
+    /// The model's name in recipes.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Voltmeter(_) => "voltmeter",
+            Self::Esim(_) => "esim",
+            Self::V2e(_) => "v2e",
         }
     }
 
@@ -35,10 +62,32 @@ impl Sensor {
     ///
     /// # Errors
     /// When its parameters make no usable stream.
-    pub fn screen(&self, rate: Hertz) -> Result<voltmeter::Screening, voltmeter::ScreenError> {
+    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         match self {
-            Self::Voltmeter(v) => v.screen(rate),
+            Self::Voltmeter(sensor) => sensor.screen(rate),
+            Self::Esim(sensor) => sensor.screen(rate),
+            Self::V2e(sensor) => sensor.screen(rate),
         }
+    }
+}
+
+/// The sensors that see one rendering.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sensors {
+    /// The one.
+    One(Sensor),
+    /// Several, by name.
+    Named(BTreeMap<String, Sensor>),
+}
+
+impl Sensors {
+    /// Each, with its name where it has one, in the order of names.
+    pub fn iter(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
+        let (one, named) = match self {
+            Self::One(sensor) => (Some((None, sensor)), None),
+            Self::Named(sensors) => (None, Some(sensors.iter().map(|(name, s)| (Some(name.as_str()), s)))),
+        };
+        one.into_iter().chain(named.into_iter().flatten())
     }
 }
 
@@ -111,6 +160,14 @@ pub struct Account {
     pub drift_violations: u64,
     /// The largest such difference over its bound: at most 1 in a sound run.
     pub drift_worst: f64,
+    /// Events left out because of the cap.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub capped: u64,
+}
+
+/// Whether a value is its type's default, which stands in no record: older ones do not have it.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Why a simulation cannot go on.
@@ -165,11 +222,50 @@ pub enum SimulateError {
     Interrupted,
 }
 
-/// Shows a whole sequence of frames to a sensor, the events going to `sink`. `tap` sees each frame after the sensor
-/// has; it may break the run off.
+/// A sensor at work, and where its events go.
+pub struct Channel<'a> {
+    pixels: Box<dyn Pixels>,
+    sink: &'a mut dyn EventSink,
+}
+
+impl<'a> Channel<'a> {
+    /// Pixels at rest whose events will go to `sink`.
+    pub fn new(pixels: Box<dyn Pixels>, sink: &'a mut dyn EventSink) -> Self {
+        Self { pixels, sink }
+    }
+}
+
+impl std::fmt::Debug for Channel<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Channel").finish_non_exhaustive()
+    }
+}
+
+/// Shows a whole sequence of frames to sensors, all in one pass, and gives the account of each. `tap` sees each frame
+/// after the sensors have; it may break the run off.
 ///
 /// # Errors
-/// When a frame cannot be had, the sensor cannot go on, or `tap` breaks.
+/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+pub fn simulate_all(
+    frames: &mut dyn Frames,
+    channels: &mut [Channel<'_>],
+    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
+) -> Result<Vec<Account>, SimulateError> {
+    while let Some(frame) = frames.next()? {
+        for Channel { pixels, sink } in &mut *channels {
+            pixels.advance(&frame, *sink)?;
+        }
+        if tap(&frame).is_break() {
+            return Err(SimulateError::Interrupted);
+        }
+    }
+    channels.iter_mut().map(|Channel { pixels, sink }| Ok(pixels.finish(*sink)?)).collect()
+}
+
+/// Shows a whole sequence of frames to one sensor, as [`simulate_all`].
+///
+/// # Errors
+/// As [`simulate_all`].
 pub fn simulate(
     frames: &mut dyn Frames,
     model: &dyn Model,
@@ -177,14 +273,9 @@ pub fn simulate(
     sink: &mut dyn EventSink,
     tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
 ) -> Result<Account, SimulateError> {
-    let mut pixels = model.start(frames.size(), [0, 0], seed)?;
-    while let Some(frame) = frames.next()? {
-        pixels.advance(&frame, sink)?;
-        if tap(&frame).is_break() {
-            return Err(SimulateError::Interrupted);
-        }
-    }
-    Ok(pixels.finish(sink)?)
+    let pixels = model.start(frames.size(), [0, 0], seed)?;
+    let mut accounts = simulate_all(frames, &mut [Channel::new(pixels, sink)], tap)?;
+    Ok(accounts.pop().expect("an account a sensor"))
 }
 
 #[cfg(test)]
@@ -196,13 +287,28 @@ mod tests {
     /// Every member of the family, without noise.
     fn quiet() -> Vec<Sensor> {
         let [k1, k2, ..] = voltmeter::Preset::Dvs346.k();
-        vec![Sensor::Voltmeter(voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]))]
+        let voltmeter = voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..voltmeter.clone() };
+        vec![
+            Sensor::Voltmeter(voltmeter),
+            Sensor::Voltmeter(official),
+            Sensor::Esim(esim::Esim::default()),
+            Sensor::V2e(v2e::V2e::from(v2e::Preset::Clean)),
+        ]
     }
 
     /// Every member as it is.
     fn usual() -> Vec<Sensor> {
         let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
-        presets.into_iter().map(Sensor::Voltmeter).collect()
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..presets[0].clone() };
+        let threshold = noise::Threshold { on: 0.15, off: 0.2, spread: 0.03 };
+        let refractory = noise::Refractory { period_us: 50.0, reference: noise::Reference::AtEnd };
+        let hot_pixels = noise::HotPixels { share: 0.1, rate: 1000.0 };
+        let esim = esim::Esim { threshold, refractory, hot_pixels, ..esim::Esim::default() };
+        let redrawn = esim::Esim { mismatch: noise::Redraw::PerFrame, ..esim.clone() };
+        let noisy = v2e::V2e { hot_pixels, ..v2e::V2e::from(v2e::Preset::Noisy) };
+        let voltmeters = presets.into_iter().chain([official]).map(Sensor::Voltmeter);
+        voltmeters.chain([Sensor::Esim(esim), Sensor::Esim(redrawn), Sensor::V2e(noisy)]).collect()
     }
 
     fn clip(grey: impl Fn(usize, usize) -> f32) -> ArrayFrames {
@@ -246,6 +352,25 @@ mod tests {
     fn a_seed_is_a_stream() {
         for sensor in usual() {
             assert_eq!(run(&sensor, moving()), run(&sensor, moving()));
+        }
+    }
+
+    #[test]
+    fn sensors_that_share_their_frames_see_what_each_sees_alone() {
+        let sensors = usual();
+        let mut streams: Vec<Vec<Event>> = vec![Vec::new(); sensors.len()];
+        let size = moving().size();
+        let start = |sensor: &Sensor| sensor.as_model().start(size, [0, 0], Seed(1)).unwrap();
+        let channel = |(sensor, stream)| Channel::new(start(sensor), stream);
+        let mut channels: Vec<Channel<'_>> = sensors
+            .iter()
+            .zip(streams.iter_mut().map(|s| -> &mut dyn EventSink { s }))
+            .map(channel)
+            .collect();
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let accounts = simulate_all(&mut moving(), &mut channels, &mut go_on).unwrap();
+        for ((sensor, stream), account) in sensors.iter().zip(streams).zip(accounts) {
+            assert_eq!((stream, account), run(sensor, moving()), "{sensor:?}");
         }
     }
 

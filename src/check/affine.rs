@@ -30,7 +30,7 @@ impl Check for Affine {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(measured) = subject.doubtful_share else {
             return vec![subject.not_run(NAME, "", "no Gaussian was drawn that could be judged")];
         };

@@ -38,7 +38,7 @@ impl Check for Batching {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };

@@ -1,7 +1,8 @@
 //! The drift of a pixel's voltage between two frames, as the sensor's law has it.
 
 use crate::sensor::Sensor;
-use crate::sensor::voltmeter::{Gain, Initial, Voltmeter};
+use crate::sensor::esim::{Esim, Intensity};
+use crate::sensor::voltmeter::{Gain, Initial, Law, Voltmeter};
 
 /// The part of a sensor's law that frames alone decide: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
 /// microseconds and greys (numerics.md section 1).
@@ -20,8 +21,17 @@ impl DriftLaw {
     /// # Errors
     /// Where the frames at two instants do not decide the drift between them; the text says why.
     pub fn of(sensor: &Sensor) -> Result<Self, &'static str> {
-        let Sensor::Voltmeter(Voltmeter { k, threshold_on, threshold_off, gain, initial, .. }) = sensor;
+        let Voltmeter { k, threshold_on, threshold_off, gain, initial, law, .. } = match sensor {
+            Sensor::Voltmeter(voltmeter) => voltmeter,
+            Sensor::Esim(esim) => return of_esim(esim),
+            Sensor::V2e(_) => {
+                return Err("the brightness of v2e is no `ln(L + k2)`, and its filter goes by every frame");
+            }
+        };
         let from_zero = *initial == Initial::Zero;
+        if *law == Law::Official {
+            return Err("under `law: official` the drift depends on every frame between two anchors");
+        }
         match gain {
             Gain::Log => Ok(Self { k: *k, thresholds: [*threshold_on, *threshold_off], from_zero }),
             Gain::Midpoint => {
@@ -84,6 +94,39 @@ impl DriftLaw {
     #[must_use]
     pub fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
         32.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt()
+    }
+}
+
+/// Without noise the reference of a pixel moves as the voltage of a voltmeter of `k1 = 1` does, with `k2` the `eps` of the
+/// grey scale.
+fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
+    let Esim { threshold, intensity, eps, .. } = esim;
+    if *intensity == Intensity::Linear {
+        return Err("with `intensity: linear` there is no logarithm to hold events against");
+    }
+    if threshold.spread > 0.0 || !esim.keeps_balance() {
+        return Err("unequal or dead pixels, hot pixels or events left out part events and drift");
+    }
+    let k = [1.0, 255.0 * eps, 0.0, 0.0, 0.0, 0.0];
+    Ok(DriftLaw { k, thresholds: [threshold.on, threshold.off], from_zero: true })
+}
+
+/// Whether a sensor's events must balance the change of what each pixel sees, as its account then says of every pixel.
+///
+/// # Errors
+/// Where they need not; the text says why.
+pub fn balances(sensor: &Sensor) -> Result<(), &'static str> {
+    match sensor {
+        Sensor::Voltmeter(Voltmeter { law: Law::Official, .. }) => {
+            Err("the law official draws what a frame leaves over anew, so events and drift part")
+        }
+        Sensor::Esim(sensor) if !sensor.keeps_balance() => Err(
+            "dead time, thresholds drawn per frame, hot pixels or an allowed cap part events and brightness",
+        ),
+        Sensor::V2e(sensor) if !sensor.keeps_balance() => {
+            Err("leak, shot noise, dead time, hot pixels or an allowed cap part events and brightness")
+        }
+        _ => Ok(()),
     }
 }
 

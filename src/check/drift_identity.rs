@@ -2,8 +2,10 @@
 //!
 //! While it simulates, the sensor holds each pixel's event balance against the drift of the frames that it sees:
 //! `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account carries the number of pixels
-//! that break it and the largest difference over its bound.
+//! that break it and the largest difference over its bound. Sensors whose noise takes the events away from the frames
+//! make no such promise, and the pass says so.
 
+use super::drift::balances;
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};
 
@@ -18,11 +20,15 @@ impl Check for DriftIdentity {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(account) = subject.account else {
             return vec![subject.not_run(NAME, "", "there is no account of a simulation")];
         };
-        let mut findings = vec![violations(subject, account.drift_violations, account.drift_worst)];
+        let balanced = match subject.sensor.map_or(Ok(()), balances) {
+            Ok(()) => violations(subject, account.drift_violations, account.drift_worst),
+            Err(because) => subject.not_run(NAME, "pixels", because),
+        };
+        let mut findings = vec![balanced];
         findings.extend(subject.tally.map(|tally| {
             let missing = account.on.abs_diff(tally.on) + account.off.abs_diff(tally.off());
             let (made, found) = (account.events, tally.events);

@@ -120,7 +120,7 @@ impl World {
             observer.append(chunk);
         }
         let tally = observer.finish();
-        judge(&Subject {
+        let subject = Subject {
             name: "world/base",
             rate: rate(),
             trajectory: &self.trajectory,
@@ -131,7 +131,8 @@ impl World {
             flow: self.flow,
             doubtful_share: self.doubtful_share,
             limits: &self.limits,
-        })
+        };
+        judge(&subject, &[subject])
     }
 
     /// `check#part` of the findings that are neither passed nor not run.

@@ -39,7 +39,7 @@ impl Check for PoseContinuity {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let steps = Steps::of(subject);
         if steps.linear.len() < LEAST_STEPS {
             return vec![subject.not_run(NAME, "", "there are fewer than 4 poses")];

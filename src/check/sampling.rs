@@ -31,7 +31,7 @@ impl Check for Sampling {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(flow) = subject.flow else {
             return vec![subject.not_run(NAME, "", "no pixel has a depth, so there is no optical flow")];
         };

@@ -35,7 +35,7 @@ impl Check for Speed {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(report) = subject.speed else {
             return vec![subject.not_run(NAME, "", "the trajectory has no report")];
         };

@@ -17,15 +17,16 @@ impl Check for Stamps {
         NAME
     }
 
-    fn run(&self, subject: &Subject<'_>) -> Vec<Finding> {
-        let mut findings = vec![poses(subject)];
-        findings.extend(subject.tally.map(|tally| {
-            let events = tally.events;
-            let span = format!("0 to {} us", subject.trajectory.stamps_us.last().unwrap_or(&0));
-            let because = format!("{} of {events} events lie outside {span}", tally.off_time);
-            wrong(subject, "events", tally.off_time, because)
-        }));
-        findings
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        vec![poses(subject)]
+    }
+
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else { return Vec::new() };
+        let events = tally.events;
+        let span = format!("0 to {} us", subject.trajectory.stamps_us.last().unwrap_or(&0));
+        let because = format!("{} of {events} events lie outside {span}", tally.off_time);
+        vec![wrong(subject, "events", tally.off_time, because)]
     }
 }
 

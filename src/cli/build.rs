@@ -5,20 +5,20 @@ use super::console::Console;
 use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use super::progress::Progress;
+use super::renderers::Chosen;
 use super::{Common, Targets, clock, failure, machine, on_interrupt, plan};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
 use crate::plan::survey::{Settled, Survey, survey, unsettled};
-use crate::recipe::{self, Recipe};
-use crate::render::backend::Backend;
+use crate::recipe;
 use crate::run::{self, Budget, Options, Recheck, Summary};
 use crate::sensor::Sensor;
-use crate::sensor::voltmeter::screen::Noise;
 use crate::stage::StepId;
 use crate::store::fs::Stat;
 use crate::store::space::Space;
 use crate::store::{Access, Claim, Digest, Opening, Store};
+use crate::units::Hertz;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -67,17 +67,18 @@ impl Build {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let started = Instant::now();
         let paths = &self.targets.recipes;
-        let backend = common.backend()?;
+        let chosen = common.renderers()?;
         if !common.store.exists() {
             // A recipe that is wrong shall leave no store behind.
-            read_plan(paths, &backend)?;
+            recipe::read_all(paths)?;
         }
         let store = open(common, &self.care, console)?;
         // What is to be made again must be in the plan.
+        let renderers = chosen.knowing(&store);
         let surveyed = if self.care.recheck.is_some() {
-            unsettled(paths, &backend)
+            unsettled(paths, &renderers)
         } else {
-            survey(paths, &backend, &store, &tag(&backend))
+            survey(paths, &renderers, &store, &tag(&chosen))
         };
         let Survey { settled, plan } = surveyed?;
         tell_settled(&settled, &store, console);
@@ -86,7 +87,7 @@ impl Build {
             Summary::default()
         } else {
             let (targets, care) = (&self.targets, &self.care);
-            Building { settled, targets, backend: &backend, common, care, console }.build(&plan, &store)?
+            Building { settled, targets, chosen: &chosen, common, care, console }.build(plan, &store)?.1
         };
         summary.kept += settled;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
@@ -95,14 +96,9 @@ impl Build {
 }
 
 /// Names this program and those of its options that may change a key.
-pub(super) fn tag(backend: &Backend) -> Digest {
+pub(super) fn tag(chosen: &Chosen) -> Digest {
     let program = std::env::current_exe().and_then(|path| path.metadata()).map(|about| Stat::from(&about));
-    Digest::of(format!("{:?} {}", program.ok(), backend.class()).as_bytes())
-}
-
-/// Reads recipes into a plan.
-pub(super) fn read_plan(recipes: &[PathBuf], backend: &Backend) -> Result<Plan, Problem> {
-    Ok(Plan::new(recipe::read_all(recipes)?, backend))
+    Digest::of(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
 }
 
 /// For programs, a line for each step of the scenes that are up to date at a glance.
@@ -124,31 +120,21 @@ fn tell_settled(settled: &[Settled], store: &Store, console: &Console) {
 fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), Problem> {
     let mut told: Vec<&Sensor> = Vec::new();
     for recipe in plan.scenes() {
-        if !told.contains(&&recipe.sensor) {
-            told.push(&recipe.sensor);
-            tell_sensor(recipe, console)?;
+        for (name, sensor) in recipe.sensors.iter() {
+            if !told.contains(&sensor) {
+                told.push(sensor);
+                let of = name.map_or_else(|| recipe.scene.clone(), |name| format!("{}/{name}", recipe.scene));
+                tell_sensor(&of, sensor, recipe.rate, console)?;
+            }
         }
     }
     Ok(())
 }
 
-fn tell_sensor(recipe: &Recipe, console: &Console) -> Result<(), Problem> {
-    let scene = &recipe.scene;
-    let screening = recipe.sensor.screen(recipe.rate);
+fn tell_sensor(scene: &str, sensor: &Sensor, rate: Hertz, console: &Console) -> Result<(), Problem> {
+    let screening = sensor.screen(rate);
     let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
-    let [on, off] = screening.contrast;
-    console
-        .say(&format!("sensor of {scene}: one event is a step of ln(L + k2) by {on:.4} up, {off:.4} down"));
-    for n in screening.noise {
-        let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
-        let Noise { grey, leak_hz, total_hz, .. } = n;
-        console.say(&format!(
-            "  at grey {grey:3}: leak {leak_hz:.4} Hz, leak and noise {total_hz:.4} Hz{share}"
-        ));
-    }
-    for warning in &screening.warnings {
-        console.say(&format!("warning: {scene}: {warning}"));
-    }
+    super::screening::tell(&format!("sensor of {scene}"), scene, &screening, console);
     Ok(())
 }
 
@@ -193,21 +179,35 @@ pub(super) struct Building<'a> {
     /// Steps that were up to date at a glance.
     pub(super) settled: usize,
     pub(super) targets: &'a Targets,
-    pub(super) backend: &'a Backend,
+    pub(super) chosen: &'a Chosen,
     pub(super) common: &'a Common,
     pub(super) care: &'a Care,
     pub(super) console: &'a Console,
 }
 
 impl Building<'_> {
-    /// Builds what is stale.
-    pub(super) fn build(&self, plan: &Plan, store: &Store) -> Result<Summary, Problem> {
-        let Self { common, console, .. } = self;
+    /// Builds what is stale. What comes back is the plan as it was run in the end.
+    pub(super) fn build(&self, plan: Plan, store: &Store) -> Result<(Plan, Summary), Problem> {
+        let Self { common, console, chosen, .. } = self;
+        let renderers = chosen.knowing(store);
+        let mut plan = renderers.at_hand(plan)?;
         // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
-        let idle = !common.keep_going && assess(plan, store)?.iter().all(|a| a.action == Action::Keep);
+        let idle = !common.keep_going && assess(&plan, store)?.iter().all(|a| a.action == Action::Keep);
         if !idle {
-            tell_sensors(plan, console)?;
+            tell_sensors(&plan, console)?;
+            chosen.tell(console);
         }
+        let mut summary = self.run(&plan, store)?;
+        while chosen.give_up(&plan, &summary) {
+            plan = Plan::new(plan.into_scenes(), &renderers);
+            summary = summary.then(self.run(&plan, store)?);
+        }
+        Ok((plan, summary))
+    }
+
+    /// Runs a plan once.
+    fn run(&self, plan: &Plan, store: &Store) -> Result<Summary, Problem> {
+        let Self { common, console, .. } = self;
         if store.is_due() {
             // What was learned by reading is not learned again if the run is killed.
             store.flush()?;
@@ -217,14 +217,14 @@ impl Building<'_> {
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
-        let progress = progress.beside(self.settled);
+        let progress = progress.beside(self.settled).falling_back(self.chosen.falls_back());
         let summary = run::run(plan, store, options, &cancel, &progress);
         let failed = progress.close();
         if common.keep_going && !failed.is_empty() {
             console.say(&failure::again(&failed, &self.to_find()));
         }
         let summary = summary?;
-        match run::settle(plan, &summary, store, &tag(self.backend)) {
+        match run::settle(plan, &summary, store, &tag(self.chosen)) {
             // Told already, with the step; the records that are whole count without the database.
             Err(error) if summary.is_full() && error.is_full() => {}
             settled => settled?,
@@ -254,7 +254,11 @@ fn options(common: &Common, care: &Care) -> Options {
     let seed =
         SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::from(since.subsec_nanos()));
     Options {
-        budget: Budget { cores, memory, gpus: usize::from(common.backend == Choice::Gpu) },
+        budget: Budget {
+            cores,
+            memory,
+            gpus: usize::from(matches!(common.backend, Choice::Gpu | Choice::Auto)),
+        },
         keep_going: common.keep_going,
         recheck: care.recheck.map(|share| Recheck { share, seed }),
     }

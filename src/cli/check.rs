@@ -1,6 +1,6 @@
 //! `gs2e check`: the verdicts of the validation passes over what is built.
 
-use super::build::{opening, read_plan};
+use super::build::opening;
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
@@ -8,6 +8,7 @@ use crate::artifact::{Artifact, Files, Verdicts};
 use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
 use crate::plan::assess::assess;
+use crate::recipe;
 use crate::stage::checks;
 use crate::store::{Access, Store};
 use std::path::PathBuf;
@@ -28,11 +29,12 @@ pub(super) struct Check {
 
 impl Check {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.recipes, &common.backend()?)?;
-        if let Some(name) = self.scenes.iter().find(|name| plan.scenes().iter().all(|r| r.scene != **name)) {
+        let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
+        if let Some(name) = self.scenes.iter().find(|name| recipes.iter().all(|r| r.scene != **name)) {
             return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }
         let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+        let plan = Plan::new(recipes, &renderers.knowing(&store));
         let findings = built_findings(&plan, &store, &self.scenes)?;
         show(&findings, console);
         let missed =

@@ -1,9 +1,11 @@
 //! `gs2e convert`: a scene, or events, in another file format.
 
-mod events;
+pub(super) mod events;
+mod picture;
 
 use super::console::Console;
 use super::message::{Level, Message};
+use super::output::write_beside;
 use super::problem::{Exit, Problem};
 use crate::scene::form::{Form, Loss};
 use crate::scene::{self, Gaussians, SceneError, ply};
@@ -11,7 +13,7 @@ use crate::units::amount;
 use events::Conversion;
 use serde_json::json;
 use std::fs::{self, File};
-use std::io::{self, Read as _, Write as _};
+use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `convert`.
@@ -20,7 +22,7 @@ pub(super) struct Convert {
     /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG; or events: .h5, .npz, .raw, .aedat4, .txt, .csv
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// File to write: .ply, .spz or .splat for a scene; events as above
+    /// File to write: .ply, .spz or .splat for a scene; events as above, or a .png of them
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Write it although something is lost
@@ -28,10 +30,16 @@ pub(super) struct Convert {
     lossy: bool,
     #[command(flatten)]
     events: events::Options,
+    #[command(flatten)]
+    picture: picture::Asked,
 }
 
 impl Convert {
     pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
+        let drawn = self.picture.of(&self.output)?;
+        if let (true, Some(format)) = (drawn, self.events.format(&self.input)) {
+            return self.picture.draw((&self.input, format), &self.output, &self.events, console);
+        }
         if let Some(conversion) = self.of_events()? {
             return conversion.run(console);
         }
@@ -136,20 +144,4 @@ impl Convert {
 fn refuse<T>(what: String) -> Result<T, Problem> {
     let scenes = "scenes read: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG; written: .ply, .spz, .splat";
     Err(Problem::usage("format", what).help(&format!("{scenes}; {}", events::SUPPORTED)))
-}
-
-/// Writes a file whole or not at all: beside its place, then into it.
-fn write_beside<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let beside = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let finish = || {
-        File::open(&beside)?.sync_all()?;
-        fs::rename(&beside, path)
-    };
-    let written = fill(&beside).and_then(|()| finish().map_err(E::from));
-    if written.is_err() {
-        // The first error is the one to tell.
-        let _ = fs::remove_file(&beside);
-    }
-    written
 }

@@ -1,11 +1,12 @@
 //! `gs2e gc`: deletes what no recipe and no release refers to any more.
 
-use super::build::{Care, open, opening, read_plan};
+use super::build::{Care, open, opening};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
+use crate::recipe;
 use crate::store::gc::{Sweep, Swept};
 use crate::store::{Access, Key, Store};
 use serde_json::json;
@@ -31,13 +32,14 @@ pub(super) struct Gc {
 
 impl Gc {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.targets.recipes, &common.backend()?)?;
+        let (recipes, renderers) = (recipe::read_all(&self.targets.recipes)?, common.renderers()?);
         // A look needs no lock and makes no store.
         let store = if self.dry_run || !common.store.exists() {
             Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?
         } else {
             open(common, &Care::default(), console)?
         };
+        let plan = Plan::new(recipes, &renderers.knowing(&store));
         let mut marked = marks_of_recipes(&plan, &store)?;
         marked.extend(self.marks_of_releases(&store, console)?);
         let until =

@@ -74,8 +74,9 @@ pub(super) fn write(outputs: &[Output<'_>]) -> Result<(), Problem> {
     })
 }
 
+/// What is told of a file that could not be written.
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
-fn unwritable(path: &Path, error: io::Error) -> Problem {
+pub(super) fn unwritable(path: &Path, error: io::Error) -> Problem {
     let code = if is_full(&error) { "disk-full" } else { "output-unwritable" };
     Problem::failed(code, format!("failed to write {}: {error}", path.display()))
 }
@@ -84,6 +85,25 @@ fn print(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(io::stdout().lock());
     fill(&mut out)?;
     out.flush()
+}
+
+/// Writes a file whole or not at all: beside its place, then into it.
+pub(super) fn write_beside<E: From<io::Error>>(
+    path: &Path,
+    fill: impl FnOnce(&Path) -> Result<(), E>,
+) -> Result<(), E> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let beside = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+    let finish = || {
+        File::open(&beside)?.sync_all()?;
+        fs::rename(&beside, path)
+    };
+    let written = fill(&beside).and_then(|()| finish().map_err(E::from));
+    if written.is_err() {
+        // The first error is the one to tell.
+        let _ = fs::remove_file(&beside);
+    }
+    written
 }
 
 /// The file that a path leads to, links followed, where it is there.

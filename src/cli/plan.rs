@@ -50,8 +50,9 @@ impl Show {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let opening = Opening { verify: self.verify, ..opening(common, Access::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
-        let backend = common.backend()?;
-        let Survey { settled, plan } = survey(&self.targets.recipes, &backend, &store, &tag(&backend))?;
+        let chosen = common.renderers()?;
+        let surveyed = survey(&self.targets.recipes, &chosen.knowing(&store), &store, &tag(&chosen));
+        let Survey { settled, plan } = surveyed?;
         let assessed = assess(&plan, &store)?;
         // What goes to programs is one array.
         super::build::tell_notices(&store, &console.for_people());

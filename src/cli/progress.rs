@@ -26,6 +26,8 @@ pub(super) struct Progress<'a> {
     plan: &'a Plan,
     /// Steps that were up to date at a glance, before the plan.
     settled: usize,
+    /// Whether what a GPU fails at is rendered on the CPU next.
+    falls_back: bool,
     store: &'a Store,
     console: &'a Console,
     began: Instant,
@@ -65,7 +67,7 @@ impl<'a> Progress<'a> {
     ) -> Self {
         let bars = console.is_live().then(|| Bars::new(plan, cores, expected));
         let shown = Mutex::new(Shown { bars, ..Shown::default() });
-        Self { plan, settled: 0, store, console, began: Instant::now(), shown }
+        Self { plan, settled: 0, falls_back: false, store, console, began: Instant::now(), shown }
     }
 
     /// Beside steps that were up to date at a glance: they count in what is told.
@@ -75,6 +77,11 @@ impl<'a> Progress<'a> {
         shown.finished += settled;
         shown.bars.iter().for_each(|bars| bars.beside(settled));
         Self { settled, shown: Mutex::new(shown), ..self }
+    }
+
+    /// What a GPU fails at is no failure where it is rendered on the CPU next.
+    pub(super) fn falling_back(self, falls_back: bool) -> Self {
+        Self { falls_back, ..self }
     }
 
     /// All steps, settled or planned.
@@ -171,6 +178,11 @@ impl<'a> Progress<'a> {
 
     fn failed(&self, shown: &mut Shown, failure: &Failure) {
         let step = failure.step;
+        if let Some(because) = failure.of_gpu().filter(|_| self.falls_back) {
+            let scene = self.place(step).0;
+            let what = format!("{scene} is rendered on the CPU, since {because}");
+            return self.tell(shown, &Message::new(Level::Warning, "on-cpu", what).scene(scene));
+        }
         self.ended(shown, &Ended { step, state: "failed", key: None, outputs: &[], seconds: None }, None);
         let (scene, name) = self.place(step);
         let place = Place { scene, step: name, finished: shown.finished, all: self.all() };

@@ -1,6 +1,6 @@
 //! `gs2e release`: the whole job, from recipes to the tree that people download.
 
-use super::build::{Building, Care, exit, open, read_plan, tell_end};
+use super::build::{Building, Care, exit, open, tell_end};
 use super::console::Console;
 use super::problem::{Exit, FULL, Problem};
 use super::{Common, Targets, check};
@@ -38,20 +38,21 @@ pub(super) struct Release {
 
 impl Release {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let backend = &common.backend()?;
-        let plan = read_plan(&self.targets.recipes, backend)?;
+        let chosen = &common.renderers()?;
+        let recipes = recipe::read_all(&self.targets.recipes)?;
         let info = recipe::read_release(&self.targets.recipes)?;
         // No source that needs an entry there can be built yet; a file that is wrong is told all the same.
         recipe::read_sources(&self.targets.recipes)?;
         let started = Instant::now();
         let store = open(common, &self.care, console)?;
         self.keep_ours(common)?;
+        let plan = Plan::new(recipes, &chosen.knowing(&store));
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }
         let building =
-            Building { settled: 0, targets: &self.targets, backend, common, care: &self.care, console };
-        let summary = building.build(&plan, &store)?;
+            Building { settled: 0, targets: &self.targets, chosen, common, care: &self.care, console };
+        let (plan, summary) = building.build(plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit(&summary);
         if built != Exit::Done {

@@ -215,6 +215,9 @@ impl Render {
         if common.backend != Choice::Auto {
             return by(&common.backend()?).map_err(failed);
         }
+        if !gpu::blends(style.order) {
+            return by(&Backend::Cpu).map_err(failed);
+        }
         // One in software is slower than the CPU renderer.
         let device = common.device(&gpu::Choice::Hardware).map_err(RenderError::from);
         let done = device.and_then(|device| by(&Backend::Gpu(device))).or_else(|error| {

@@ -1,13 +1,13 @@
 //! `gs2e why`: what goes into a step's key, and what changed since it was last made.
 
-use super::build::{opening, read_plan};
+use super::build::opening;
 use super::console::Console;
 use super::plan::words;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
 use crate::plan::assess::{Action, Assessment, Change, Reason, assess};
 use crate::plan::{Plan, PlannedStep};
-use crate::recipe::{Edit, Recipe, edits};
+use crate::recipe::{self, Edit, Recipe, edits};
 use crate::store::description::Line;
 use crate::store::{Access, Store, StoreError};
 use serde_json::{Value, json};
@@ -26,8 +26,9 @@ pub(super) struct Why {
 
 impl Why {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let plan = read_plan(&self.recipes, &common.backend()?)?;
+        let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
         let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+        let plan = Plan::new(recipes, &renderers.knowing(&store));
         let assessed = assess(&plan, &store)?;
         let (scene, chosen) = choose(&plan, &self.name)?;
         let edits = edits_since(&plan.scenes()[scene], &store);

@@ -4,6 +4,7 @@ use super::evt::{self, Version};
 use super::text::{self, Table, TimeUnit};
 use super::{Event, EventFileError, EventSink, EventSource, Header, aedat4, h5, npz};
 use crate::image::Size;
+use crate::units::Timestamp;
 use std::path::Path;
 
 /// The formats.
@@ -62,6 +63,8 @@ pub struct Hints {
 pub struct Opened {
     /// What it says beside the events.
     pub header: Header,
+    /// What the times of the file itself count from, in microseconds.
+    pub offset_us: i64,
     /// The events, in the order of the file.
     pub source: Box<dyn EventSource>,
 }
@@ -77,9 +80,11 @@ impl std::fmt::Debug for Opened {
 /// # Errors
 /// When it is not of that format, or nobody says the sensor's size.
 pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFileError> {
+    let mut offset_us = 0;
     let (header, source): (Option<Header>, Box<dyn EventSource>) = match format {
         Format::H5 => {
             let reader = h5::Reader::open(path)?;
+            offset_us = reader.offset_us();
             (reader.header(), Box::new(reader))
         }
         Format::Npz => (None, Box::new(npz::Reader::open(path)?)),
@@ -108,7 +113,7 @@ pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFi
             return Err(EventFileError::Container(because.to_owned()));
         }
     };
-    Ok(Opened { header, source })
+    Ok(Opened { header, offset_us, source })
 }
 
 /// An event file that is being written.
@@ -137,18 +142,70 @@ macro_rules! ends_with_its_last_event {
 }
 ends_with_its_last_event!(npz::Writer aedat4::Writer evt::Writer text::Writer);
 
+/// How a file is written, where there is a choice.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Options {
+    /// What the times of the events that are handed over count from, in microseconds.
+    pub zero_us: i64,
+    /// Of an HDF5 file.
+    pub h5: h5::Options,
+}
+
 /// Begins a file.
 ///
 /// # Errors
 /// When the format cannot hold such a stream, or the file cannot be created.
-pub fn create(path: &Path, format: Format, header: &Header) -> Result<Box<dyn EventFile>, EventFileError> {
-    Ok(match format {
-        Format::H5 => Box::new(h5::Writer::create(path, header)?),
+pub fn create(
+    path: &Path,
+    format: Format,
+    header: &Header,
+    Options { zero_us, h5 }: Options,
+) -> Result<Box<dyn EventFile>, EventFileError> {
+    let file: Box<dyn EventFile> = match format {
+        Format::H5 => Box::new(h5::Writer::create_as(path, header, h5)?),
         Format::Npz => Box::new(npz::Writer::create(path, header.size)?),
         Format::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
         Format::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
         Format::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
-    })
+    };
+    let offset_us = if format == Format::H5 { h5.t_offset_us } else { 0 };
+    match zero_us.checked_sub(offset_us) {
+        Some(0) => Ok(file),
+        Some(by_us) => Ok(Box::new(Shifted { file, by_us, shifted: Vec::new() })),
+        None => Err(too_far(zero_us)),
+    }
+}
+
+fn too_far(us: i64) -> EventFileError {
+    EventFileError::Container(format!("{us} us and what follows are beyond 64 bits of nanoseconds"))
+}
+
+/// A file whose clock is another than that of the events.
+struct Shifted {
+    file: Box<dyn EventFile>,
+    /// What is added to each time.
+    by_us: i64,
+    /// The last chunk.
+    shifted: Vec<Event>,
+}
+
+impl EventSink for Shifted {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        self.shifted.clear();
+        for event in events {
+            let by_ns = self.by_us.checked_mul(1000);
+            let ns = by_ns.and_then(|by| by.checked_add(event.t.0)).ok_or_else(|| too_far(self.by_us))?;
+            self.shifted.push(Event { t: Timestamp(ns), ..*event });
+        }
+        self.file.append(&self.shifted)
+    }
+}
+
+impl EventFile for Shifted {
+    fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError> {
+        let last = last_us.checked_add(self.by_us).ok_or_else(|| too_far(self.by_us))?;
+        self.file.finish(last)
+    }
 }
 
 /// Brings events of one microsecond into the order of files, where a camera delivers them as they come.
@@ -212,7 +269,6 @@ impl EventSource for Sorted<'_> {
 mod tests {
     use super::*;
     use crate::event::Polarity;
-    use crate::units::Timestamp;
 
     /// Gives chunk by chunk.
     struct Chunks(Vec<Vec<Event>>);

@@ -3,6 +3,10 @@
 //! A pixel's colour is its balance of ON and OFF events within the window: one event is half the full colour, each
 //! further one halves what is left. Pixels whose events cancel are grey.
 
+pub mod rate;
+pub mod surface;
+mod text;
+
 use super::{Event, EventSink, Polarity};
 use crate::image::{Image, Size};
 use std::ops::Range;
@@ -81,14 +85,48 @@ pub fn beside(pictures: &[&Image<[u8; 3]>], gap: u32) -> Image<[u8; 3]> {
     let mut whole = Image::filled(size, [255; 3]);
     let mut left = 0;
     for picture in pictures {
-        let Size { width, height } = picture.size();
-        for row in 0..height as usize {
-            let from = &picture.pixels()[row * width as usize..][..width as usize];
-            whole.pixels_mut()[row * size.width as usize + left..][..width as usize].copy_from_slice(from);
-        }
-        left += (width + gap) as usize;
+        place(&mut whole, picture, [left, 0]);
+        left += picture.size().width + gap;
     }
     whole
+}
+
+/// Pictures in rows of `columns`, each under its caption, of the few letters that numbers and units need.
+#[must_use]
+pub fn grid(pictures: &[(Image<[u8; 3]>, String)], columns: usize, gap: u32) -> Image<[u8; 3]> {
+    const CAPTION: u32 = 11;
+    let captioned = |(picture, caption): &(Image<[u8; 3]>, String)| {
+        let Size { width, height } = picture.size();
+        let width = width.max(text::width(caption));
+        let mut whole = Image::filled(Size { width, height: height + CAPTION }, [255; 3]);
+        text::write(&mut whole, [1, 2], caption);
+        place(&mut whole, picture, [0, CAPTION]);
+        whole
+    };
+    let pictures: Vec<Image<[u8; 3]>> = pictures.iter().map(captioned).collect();
+    let row = |row: &[Image<[u8; 3]>]| beside(&row.iter().collect::<Vec<_>>(), gap);
+    let rows: Vec<Image<[u8; 3]>> = pictures.chunks(columns.max(1)).map(row).collect();
+    let gaps: u32 = rows.iter().skip(1).map(|_| gap).sum();
+    let size = Size {
+        width: rows.iter().map(|row| row.size().width).max().unwrap_or(0),
+        height: rows.iter().map(|row| row.size().height).sum::<u32>() + gaps,
+    };
+    let mut whole = Image::filled(size, [255; 3]);
+    let mut top = 0;
+    for row in &rows {
+        place(&mut whole, row, [0, top]);
+        top += row.size().height + gap;
+    }
+    whole
+}
+
+/// Copies a picture into one that it fits into.
+fn place(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: [u32; 2]) {
+    let (width, stride) = (picture.size().width as usize, whole.size().width as usize);
+    for (row, from) in picture.pixels().chunks(width.max(1)).enumerate() {
+        let at = (top as usize + row) * stride + left as usize;
+        whole.pixels_mut()[at..][..width].copy_from_slice(from);
+    }
 }
 
 #[cfg(test)]
@@ -124,5 +162,16 @@ mod tests {
         let greys: Vec<u8> = both.pixels().iter().map(|p| p[0]).collect();
         assert_eq!(greys, [1, 1, 255, 2, 1, 1, 255, 255]);
         assert_eq!(beside(&[], 3).size().pixels(), 0);
+    }
+
+    #[test]
+    fn a_grid_has_rows_and_captions() {
+        let dot = || (Image::filled(Size { width: 1, height: 1 }, [7u8; 3]), "1.5".to_owned());
+        let whole = grid(&[dot(), dot(), dot()], 2, 3);
+        // Three letters of 6 columns; a caption of 11 rows above each dot.
+        assert_eq!(whole.size(), Size { width: 2 * 18 + 3, height: 2 * 12 + 3 });
+        let dots: Vec<usize> = (0..whole.pixels().len()).filter(|i| whole.pixels()[*i] == [7; 3]).collect();
+        assert_eq!(dots, [11 * 39, 11 * 39 + 21, 26 * 39]);
+        assert!(whole.pixels().iter().filter(|p| **p == [64; 3]).count() > 60, "captions are drawn");
     }
 }

@@ -1,6 +1,7 @@
 //! Frames from an array in memory.
 
-use super::{Frame, FrameError, Frames};
+use super::stamps::{StampError, relative};
+use super::{Frame, FrameError, Frames, finite};
 use crate::image::{Image, Size};
 use crate::units::Timestamp;
 
@@ -11,6 +12,17 @@ pub enum FullScale {
     One,
     /// 255.
     Grey255,
+}
+
+impl FullScale {
+    /// Grey 0..255 of one unit.
+    #[must_use]
+    pub fn grey(self) -> f32 {
+        match self {
+            Self::One => 255.0,
+            Self::Grey255 => 1.0,
+        }
+    }
 }
 
 /// The samples of an array, frame after frame, each row-major from the top.
@@ -32,7 +44,7 @@ impl Samples {
 
     /// Grey 0..255 of one unit of the samples.
     fn scale(&self) -> f32 {
-        if let Self::Floats(_, FullScale::One) = self { 255.0 } else { 1.0 }
+        if let Self::Floats(_, full_scale) = self { full_scale.grey() } else { 1.0 }
     }
 
     /// A sample on the grey scale 0..255.
@@ -57,26 +69,9 @@ pub enum ArrayError {
         /// Size of one.
         size: Size,
     },
-    /// Stamps do not increase.
-    #[error("stamp {index} is {found} us, not later than the one before, {before} us")]
-    Stamps {
-        /// Its position.
-        index: usize,
-        /// Its value.
-        found: i64,
-        /// The value before.
-        before: i64,
-    },
-    /// Stamps further apart than nanoseconds count.
-    #[error("stamp {index} is {found} us, too far from the first, {first} us")]
-    Span {
-        /// Its position.
-        index: usize,
-        /// Its value.
-        found: i64,
-        /// The first.
-        first: i64,
-    },
+    /// The stamps are none of a sequence.
+    #[error(transparent)]
+    Stamps(#[from] StampError),
 }
 
 /// An array `[N, H, W]` and its stamps as frames.
@@ -119,29 +114,9 @@ impl ArrayFrames {
     /// The values of frame `index` on the grey scale, all of them finite.
     fn image(&self, index: usize, what: &str, grey: impl Fn(usize) -> f32) -> Result<Image<f32>, FrameError> {
         let n = self.size.pixels();
-        let values: Vec<f32> = (index * n..(index + 1) * n).map(grey).collect();
-        if let Some(bad) = values.iter().position(|v| !v.is_finite()) {
-            let width = self.size.width as usize;
-            let because = format!("{what} ({}, {}) is {}", bad % width, bad / width, values[bad]);
-            return Err(FrameError::Invalid { index, because });
-        }
-        Ok(Image::from_vec(self.size, values))
+        let values = (index * n..(index + 1) * n).map(grey).collect();
+        finite(index, what, Image::from_vec(self.size, values))
     }
-}
-
-/// Nanoseconds since the first of strictly increasing stamps.
-fn relative(stamps_us: &[i64]) -> Result<Vec<i64>, ArrayError> {
-    for (index, pair) in stamps_us.windows(2).enumerate() {
-        if pair[1] <= pair[0] {
-            return Err(ArrayError::Stamps { index: index + 1, found: pair[1], before: pair[0] });
-        }
-    }
-    let since_first = |(index, &found): (usize, &i64)| {
-        let first = stamps_us[0];
-        let ns = found.checked_sub(first).and_then(|us| us.checked_mul(1000));
-        ns.ok_or(ArrayError::Span { index, found, first })
-    };
-    stamps_us.iter().enumerate().map(since_first).collect()
 }
 
 impl Frames for ArrayFrames {

@@ -1,10 +1,11 @@
-//! Images as numpy's `.npy`, float32, in C order: the numbers as they are, neither clamped nor encoded.
+//! Images as numpy's `.npy`, float32, in C order: the numbers as they are, neither clamped nor encoded; and the heads of
+//! such files.
 //!
 //! Format: version 1.0 of numpy's `lib/format.py`. No time, no name: equal images are equal bytes.
 
 use super::{Image, Size};
 use npyz::WriterBuilder;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 
 /// A pixel of one or several 32-bit numbers.
 pub trait Pixel: Copy {
@@ -38,6 +39,29 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
     writer.extend(P::values(image.pixels()).iter().copied())?;
     writer.finish()
+}
+
+/// The head of an array as it is stored, if it is one that can be parsed in a short time: the parser's doubles with
+/// every bracket that is open, and the head of a plain array has two, of its dictionary and its shape.
+///
+/// # Errors
+/// When it cannot be read, is of another version, or has more brackets.
+pub fn head(data: &mut impl Read) -> io::Result<Vec<u8>> {
+    let refusal = |because: String| Err(io::Error::new(io::ErrorKind::InvalidData, because));
+    let mut head = vec![0; 10];
+    data.read_exact(&mut head)?;
+    let version = head[6];
+    if version != 1 {
+        return refusal(format!("version {version} of its format, wanted 1"));
+    }
+    let len = usize::from(u16::from_le_bytes([head[8], head[9]]));
+    head.resize(10 + len, 0);
+    data.read_exact(&mut head[10..])?;
+    let brackets = head[10..].iter().filter(|byte| b"([{".contains(byte)).count();
+    if brackets > 2 {
+        return refusal(format!("{brackets} brackets in its head, wanted those of a dictionary and a shape"));
+    }
+    Ok(head)
 }
 
 #[cfg(test)]
@@ -74,5 +98,19 @@ mod tests {
         let values: Vec<f32> = file.into_vec().unwrap();
         let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&values), bits(image.pixels().as_flattened()));
+    }
+
+    #[test]
+    fn heads_that_take_long_to_parse_are_refused() {
+        let stored = |text: &str| {
+            [b"\x93NUMPY\x01\x00", &[u8::try_from(text.len()).unwrap(), 0][..], text.as_bytes()].concat()
+        };
+        let t = |text: &str, sound: bool| assert_eq!(head(&mut &stored(text)[..]).is_ok(), sound, "{text}");
+        t("{'descr': '<u2', 'fortran_order': False, 'shape': (300, ), }\n", true);
+        t(&"{".repeat(54), false);
+        t("{'descr': [('a', '<u2')], 'fortran_order': False, 'shape': (300, ), }\n", false);
+        let mut later = stored("{}");
+        later[6] = 3;
+        assert!(head(&mut &later[..]).is_err(), "no head of 4 GB");
     }
 }

@@ -1,10 +1,10 @@
-//! 8-bit PNG files, grey or sRGB.
+//! PNG files, grey or sRGB: written with 8 bits, read with 8 or 16.
 //!
 //! No chunk but the three that every PNG has, fixed filter and compressor: equal images are equal bytes. The filter is
 //! Paeth and the compressor fdeflate's fast one: on a rendered view 1.06 bytes and 4 ns a pixel, where deflate's level
 //! 4 under adaptive filters takes 0.98 bytes and 90 ns; encoding must not cost as much as rendering.
 
-use super::{Image, Size, to_byte};
+use super::{Image, LUMINANCE_WEIGHTS, Size, to_byte};
 use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Transformations};
 use std::io::{BufRead, Seek, Write};
 
@@ -80,6 +80,62 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()>
 /// # Errors
 /// When the bytes are damaged, or the image has another depth, a palette, transparency, or more than 2^28 pixels.
 pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
+    let Stored { size, colour, depth, bytes } = stored(input)?;
+    let pixels = match (depth, colour) {
+        (BitDepth::Eight, ColorType::Grayscale) => bytes.iter().map(|&v| [v; 3]).collect(),
+        (BitDepth::Eight, ColorType::Rgb) => bytes.as_chunks().0.to_vec(),
+        kind => return Err(other_kind(kind, "grey or RGB of 8 bits")),
+    };
+    Ok(Image::from_vec(size, pixels))
+}
+
+/// Reads the luminance of an image of 8 or 16 bits on the grey scale 0..255: a grey as it stands, a colour by
+/// [`super::LUMINANCE_WEIGHTS`]; of 16 bits the full scale is 65,535.
+///
+/// # Errors
+/// As [`read`], but that 16 bits are right too.
+pub fn read_luminance(input: impl BufRead + Seek) -> Result<Image<f32>, PngError> {
+    let Stored { size, colour, depth, bytes } = stored(input)?;
+    let wide = |[high, low]: [u8; 2]| f64::from(u16::from_be_bytes([high, low])) / 257.0;
+    let samples: Vec<f64> = match depth {
+        BitDepth::Eight => bytes.into_iter().map(f64::from).collect(),
+        BitDepth::Sixteen => bytes.as_chunks().0.iter().map(|&pair| wide(pair)).collect(),
+        depth => return Err(other_kind((depth, colour), GREY_OR_RGB)),
+    };
+    let pixels = match colour {
+        ColorType::Grayscale => samples.into_iter().map(narrow).collect(),
+        ColorType::Rgb => samples.as_chunks().0.iter().map(|&rgb| narrow(grey(rgb))).collect(),
+        colour => return Err(other_kind((depth, colour), GREY_OR_RGB)),
+    };
+    Ok(Image::from_vec(size, pixels))
+}
+
+const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
+
+/// In 64 bits, where the weights sum to 1 closely enough that equal channels are that grey.
+fn grey(rgb: [f64; 3]) -> f64 {
+    LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| decimal(weight) * v).sum()
+}
+
+/// The decimal fraction that a weight of three digits stands for, nearest in 64 bits.
+fn decimal(weight: f32) -> f64 {
+    libm::round(1000.0 * f64::from(weight)) / 1000.0
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+fn narrow(v: f64) -> f32 {
+    v as f32
+}
+
+/// An image as a file holds it.
+struct Stored {
+    size: Size,
+    colour: ColorType,
+    depth: BitDepth,
+    bytes: Vec<u8>,
+}
+
+fn stored(input: impl BufRead + Seek) -> Result<Stored, PngError> {
     let mut decoder = png::Decoder::new(input);
     decoder.set_transformations(Transformations::IDENTITY);
     let mut reader = decoder.read_info()?;
@@ -88,20 +144,17 @@ pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
         let found = format!("an image of {width}x{height}");
         return Err(PngError::Kind { found, wanted: "at most 2^28 pixels" });
     }
-    let kind = reader.output_color_type();
-    let (BitDepth::Eight, ColorType::Grayscale | ColorType::Rgb) = (kind.1, kind.0) else {
-        let found = format!("{:?} of {} bits", kind.0, kind.1 as u8);
-        return Err(PngError::Kind { found, wanted: "grey or RGB of 8 bits" });
-    };
+    let (colour, depth) = reader.output_color_type();
     let size = Size { width, height };
-    let mut bytes = vec![0; size.pixels() * kind.0.samples()];
+    let wide = if depth == BitDepth::Sixteen { 2 } else { 1 };
+    let mut bytes = vec![0; size.pixels() * colour.samples() * wide];
     reader.next_frame(&mut bytes)?;
     reader.finish()?;
-    let pixels = match kind.0 {
-        ColorType::Grayscale => bytes.iter().map(|&v| [v; 3]).collect(),
-        _ => bytes.as_chunks().0.to_vec(),
-    };
-    Ok(Image::from_vec(size, pixels))
+    Ok(Stored { size, colour, depth, bytes })
+}
+
+fn other_kind((depth, colour): (BitDepth, ColorType), wanted: &'static str) -> PngError {
+    PngError::Kind { found: format!("{colour:?} of {} bits", depth as u8), wanted }
 }
 
 #[cfg(test)]
@@ -180,5 +233,27 @@ mod tests {
         encoder.write_header().unwrap().write_image_data(&[1, 2, 3, 4]).unwrap();
         let error = read(Cursor::new(out)).unwrap_err().to_string();
         assert_eq!(error, "Rgba of 8 bits, wanted grey or RGB of 8 bits");
+    }
+
+    #[test]
+    fn luminance_is_that_of_the_stored_colour() {
+        let t = |colour: ColorType, depth: BitDepth, bytes: &[u8], wanted: f32| {
+            let mut out = Vec::new();
+            let mut encoder = png::Encoder::new(&mut out, 1, 1);
+            encoder.set_color(colour);
+            encoder.set_depth(depth);
+            encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+            let found = read_luminance(Cursor::new(out)).unwrap().into_pixels();
+            assert_eq!(found, [wanted], "{colour:?} {depth:?} {bytes:?}");
+        };
+        for v in 0..=255u8 {
+            t(ColorType::Grayscale, BitDepth::Eight, &[v], v.into());
+            t(ColorType::Rgb, BitDepth::Eight, &[v; 3], v.into());
+            t(ColorType::Grayscale, BitDepth::Sixteen, &[v; 2], v.into());
+            t(ColorType::Rgb, BitDepth::Sixteen, &[v; 6], v.into());
+        }
+        // 0.299 200 + 0.587 100 + 0.114 50; a step of 16 bits is 1/257 of a grey
+        t(ColorType::Rgb, BitDepth::Eight, &[200, 100, 50], 124.2);
+        t(ColorType::Grayscale, BitDepth::Sixteen, &[0, 1], 1.0 / 257.0);
     }
 }

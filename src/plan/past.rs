@@ -1,6 +1,11 @@
 //! What steps took before: the ground of every estimate of time, disk and memory.
 
 use super::{Plan, PlannedStep};
+use crate::recipe::Recipe;
+use crate::stage::Stage as _;
+use crate::stage::events::Simulating;
+use crate::stage::sharp::Photographing;
+use crate::stage::trajectory::Moving;
 use crate::store::record::Brief;
 use crate::store::{Store, StoreError};
 use std::collections::BTreeMap;
@@ -46,6 +51,25 @@ pub fn past(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError>
     let of_stage = |stage: &str| means.get(stage).copied();
     let or_mean = |(own, step): (Option<Past>, &PlannedStep)| own.or_else(|| of_stage(step.step.stage()));
     Ok(own.into_iter().zip(plan.steps()).map(or_mean).collect())
+}
+
+/// The numerical class that a scene was last rendered in; `None` where it was not, or nothing is known of it.
+///
+/// # Errors
+/// When a record cannot be read.
+pub fn class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
+    // Those that take longest to make again come first.
+    for step in [Simulating::NAME, Photographing::NAME, Moving::NAME] {
+        for trajectory in &recipe.trajectories {
+            let key = store.last_key(&recipe.scene, &format!("{}/{step}", trajectory.name));
+            let record = key.map(|key| store.full_record(&key)).transpose()?.flatten();
+            let lines = record.map(|record| record.description).unwrap_or_default();
+            if let Some(line) = lines.into_iter().find(|line| line.path == "class") {
+                return Ok(Some(line.text));
+            }
+        }
+    }
+    Ok(None)
 }
 
 /// Means over all records of each stage.

@@ -4,10 +4,9 @@
 //! its recipe is not even parsed. The others are read, planned and held against the store as ever, so a memo that is
 //! lost or no longer holds costs time and nothing else.
 
-use super::Plan;
 use super::assess::Product;
+use super::{Plan, Renderers};
 use crate::recipe::{self, Faults, Recipe, RecipeFile};
-use crate::render::backend::Backend;
 use crate::stage::StepId;
 use crate::store::record::Output;
 use crate::store::{Digest, Key, Store, StoreError};
@@ -70,11 +69,11 @@ impl From<Faults> for SurveyError {
 /// Every fault of the recipes, as [`recipe::read_all`]; or when the store cannot be read.
 pub fn survey(
     paths: &[PathBuf],
-    backend: &Backend,
+    renderers: &dyn Renderers,
     store: &Store,
     tag: &Digest,
 ) -> Result<Survey, SurveyError> {
-    let Ok(files) = recipe::find_all(paths) else { return unsettled(paths, backend) };
+    let Ok(files) = recipe::find_all(paths) else { return unsettled(paths, renderers) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
     let recalled: Vec<Option<Settled>> = store.recall(&names, tag)?;
     let moved: Vec<RecipeFile> = files
@@ -85,20 +84,20 @@ pub fn survey(
         .collect();
     let mut settled: Vec<Settled> = recalled.into_iter().flatten().collect();
     // A recipe that is wrong may be wrong because of another one: then all of them are read.
-    let Ok(recipes) = recipe::read_files(&moved) else { return unsettled(paths, backend) };
+    let Ok(recipes) = recipe::read_files(&moved) else { return unsettled(paths, renderers) };
     if may_clash(&settled, &recipes) {
-        return unsettled(paths, backend);
+        return unsettled(paths, renderers);
     }
     settled.sort_by(|a, b| a.scene.cmp(&b.scene));
-    Ok(Survey { settled, plan: Plan::new(recipes, backend) })
+    Ok(Survey { settled, plan: Plan::new(recipes, renderers) })
 }
 
 /// Reads and plans every scene, whatever is remembered.
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`].
-pub fn unsettled(paths: &[PathBuf], backend: &Backend) -> Result<Survey, SurveyError> {
-    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?, backend) })
+pub fn unsettled(paths: &[PathBuf], renderers: &dyn Renderers) -> Result<Survey, SurveyError> {
+    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?, renderers) })
 }
 
 /// Whether two scenes could claim one folder: an id that is there twice, or that lies in a trajectory of another.

@@ -84,11 +84,8 @@ fn trajectory(
     let events = recipe.outputs.contains(&Output::Events).then(|| {
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
         let simulating = Simulating {
-            camera: recipe.camera,
-            render: recipe.render,
-            sensor: recipe.sensor.clone(),
-            seed,
             backend: backend(),
+            ..Simulating::new(&recipe.sensors, seed, (recipe.camera, recipe.render))
         };
         wiring.add(name("events"), simulating, (capture, gaussians, motion))
     });

@@ -6,32 +6,45 @@ use super::field::Field;
 use super::resolve::Resolved;
 use super::{Output, Reconstruct, Source, schema};
 use crate::render::Antialiased;
-use crate::sensor::Sensor;
-use crate::sensor::voltmeter::{Preset, Voltmeter};
+use crate::sensor::noise::HotPixels;
+use crate::sensor::voltmeter::{Between, Preset, Voltmeter};
+use crate::sensor::{Sensor, Sensors};
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
 /// The canonical form of a recipe: `raw` gives what is shown as it was written (paths, formulae, a literal `k`).
 pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
-    let Sensor::Voltmeter(voltmeter) = &recipe.sensor;
+    let between = |(_, sensor): (_, &Sensor)| match sensor {
+        Sensor::Voltmeter(voltmeter) => voltmeter.between,
+        Sensor::Esim(_) | Sensor::V2e(_) => Between::Linear,
+    };
+    // It is one for all.
+    let between = recipe.sensors.iter().map(between).next();
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,
         "seed": recipe.seed,
         "source": source(raw, &recipe.source),
         "trajectories": trajectory::all(raw, &recipe.trajectories),
-        "sampling": { "rate": ratio(recipe.rate.0), "between": voltmeter.between, "law": recipe.law },
+        "sampling": { "rate": ratio(recipe.rate.0), "between": between, "law": recipe.law },
         "render": {
             "rules": recipe.render.rules,
             "antialiased": antialiased(recipe.render.antialiased),
             "background": recipe.render.background,
         },
-        "sensor": { "voltmeter": sensor(raw, voltmeter) },
         "outputs": recipe.outputs.iter().map(|o| output(*o)).collect::<Vec<_>>(),
         "sharp": { "every": recipe.sharp_every },
         "checks": recipe.checks,
     });
     let mut add = |key: &str, value: Value| out[key] = value;
+    match &recipe.sensors {
+        Sensors::One(one) => add("sensor", sensor(raw.sensor.given().map(|(raw, _)| raw), one)),
+        Sensors::Named(named) => {
+            let raw = raw.sensors.given().map(|(raw, _)| raw);
+            let written = |name: &String| Some(raw?.get(name)?.given()?.0);
+            add("sensors", named.iter().map(|(name, s)| (name.clone(), sensor(written(name), s))).collect());
+        }
+    }
     if let Some(Reconstruct::Given(_)) = &recipe.reconstruct {
         add("reconstruct", json!({ "given": { "path": given_path(raw) } }));
     }
@@ -81,7 +94,17 @@ fn written(field: &Field<String>) -> Option<&str> {
     field.given().map(|(text, _)| text.as_str())
 }
 
-fn sensor(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {
+fn sensor(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
+    let fields = match sensor {
+        Sensor::Voltmeter(sensor) => voltmeter(raw, sensor),
+        // Their parameters are named as a recipe names them.
+        Sensor::Esim(sensor) => json!(sensor),
+        Sensor::V2e(sensor) => json!(sensor),
+    };
+    json!({ sensor.name(): fields })
+}
+
+fn voltmeter(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
     let mut out = json!({
         "threshold": { "on": voltmeter.threshold_on, "off": voltmeter.threshold_off },
         "law": voltmeter.law,
@@ -89,8 +112,17 @@ fn sensor(raw: &schema::Recipe, voltmeter: &Voltmeter) -> Value {
         "initial": voltmeter.initial,
         "max_events_per_pixel_frame": voltmeter.max_events_per_pixel_frame,
     });
-    let raw = match raw.sensor.given() {
-        Some((schema::Sensor::Voltmeter(raw), _)) => raw.given().map(|(raw, _)| raw),
+    if voltmeter.threshold_spread > 0.0 {
+        out["threshold"]["spread"] = json!(voltmeter.threshold_spread);
+    }
+    if voltmeter.hot_pixels != HotPixels::default() {
+        out["hot_pixels"] = json!(voltmeter.hot_pixels);
+    }
+    if voltmeter.allow_cap {
+        out["allow_cap"] = json!(true);
+    }
+    let raw = match raw {
+        Some(schema::Sensor::Voltmeter(raw)) => raw.given().map(|(raw, _)| raw),
         _ => None,
     };
     match raw.and_then(|raw| Some((raw.k.given()?.0, raw.units.given()?.0))) {

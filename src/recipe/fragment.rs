@@ -1,11 +1,13 @@
-//! Trajectories out of a recipe, or out of a file that holds hardly more than them: what a single step reads.
+//! Trajectories, or the sensor, out of a recipe or out of a file that holds hardly more than them: what a single step
+//! reads.
 
 use super::fault::{Fault, Faults};
 use super::find::find_all;
-use super::load::Library;
+use super::load::{Library, Parts};
 use super::{RecipeFile, TrajectoryRecipe};
 use crate::camera::CameraChoice;
 use crate::render::RenderChoice;
+use crate::sensor::{Sensor, Sensors};
 use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 use std::path::{Path, PathBuf};
@@ -56,6 +58,46 @@ pub fn read_fragment(path: &Path) -> Result<Fragment, Faults> {
         return Err(faulty(vec![Fault::of_file(path, &message, Some("name the one that is meant"))]));
     };
     read(file).map_err(faulty)
+}
+
+/// The keys of a recipe that bear on no sensor.
+const NOT_OF_THE_SENSOR: [&str; 14] = [
+    "scene",
+    "source",
+    "reconstruct",
+    "camera",
+    "trajectories",
+    "render",
+    "sensors",
+    "outputs",
+    "sharp",
+    "blur",
+    "checks",
+    "licence",
+    "release",
+    "attributes",
+];
+
+/// What stands in for them. How much noise a frame interval has is judged where its length is known: here by one of a
+/// microsecond.
+const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural: {} }\n\
+    trajectories: [{ name: base, refine: {} }]\nsampling: { rate: 1000000 }\n";
+
+/// Reads the sensor of a file that holds what a recipe has under `sensor`, or of a recipe, the rest of which but its
+/// `sampling` is left aside.
+///
+/// # Errors
+/// Every fault of what is read.
+pub fn read_sensor(path: &Path) -> Result<Sensor, Faults> {
+    let read = || {
+        let parts = Parts::alone(path)?;
+        let parts = if parts.has("sensor") { parts } else { parts.under("sensor") };
+        match parts.standing_in(&NOT_OF_THE_SENSOR, STAND_IN_FOR_THEM).resolved()?.sensors {
+            Sensors::One(sensor) => Ok(sensor),
+            Sensors::Named(_) => unreachable!("`sensors` is left aside"),
+        }
+    };
+    read().map_err(|faults| Faults::or((), faults).expect_err("there are faults"))
 }
 
 fn read(file: &RecipeFile) -> Result<Fragment, Vec<Fault>> {
@@ -129,5 +171,35 @@ mod tests {
         assert!(told.ends_with(": 2 recipes are in this folder, wanted one"), "{told}");
         std::fs::remove_file(dir.path().join("b.yaml")).unwrap();
         assert!(read_fragment(dir.path()).is_ok());
+    }
+
+    /// The sensor of a file with this text.
+    fn sensor(text: &str) -> Result<Sensor, String> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s.yaml");
+        std::fs::write(&path, text).unwrap();
+        read_sensor(&path).map_err(|faults| faults.to_string().replace(path.to_str().unwrap(), "s.yaml"))
+    }
+
+    #[test]
+    fn a_sensor_is_read_alone_or_out_of_a_recipe() {
+        let alone = "voltmeter: { preset: dvs240, threshold: { on: 0.5 } }\n";
+        let Ok(Sensor::Voltmeter(found)) = sensor(alone) else { panic!("it is one") };
+        assert_eq!((found.k, found.threshold_on), (crate::sensor::voltmeter::Preset::Dvs240.k(), 0.5));
+        let whole = format!("scene: 5\ntrajectories: gone\nsensor: {{ {} }}\n", alone.trim());
+        assert_eq!(sensor(&whole), sensor(alone));
+    }
+
+    #[test]
+    fn faults_of_a_sensor_are_told_where_they_stand() {
+        let t = |text: &str, wanted: &str| {
+            let told = sensor(text).unwrap_err();
+            assert!(told.contains(wanted), "{told}");
+        };
+        t("voltmeter: { presett: dvs346 }\n", "s.yaml:1:14: unknown field \"presett\"");
+        t("voltmeter: { preset: dvs347 }\n", "s.yaml:1:22: unknown preset \"dvs347\"");
+        t("voltmeter:\n  k: [1, 1, 0, 0, 0, 0]\n", "missing field \"units\"");
+        t("voltmetr: {}\n", "s.yaml:1:1");
+        t("sensor: { voltmeter: {} }\ncolour: red\n", "s.yaml:2:1: unknown field \"colour\"");
     }
 }

@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::reader::{Problems, Reader};
 use super::resolve::{Resolved, Resolver};
 use super::text::{Place, Text, Texts};
-use super::tree::{self, Kind, MAX_BYTES, Node};
+use super::tree::{self, Entry, Kind, MAX_BYTES, Node};
 use super::{NamedAt, Position, Recipe, canonical, schema};
 use crate::store::fs::Stat;
 use crate::store::stat_cache::Sighting;
@@ -98,6 +98,19 @@ impl Parts {
         let tree = tree.unwrap_or(nothing);
         let seen = vec![(file.to_owned(), seen)];
         Ok(Self { texts: vec![text], folders: vec![folder(file)], tree, seen })
+    }
+
+    /// Whether the tree is a mapping with this key.
+    pub(super) fn has(&self, key: &str) -> bool {
+        matches!(&self.tree.kind, Kind::Map(entries) if entries.iter().any(|entry| entry.key == key))
+    }
+
+    /// The same with the whole tree as the value of one key.
+    pub(super) fn under(mut self, key: &str) -> Self {
+        let place = self.tree.place;
+        let entry = Entry { key: key.to_owned(), place, value: self.tree };
+        self.tree = Node { place, kind: Kind::Map(vec![entry]) };
+        self
     }
 
     /// The same without some of its keys, and with what a text of this program says under the rest.
@@ -202,7 +215,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
         rate: resolved.rate,
         law: resolved.law,
         render: resolved.render,
-        sensor: resolved.sensor,
+        sensors: resolved.sensors,
         outputs: resolved.outputs,
         sharp_every: resolved.sharp_every,
         checks: resolved.checks,

@@ -1,4 +1,4 @@
-//! Names that become folders: scene ids and trajectory names.
+//! Names that become folders and files: scene ids, trajectory names, sensors.
 
 /// What a scene id may look like.
 pub(super) const SCENE_HELP: &str =
@@ -7,6 +7,9 @@ pub(super) const SCENE_HELP: &str =
 /// What a trajectory name may look like.
 pub(super) const TRAJECTORY_HELP: &str =
     "a trajectory name is made of letters, digits, \".\", \"_\" and \"-\"";
+
+/// What the name of one of several sensors may look like.
+pub(super) const SENSOR_HELP: &str = "a sensor's name is made of letters, digits, \".\", \"_\" and \"-\"";
 
 /// Names that the release itself uses at its top.
 const TAKEN_AT_TOP: [&str; 13] = [
@@ -48,14 +51,19 @@ pub(super) fn scene_id(id: &str) -> Result<(), String> {
 
 /// Whether a trajectory name is one folder inside its scene's; else what speaks against it.
 pub(super) fn trajectory(name: &str) -> Result<(), String> {
+    sensor(name)?;
+    not_taken(name, &TAKEN_IN_SCENE)
+}
+
+/// Whether a sensor may have this name, which names a file of the release.
+pub(super) fn sensor(name: &str) -> Result<(), String> {
     if name.len() > 100 {
         return Err(format!("of {} bytes, wanted at most 100", name.len()));
     }
     if name.contains('/') {
         return Err("which has more than one part".into());
     }
-    part(name)?;
-    not_taken(name, &TAKEN_IN_SCENE)
+    part(name)
 }
 
 fn part(part: &str) -> Result<(), String> {

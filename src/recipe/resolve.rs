@@ -15,7 +15,7 @@ use super::{LicenceChoice, Output, Reconstruct, Source, TrajectoryRecipe, names,
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
-use crate::sensor::Sensor;
+use crate::sensor::Sensors;
 use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 use number::{Range, Whole};
@@ -50,7 +50,7 @@ pub(super) struct Resolved {
     pub rate: Hertz,
     pub law: Summation,
     pub render: RenderChoice,
-    pub sensor: Sensor,
+    pub sensors: Sensors,
     pub outputs: BTreeSet<Output>,
     pub sharp_every: u32,
     pub checks: Limits,
@@ -73,7 +73,7 @@ impl Resolver<'_> {
         let trajectories = self.trajectories(&raw.trajectories, setting);
         let render = self.render(&raw.render);
         let between = self.between(&raw.sampling);
-        let sensor = self.sensor(&raw.sensor, between, rate);
+        let sensors = self.sensors(raw, between, rate);
         let outputs = self.outputs(&raw.outputs);
         let sharp_every = self.sharp_every(&raw.sharp);
         let checks = self.or(&raw.checks, Limits::default());
@@ -88,7 +88,7 @@ impl Resolver<'_> {
             rate: rate?,
             law: law?,
             render: render?,
-            sensor: sensor?,
+            sensors: sensors?,
             outputs: outputs?,
             sharp_every: sharp_every?,
             checks: checks?,
@@ -97,7 +97,6 @@ impl Resolver<'_> {
     }
 
     fn refuse_later(&self, raw: &schema::Recipe) {
-        self.later(&raw.sensors, "this gs2e feeds one sensor: write sensor");
         self.later(&raw.blur, PRODUCTS);
         self.later(&raw.release, "this gs2e releases the products alone");
         self.later(&raw.attributes, "this gs2e takes attributes from the source");

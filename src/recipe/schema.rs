@@ -5,8 +5,10 @@
 //!
 //! An enumeration whose choices hold mappings stands in `ENUMERATIONS` of [`super::merge`] too, unless it is in a list.
 
+mod sensor;
 mod trajectory;
 
+pub(super) use sensor::{Esim, HotPixels, Leak, Refractory, Threshold, V2e};
 pub(super) use trajectory::{
     Bezier, Curve, Ends, Flow, Gaps, Keyframes, List, Meaning, Metric, Novel, NovelCurve, Orbit, Order, Pose,
     Refine, Rotation, Speed, Trajectory,
@@ -16,6 +18,7 @@ use super::field::{Field, Later, Literal};
 use crate::check::Limits;
 use crate::sensor::voltmeter::Units;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// The whole file.
 #[derive(Debug, Default, Deserialize)]
@@ -42,7 +45,7 @@ pub(super) struct Recipe {
     /// The one sensor; default: `voltmeter` with the preset `dvs346`.
     pub sensor: Field<Sensor>,
     /// Several sensors fed from one rendering, by name.
-    pub sensors: Field<Later>,
+    pub sensors: Field<BTreeMap<String, Field<Sensor>>>,
     /// Default: events and sharp.
     pub outputs: Field<Vec<Field<Output>>>,
     /// Sharp frames.
@@ -212,8 +215,8 @@ pub(super) enum Antialiased {
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Sensor {
     Voltmeter(Field<Box<Voltmeter>>),
-    Esim(Field<Later>),
-    V2e(Field<Later>),
+    Esim(Field<Box<Esim>>),
+    V2e(Field<Box<V2e>>),
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -229,21 +232,13 @@ pub(super) struct Voltmeter {
     pub gain: Field<Gain>,
     pub initial: Field<Initial>,
     pub max_events_per_pixel_frame: Field<u64>,
+    /// Whether events beyond that are left out and counted.
+    pub allow_cap: Field<bool>,
     /// From colour to the luminance that the sensor sees: weights, decoding, exposure, range.
     pub front_end: Field<Later>,
-    /// Pixels that fire by themselves.
-    pub hot_pixels: Field<Later>,
+    pub hot_pixels: Field<HotPixels>,
     /// A label for each event: signal or noise.
     pub labels: Field<Later>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Threshold {
-    pub on: Field<f64>,
-    pub off: Field<f64>,
-    /// Spread over the pixels.
-    pub spread: Field<Later>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

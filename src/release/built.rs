@@ -1,6 +1,6 @@
 //! What was built, gathered from the store for a release.
 
-use crate::artifact::{Artifact, EventStream, Files, Motion, Simulation, Verdicts};
+use crate::artifact::{Artifact, EventStreams, Files, Motion, Simulation, Stream, Verdicts};
 use crate::camera::{self, Camera};
 use crate::check::Finding;
 use crate::licence::Composed;
@@ -43,10 +43,10 @@ pub(super) struct BuiltTrajectory {
     pub(super) name: String,
     pub(super) motion: Motion,
     pub(super) motion_files: Vec<Output>,
-    pub(super) events: Option<(EventStream, Vec<Output>)>,
+    pub(super) events: Option<(EventStreams, Vec<Output>)>,
     pub(super) sharp: Option<Vec<Output>>,
     pub(super) findings: Vec<Finding>,
-    pub(super) peak_ev_per_ms: Option<u64>,
+    pub(super) peaks_ev_per_ms: Vec<u64>,
 }
 
 impl BuiltTrajectory {
@@ -61,7 +61,12 @@ impl BuiltTrajectory {
     }
 
     pub(super) fn simulation(&self) -> Option<&Simulation> {
-        self.events.as_ref().map(|(stream, _)| &stream.simulation)
+        self.events.as_ref().map(|(streams, _)| &streams.simulation)
+    }
+
+    /// Its event streams.
+    pub(super) fn streams(&self) -> &[Stream] {
+        self.simulation().map_or(&[], |simulation| &simulation.streams)
     }
 }
 
@@ -173,7 +178,7 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
         motion_files,
         events: shelf.open_optional(&step("events"))?,
         sharp: shelf.find(&step("sharp")).map(<[Output]>::to_vec),
-        peak_ev_per_ms: verdicts.peak_ev_per_ms,
+        peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),
     })
 }

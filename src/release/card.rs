@@ -2,6 +2,7 @@
 //! number in it is computed.
 
 use super::built::{BuiltScene, BuiltTrajectory};
+use crate::artifact::Stream;
 use crate::check::Verdict;
 use crate::licence::Composed;
 use crate::recipe::ReleaseInfo;
@@ -31,7 +32,7 @@ fn trajectories<'s>(scenes: &'s [BuiltScene<'_>]) -> impl Iterator<Item = &'s Bu
 }
 
 fn events(scenes: &[BuiltScene<'_>]) -> u64 {
-    trajectories(scenes).filter_map(BuiltTrajectory::simulation).map(|s| s.account.events).sum()
+    trajectories(scenes).flat_map(BuiltTrajectory::streams).map(|s| s.account.events).sum()
 }
 
 /// The card's head, as dataset hubs read it.
@@ -87,7 +88,7 @@ const FILES: &str = "\
 | file | content |
 |---|---|
 | `<scene>/scene.json` | source, camera, recipe, licence, seeds and statistics of a scene |
-| `<scene>/<trajectory>/events.h5` | events in DSEC's layout: `events/{x,y,p,t}`, `ms_to_idx`, `t_offset` |
+| `<scene>/<trajectory>/events.h5` | events in DSEC's layout: `events/{x,y,p,t}`, `ms_to_idx`, `t_offset`; where several sensors saw one rendering, `events/<sensor>.h5` |
 | `poses.txt` | a line a pose: `t_us tx ty tz qx qy qz qw`, camera to world |
 | `transforms.json` | the same poses and the camera in nerfstudio's form |
 | `timestamps_us.txt` | a stamp a line, microseconds |
@@ -131,35 +132,42 @@ fn making(scenes: &[BuiltScene<'_>]) -> String {
     );
     for scene in scenes {
         for trajectory in &scene.trajectories {
-            let _ = writeln!(text, "{}", row(scene, trajectory));
+            for row in rows(scene, trajectory) {
+                let _ = writeln!(text, "{row}");
+            }
         }
     }
     text
 }
 
-fn row(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> String {
+/// A row for each stream, and one where there is none.
+fn rows(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> Vec<String> {
     let stamps = &trajectory.motion.trajectory.stamps_us;
     let last_us = stamps.last().copied().unwrap_or(0);
     let size = scene.camera().size;
-    let counted = trajectory.simulation().map(|s| {
-        let account = &s.account;
+    let row = |name: &str, counted: &str| {
+        format!(
+            "| {}/{}{name} | {} | {} | {} | {size} | {} | {:.1} | {counted} |",
+            scene.recipe.scene,
+            trajectory.name,
+            scene.recipe.source.kind(),
+            trajectory.kind(),
+            scene.gaussians.count,
+            stamps.len(),
+            last_us as f64 * 1e-3,
+        )
+    };
+    let counted = |stream: &Stream| {
+        let account = &stream.account;
         let pixel_seconds = size.pixels() as f64 * last_us as f64 * 1e-6;
         let rate = account.events as f64 / pixel_seconds;
         let share = account.on as f64 / account.events as f64;
-        let (on, off) = s.sensor.as_model().contrast();
-        format!("{} | {rate:.3} | {share:.3} | {on:.4}, {off:.4}", account.events)
-    });
-    format!(
-        "| {}/{} | {} | {} | {} | {size} | {} | {:.1} | {} |",
-        scene.recipe.scene,
-        trajectory.name,
-        scene.recipe.source.kind(),
-        trajectory.kind(),
-        scene.gaussians.count,
-        stamps.len(),
-        last_us as f64 * 1e-3,
-        counted.unwrap_or_else(|| "- | - | - | -".into())
-    )
+        let (on, off) = stream.sensor.as_model().contrast();
+        let name = stream.name.as_ref().map_or_else(String::new, |name| format!("/{name}"));
+        row(&name, &format!("{} | {rate:.3} | {share:.3} | {on:.4}, {off:.4}", account.events))
+    };
+    let rows: Vec<String> = trajectory.streams().iter().map(counted).collect();
+    if rows.is_empty() { vec![row("", "- | - | - | -")] } else { rows }
 }
 
 fn checks(scenes: &[BuiltScene<'_>]) -> String {

@@ -223,9 +223,22 @@ pub struct TrajectoryPart {
     pub render_rules: Value,
     /// The sensor, where there are events.
     pub sensor: Option<Value>,
+    /// The sensors by name, where several saw one rendering; then `sensor` is null, and so are the counts of `statistics`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub sensors: BTreeMap<String, SensorPart>,
     /// Blur, where there is any.
     pub blur: Option<Value>,
     /// What was counted.
+    pub statistics: Statistics,
+}
+
+/// One of several sensors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorPart {
+    /// Model and parameters.
+    pub sensor: Value,
+    /// What was counted of its stream; what is the trajectory's is null.
     pub statistics: Statistics,
 }
 

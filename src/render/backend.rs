@@ -1,7 +1,7 @@
 //! Back ends: which renderer steps are made with, and the numerical class that this puts into their keys.
 
 use super::cpu::{self, Cpu};
-use super::gpu::{self, Device, Gpu};
+use super::gpu::{self, Device, Gpu, GpuError};
 use super::reference::{self, Reference};
 use super::{RenderError, Renderer, Style};
 use crate::image::Size;
@@ -18,6 +18,8 @@ pub enum Backend {
     Reference,
     /// A GPU.
     Gpu(Device),
+    /// A GPU that was not opened, by the class of what it rendered: enough for keys, and it renders nothing.
+    Unopened(String),
 }
 
 impl Backend {
@@ -28,6 +30,7 @@ impl Backend {
             Self::Cpu => cpu::FINGERPRINT.to_owned(),
             Self::Reference => reference::FINGERPRINT.to_owned(),
             Self::Gpu(device) => device.fingerprint().to_owned(),
+            Self::Unopened(class) => class.clone(),
         }
     }
 
@@ -40,6 +43,7 @@ impl Backend {
             Self::Cpu => Box::new(Cpu::new(scene, style)?),
             Self::Reference => Box::new(Reference::new(scene, style)?),
             Self::Gpu(device) => Box::new(Gpu::new(device.clone(), &scene, style)?),
+            Self::Unopened(class) => return Err(GpuError::None(format!("{class} was not opened")).into()),
         })
     }
 
@@ -49,13 +53,25 @@ impl Backend {
         match self {
             Self::Cpu => cpu::memory(scene_bytes, size),
             Self::Reference => reference::memory(scene_bytes, size),
-            Self::Gpu(_) => gpu::memory(scene_bytes, size),
+            Self::Gpu(_) | Self::Unopened(_) => gpu::memory(scene_bytes, size),
         }
     }
 
     /// Whether it takes a GPU.
     #[must_use]
     pub fn takes_gpu(&self) -> bool {
-        matches!(self, Self::Gpu(_))
+        matches!(self, Self::Gpu(_) | Self::Unopened(_))
+    }
+
+    /// Whether a numerical class is one of the CPU in f32, of whichever revision.
+    #[must_use]
+    pub fn is_cpu(class: &str) -> bool {
+        class.starts_with("cpu/")
+    }
+
+    /// Whether a numerical class is a GPU's.
+    #[must_use]
+    pub fn is_gpu(class: &str) -> bool {
+        class.starts_with("gpu/")
     }
 }

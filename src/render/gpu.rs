@@ -89,6 +89,12 @@ pub fn memory(scene_bytes: u64, size: Size) -> u64 {
     2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
 
+/// Whether layers can be laid in this order.
+#[must_use]
+pub fn blends(order: Layering) -> bool {
+    order == Layering::Depth
+}
+
 impl Gpu {
     /// Brings a scene to a device.
     ///
@@ -96,7 +102,7 @@ impl Gpu {
     /// When the style cannot be rendered, or the device has no room for the scene.
     pub fn new(device: Device, scene: &Gaussians, style: Style) -> Result<Self, RenderError> {
         super::check_style(&style)?;
-        if style.order == Layering::Blended {
+        if !blends(style.order) {
             let because = "this gs2e blends orders on the CPU alone: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }

@@ -8,8 +8,9 @@
 //!
 //! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
 //! time, no mismatch between pixels, no bandwidth. The published program takes the drift at the midpoint of two frames
-//! (`gain: midpoint`) and draws times as if there were one threshold; the law `exact` draws first passages of this
-//! process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). Both terms of sigma add as standard deviations, as published.
+//! (`gain: midpoint`) and draws times as if there were one threshold (law `official`, `official.rs`); the law `exact`
+//! draws first passages of this process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). Both terms of sigma add
+//! as standard deviations, as published.
 
 mod band;
 mod bridge;
@@ -20,17 +21,20 @@ mod exact;
 mod leaf;
 mod line;
 mod noiseless;
+mod official;
 pub mod presets;
-pub mod screen;
+mod screen;
 mod tree;
 pub mod units;
 mod window;
 mod writer;
 
 pub use presets::Preset;
-pub use screen::{ScreenError, Screening};
 pub use units::Units;
 
+use super::cap::Capped;
+use super::noise::HotPixels;
+use super::pairs::{Cap, Pairs};
 use super::{Model, Pixels, SensorError, check_extent};
 use crate::image::Size;
 use crate::seed::Seed;
@@ -56,6 +60,15 @@ pub struct Voltmeter {
     pub between: Between,
     /// More events of one pixel between two frames than this fail the step.
     pub max_events_per_pixel_frame: u32,
+    /// Whether events beyond that are left out and counted instead.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub allow_cap: bool,
+    /// Standard deviation of the thresholds over the pixels.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub threshold_spread: f64,
+    /// Pixels that fire by themselves.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub hot_pixels: HotPixels,
 }
 
 /// Which sampler draws the events.
@@ -64,6 +77,8 @@ pub struct Voltmeter {
 pub enum Law {
     /// First passages of the process, whatever the frame rate.
     Exact,
+    /// The published program's sampler, for comparisons: its noise depends on the frame rate.
+    Official,
 }
 
 /// How brightness turns into drift.
@@ -111,6 +126,9 @@ impl Voltmeter {
             initial: Initial::Zero,
             between: Between::Linear,
             max_events_per_pixel_frame: 1000,
+            allow_cap: false,
+            threshold_spread: 0.0,
+            hot_pixels: HotPixels::default(),
         }
     }
 }
@@ -119,6 +137,7 @@ impl Model for Voltmeter {
     fn law_version(&self) -> u32 {
         match self.law {
             Law::Exact => exact::VERSION,
+            Law::Official => official::VERSION,
         }
     }
 
@@ -131,7 +150,16 @@ impl Model for Voltmeter {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         match self.law {
+            Law::Exact if self.allow_cap => {
+                let free = Self { max_events_per_pixel_frame: u32::MAX, ..self.clone() };
+                let pixels = Box::new(exact::Exact::new(&free, size, origin, seed));
+                Ok(Box::new(Capped::new(pixels, self.max_events_per_pixel_frame, size)))
+            }
             Law::Exact => Ok(Box::new(exact::Exact::new(self, size, origin, seed))),
+            Law::Official => {
+                let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
+                Ok(Box::new(Pairs::new(official::Official::new(self), cap, size, origin, seed)))
+            }
         }
     }
 }

@@ -4,13 +4,14 @@
 //! subject; whoever shows them says whose they are.
 
 use super::{Context, Need, Stage, StageError, Target};
-use crate::artifact::{EventStream, Files, Motion, Verdicts, write_json};
+use crate::artifact::{EventStreams, Files, Motion, Stream, Verdicts, write_json};
 use crate::check::drift::DriftLaw;
 use crate::check::tally::Observer;
 use crate::check::{Limits, Subject, Tally, judge};
 use crate::event::{EventSource, h5};
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
+use std::path::PathBuf;
 
 /// Name of the stage.
 pub const NAME: &str = "checks";
@@ -24,8 +25,8 @@ pub struct Checking {
 
 impl Stage for Checking {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 3;
-    type Inputs = (Target<Motion>, Option<Target<EventStream>>);
+    const REVISION: u32 = 4;
+    type Inputs = (Target<Motion>, Option<Target<EventStreams>>);
     type Output = Verdicts;
 
     fn need(&self, files: &[Files]) -> Need {
@@ -37,42 +38,74 @@ impl Stage for Checking {
 
     fn run(
         &self,
-        (motion, events): (Motion, Option<EventStream>),
+        (motion, events): (Motion, Option<EventStreams>),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
         let rate: Ratio = motion.report.rate.parse().map_err(StageError::work("read the frame rate"))?;
         let rate = Hertz(rate);
-        let tally = events.as_ref().map(|stream| count(stream, &motion, rate, cx)).transpose()?;
-        let simulation = events.as_ref().map(|stream| &stream.simulation);
-        let findings = judge(&Subject {
+        let tallies = match &events {
+            Some(streams) => count(streams, &motion, rate, cx)?,
+            None => Vec::new(),
+        };
+        let simulation = events.as_ref().map(|streams| &streams.simulation);
+        let whole = Subject {
             name: "",
             rate,
             trajectory: &motion.trajectory,
             speed: Some(&motion.report),
-            sensor: simulation.map(|s| &s.sensor),
-            account: simulation.map(|s| &s.account),
-            tally: tally.as_ref(),
+            sensor: None,
+            account: None,
+            tally: None,
             flow: simulation.and_then(|s| s.flow_px),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             limits: &self.limits,
-        });
-        let verdicts = Verdicts { findings, peak_ev_per_ms: tally.map(|t| t.peak_per_ms) };
+        };
+        let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);
+        let named: Vec<String> = streams.iter().map(|s| suffix(s.name.as_deref())).collect();
+        let streams: Vec<Subject<'_>> = streams
+            .iter()
+            .zip(&tallies)
+            .zip(&named)
+            .map(|((Stream { sensor, account, .. }, tally), name)| Subject {
+                name,
+                sensor: Some(sensor),
+                account: Some(account),
+                tally: Some(tally),
+                ..whole
+            })
+            .collect();
+        let findings = judge(&whole, &streams);
+        let verdicts =
+            Verdicts { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
         let out = cx.out.join("verdicts.json");
         write_json(&out, &verdicts).map_err(StageError::io(&out))
     }
 }
 
-/// Counts the stream in one pass.
-fn count(stream: &EventStream, motion: &Motion, rate: Hertz, cx: &Context<'_>) -> Result<Tally, StageError> {
-    let simulation = &stream.simulation;
-    let seen = DriftLaw::of(&simulation.sensor).ok().map(|law| (law, &stream.anchors));
+/// What a stream of this name adds to the subject of findings.
+fn suffix(name: Option<&str>) -> String {
+    name.map_or_else(String::new, |name| format!("/{name}"))
+}
+
+/// Counts each stream in one pass.
+fn count(
+    streams: &EventStreams,
+    motion: &Motion,
+    rate: Hertz,
+    cx: &Context<'_>,
+) -> Result<Vec<Tally>, StageError> {
+    let simulation = &streams.simulation;
     let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
-    let mut observer = Observer::new(simulation.camera.size, rate, end_us, seen);
-    let mut reader = h5::Reader::open(&stream.events).map_err(StageError::work("read events.h5"))?;
-    let mut chunk = Vec::new();
-    while reader.next_chunk(&mut chunk).map_err(StageError::work("read events.h5"))? {
-        cx.go_on()?;
-        observer.append(&chunk);
-    }
-    Ok(observer.finish())
+    let count = |(stream, file): (&Stream, &PathBuf)| {
+        let seen = DriftLaw::of(&stream.sensor).ok().map(|law| (law, &streams.anchors));
+        let mut observer = Observer::new(simulation.camera.size, rate, end_us, seen);
+        let mut reader = h5::Reader::open(file).map_err(StageError::work("read events"))?;
+        let mut chunk = Vec::new();
+        while reader.next_chunk(&mut chunk).map_err(StageError::work("read events"))? {
+            cx.go_on()?;
+            observer.append(&chunk);
+        }
+        Ok(observer.finish())
+    };
+    simulation.streams.iter().zip(&streams.files).map(count).collect()
 }

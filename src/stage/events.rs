@@ -1,7 +1,7 @@
-//! Stage `events`: renders the luminance of every pose and shows it to the sensor.
+//! Stage `events`: renders the luminance of every pose and shows it to the sensors.
 
 use super::{Context, Need, Stage, StageError, Target};
-use crate::artifact::{EventStream, Files, Motion, Simulation, write_json};
+use crate::artifact::{EventStreams, Files, Motion, Simulation, Stream, write_json};
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
 use crate::frames::anchors::Anchors;
@@ -13,17 +13,18 @@ use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
-use crate::sensor::{Account, Sensor, SimulateError, simulate};
+use crate::sensor::{Account, Channel, Sensor, Sensors, SimulateError, simulate_all};
 use crate::source::Capture;
 use crate::trajectory::Trajectory;
 use crate::units::amount;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Parameters: camera, rendering, sensor, and the seed of its noise.
+/// Parameters: camera, rendering, sensors, and the seed of their noise.
 #[derive(Debug, Serialize)]
 pub struct Simulating {
     /// The camera, where it differs from the source's own.
@@ -31,16 +32,20 @@ pub struct Simulating {
     pub camera: Option<CameraChoice>,
     /// The rendering.
     pub render: RenderChoice,
-    /// The sensor.
-    pub sensor: Sensor,
-    /// Seed of the sensor's stream.
+    /// The sensor, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<Sensor>,
+    /// The sensors by name, where there are several.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub sensors: BTreeMap<String, Sensor>,
+    /// Seed of the sensors' noise.
     pub seed: Seed,
     /// What renders.
     #[serde(skip)]
     pub backend: Backend,
 }
 
-/// State of the sensor, pictures between the renderer and it, and the sample of the flow, by measurement.
+/// State of a sensor, pictures between the renderer and it, and the sample of the flow, by measurement.
 const BYTES_A_PIXEL: u64 = 232;
 
 /// Pairs of neighbouring poses at which the optical flow is measured.
@@ -50,14 +55,15 @@ impl Stage for Simulating {
     const NAME: &'static str = "events";
     const REVISION: u32 = 3;
     type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
-    type Output = EventStream;
+    type Output = EventStreams;
 
     fn class(&self) -> Option<String> {
         Some(self.backend.class())
     }
 
     fn need(&self, files: &[Files]) -> Need {
-        super::rendering_need(&self.backend, self.camera, files, BYTES_A_PIXEL)
+        let sensors = self.sensors().count() as u64;
+        super::rendering_need(&self.backend, self.camera, files, BYTES_A_PIXEL * sensors)
     }
 
     fn run(
@@ -73,17 +79,16 @@ impl Stage for Simulating {
         let trajectory = motion.trajectory;
         let sampled = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
         let mut frames = RenderedFrames::new(new_renderer()?, camera, trajectory.clone());
-        let (account, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
-        cx.remark = Some(amount(account.events, "ev"));
+        let (streams, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
+        cx.remark = Some(amount(streams.iter().map(|stream| stream.account.events).sum(), "ev"));
         let simulation = Simulation {
             camera,
             gaussians: gaussians.len(),
             sh_degree: gaussians.sh_degree,
             screening: gaussians.screening,
             antialiased: style.antialiased,
-            sensor: self.sensor.clone(),
+            streams,
             seed: self.seed,
-            account,
             work: frames.work(),
             flow_px: Quantiles::of(sampled.moved_px),
             doubtful_share: sampled.doubt.share(),
@@ -97,14 +102,34 @@ impl Stage for Simulating {
 }
 
 impl Simulating {
-    /// Streams the frames through the sensor into `events.h5`.
+    /// The parameters for these sensors.
+    #[must_use]
+    pub fn new(
+        sensors: &Sensors,
+        seed: Seed,
+        (camera, render): (Option<CameraChoice>, RenderChoice),
+    ) -> Self {
+        let (sensor, sensors) = match sensors.clone() {
+            Sensors::One(sensor) => (Some(sensor), BTreeMap::new()),
+            Sensors::Named(sensors) => (None, sensors),
+        };
+        Self { camera, render, sensor, sensors, seed, backend: Backend::default() }
+    }
+
+    /// Each sensor, with its name where there are several.
+    fn sensors(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
+        let one = self.sensor.iter().map(|sensor| (None, sensor));
+        one.chain(self.sensors.iter().map(|(name, sensor)| (Some(name.as_str()), sensor)))
+    }
+
+    /// Streams the frames through the sensors into their files.
     fn simulate(
         &self,
         frames: &mut RenderedFrames,
         stamps_us: &[i64],
         size: Size,
         cx: &Context<'_>,
-    ) -> Result<(Account, Anchors), StageError> {
+    ) -> Result<(Vec<Stream>, Anchors), StageError> {
         let chosen = Anchors::choose(stamps_us);
         let mut anchors = Anchors::empty();
         let mut tap = |frame: &crate::frames::Frame| {
@@ -113,20 +138,38 @@ impl Simulating {
             }
             if cx.go_on().is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let model = self.sensor.as_model();
-        let (c_on, c_off) = model.contrast();
-        let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
-        let header = Header { size, law };
-        let path = cx.out.join("events.h5");
-        let mut sink = h5::Writer::create(&path, &header).map_err(StageError::work("write events.h5"))?;
-        let account = simulate(frames, model, self.seed, &mut sink, &mut tap);
-        let account = account.map_err(|e| match e {
+        let failed = |e| match e {
             SimulateError::Interrupted => StageError::Cancelled,
             e => StageError::work("simulate events")(e),
-        })?;
+        };
+        let mut sinks = self.sinks(size, cx)?;
+        let start = |sensor: &Sensor| sensor.as_model().start(size, [0, 0], self.seed);
+        let mut channels = Vec::new();
+        for ((_, sensor), sink) in self.sensors().zip(&mut sinks) {
+            channels.push(Channel::new(start(sensor).map_err(|e| failed(e.into()))?, sink));
+        }
+        let accounts = simulate_all(frames, &mut channels, &mut tap).map_err(failed)?;
         let last = stamps_us.last().copied().unwrap_or(0);
-        sink.finish(last).map_err(StageError::work("write events.h5"))?;
-        Ok((account, anchors))
+        for sink in sinks {
+            sink.finish(last).map_err(StageError::work("write events"))?;
+        }
+        let stream = |((name, sensor), account): ((Option<&str>, &Sensor), Account)| Stream {
+            name: name.map(str::to_owned),
+            sensor: sensor.clone(),
+            account,
+        };
+        Ok((self.sensors().zip(accounts).map(stream).collect(), anchors))
+    }
+
+    /// The file of each sensor's events.
+    fn sinks(&self, size: Size, cx: &Context<'_>) -> Result<Vec<h5::Writer>, StageError> {
+        let sink = |(name, sensor): (Option<&str>, &Sensor)| {
+            let model = sensor.as_model();
+            let (c_on, c_off) = model.contrast();
+            let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
+            h5::Writer::create(&cx.out.join(Stream::stored(name)), &Header { size, law })
+        };
+        self.sensors().map(sink).collect::<Result<_, _>>().map_err(StageError::work("write events"))
     }
 }
 

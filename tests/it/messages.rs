@@ -3,7 +3,7 @@
 use crate::support::given::sound;
 use crate::support::pipe::renew;
 use crate::support::steps::steps;
-use crate::support::workspace::{Ended, TINY, Workspace};
+use crate::support::workspace::{Ended, TINY, Workspace, hidden_gpus};
 use gs2e::store::record::{Provenance, Record};
 use gs2e::store::{Access, Claim, Digest, Key, Opening, Store};
 use rustix::process::{Pid, Signal, kill_process};
@@ -296,7 +296,7 @@ fn disk_full() {
          mount -o remount,size=64m .gs2e && {program} build -q a.yaml b.yaml >&2 || exit 78
          exit $code"
     );
-    let mut command = std::process::Command::new("unshare");
+    let mut command = hidden_gpus(std::process::Command::new("unshare"));
     command.args(["-rm", "sh", "-c", &script]).current_dir(place.path(""));
     let output = command.output();
     let Some(output) = output

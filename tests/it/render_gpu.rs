@@ -295,6 +295,22 @@ fn a_gpu_that_is_lost_is_an_error() {
 }
 
 #[test]
+fn a_scene_or_images_without_room_are_an_error_with_what_was_asked_and_what_there_is() {
+    let Some(device) = gpu::device() else { return };
+    let (crowd, view) = (scene(&crowd(1000, 6)), ahead(640, 480, 600.0));
+    let told = |room: u64| {
+        let device = device.clone().with_room(room);
+        let rendered = Gpu::new(device, &crowd, OFFICIAL)
+            .and_then(|mut gpu| gpu.render(&view, ALL, &mut Rendered::default()));
+        let error = rendered.unwrap_err();
+        let RenderError::Gpu(GpuError::Memory { what, wanted, .. }) = &error else { panic!("{error}") };
+        assert!(*wanted > room && error.to_string().ends_with(&format!("{what}: there is room for {room}")));
+        *what
+    };
+    assert_ne!(told(1000), told(16 << 20));
+}
+
+#[test]
 fn a_gpu_that_is_not_there_is_an_error_that_lists_those_that_are() {
     let Some(device) = gpu::device() else { return };
     for (choice, wanted) in [

@@ -2,7 +2,8 @@
 
 use super::amount;
 use crate::measure::{Workload, timed};
-use gs2e::event::{Event, EventSink as _, Header, Polarity, h5, npz};
+use gs2e::event::h5::{self, Filter};
+use gs2e::event::{Event, EventSink as _, Header, Polarity, npz};
 use gs2e::image::Size;
 use gs2e::units::Timestamp;
 use std::path::Path;
@@ -15,7 +16,14 @@ type Write = fn(&Path, &[Event]);
 
 pub(super) fn workloads() -> Vec<Workload> {
     let events: Arc<[Event]> = stream().into();
-    let formats: [(&str, Write); 2] = [("events.h5, gzip 4 + shuffle", write_h5), ("events.npz", write_npz)];
+    let formats: [(&str, Write); 6] = [
+        ("events.h5, gzip 4 + shuffle", |path, events| write_h5(path, events, Filter::Gzip(4))),
+        ("events.h5, gzip 1 + shuffle", |path, events| write_h5(path, events, Filter::Gzip(1))),
+        ("events.h5, zstd 3 + shuffle", |path, events| write_h5(path, events, Filter::Zstd(3))),
+        ("events.h5, lz4 + shuffle", |path, events| write_h5(path, events, Filter::Lz4)),
+        ("events.h5, no filter", |path, events| write_h5(path, events, Filter::None)),
+        ("events.npz", write_npz),
+    ];
     formats.map(|(name, write)| workload(name, write, &events)).into()
 }
 
@@ -32,8 +40,10 @@ fn workload(name: &str, write: Write, events: &Arc<[Event]>) -> Workload {
     Workload { part: "event", what, rival: false, run: Box::new(run) }
 }
 
-fn write_h5(path: &Path, events: &[Event]) {
-    let mut writer = h5::Writer::create(path, &Header { size: SIZE, law: None }).expect("it can be created");
+fn write_h5(path: &Path, events: &[Event], filter: Filter) {
+    let options = h5::Options { filter, t_offset_us: 0 };
+    let header = Header { size: SIZE, law: None };
+    let mut writer = h5::Writer::create_as(path, &header, options).expect("it can be created");
     events.chunks(1 << 16).for_each(|chunk| writer.append(chunk).expect("it can be written"));
     writer.finish(1_000_000).expect("it can be written");
 }

@@ -1,13 +1,13 @@
 //! Events in another file format.
 
-use super::write_beside;
 use crate::cli::console::Console;
 use crate::cli::message::{Level, Message};
+use crate::cli::output::write_beside;
 use crate::cli::problem::{Exit, Problem};
 use crate::event::evt::Version;
 use crate::event::file::{self, EventFile, Format, Hints, Opened, Sorted};
 use crate::event::text::TimeUnit;
-use crate::event::{Event, EventFileError, EventSource as _};
+use crate::event::{Event, EventFileError, EventSource as _, h5};
 use crate::image::Size;
 use crate::units::amount;
 use clap::ValueEnum;
@@ -16,7 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// What the formats are called by.
-pub(super) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
+pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
 
 /// Options for events.
 #[derive(Debug, clap::Args)]
@@ -24,6 +24,9 @@ pub(super) struct Options {
     /// What a .raw is written as
     #[arg(long, value_enum, default_value_t = Codec::Evt2)]
     codec: Codec,
+    /// How a .h5 is compressed: gzip[:0-9], zstd[:1-19], lz4 or none; zstd and lz4 need a plug-in to be read elsewhere
+    #[arg(long, value_name = "FILTER", default_value_t)]
+    h5_filter: h5::Filter,
     /// The sensor's size, where a file of events does not say it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
     size: Option<Size>,
@@ -34,11 +37,20 @@ pub(super) struct Options {
 
 /// The codecs of a .raw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Codec {
+pub(in crate::cli) enum Codec {
     /// Prophesee's EVT 2.0
     Evt2,
     /// Prophesee's EVT 3.0
     Evt3,
+}
+
+impl From<Codec> for Version {
+    fn from(codec: Codec) -> Self {
+        match codec {
+            Codec::Evt2 => Self::Evt2,
+            Codec::Evt3 => Self::Evt3,
+        }
+    }
 }
 
 /// Units of time.
@@ -57,11 +69,17 @@ enum Unit {
 impl Options {
     /// The format that a name asks for.
     pub(super) fn format(&self, path: &Path) -> Option<Format> {
-        let version = match self.codec {
-            Codec::Evt2 => Version::Evt2,
-            Codec::Evt3 => Version::Evt3,
-        };
-        Format::of(path, version)
+        Format::of(path, self.codec.into())
+    }
+
+    /// Opens a file of events.
+    pub(super) fn open(&self, path: &Path, format: Format) -> Result<Opened, Problem> {
+        if let Err(e) = std::fs::metadata(path) {
+            return Err(Problem::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
+        }
+        file::open(path, format, self.hints()).map_err(|e| {
+            Problem::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
+        })
     }
 
     fn hints(&self) -> Hints {
@@ -108,7 +126,7 @@ struct Done {
 
 impl Conversion<'_> {
     pub(super) fn run(&self, console: &Console) -> Result<Exit, Problem> {
-        let mut opened = self.open()?;
+        let mut opened = self.options.open(self.from.0, self.from.1)?;
         let before = self.losses_of_form(&opened);
         if !before.is_empty() && !self.lossy {
             return Err(self.refused(&before));
@@ -135,16 +153,6 @@ impl Conversion<'_> {
         Ok(Exit::Done)
     }
 
-    fn open(&self) -> Result<Opened, Problem> {
-        let (path, format) = self.from;
-        if let Err(e) = std::fs::metadata(path) {
-            return Err(Problem::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
-        }
-        file::open(path, format, self.options.hints()).map_err(|e| {
-            Problem::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
-        })
-    }
-
     /// What the output's format has no place for.
     fn losses_of_form(&self, opened: &Opened) -> Vec<String> {
         let format = self.to.1;
@@ -161,13 +169,24 @@ impl Conversion<'_> {
     }
 
     fn copy(&self, opened: &mut Opened, part: &Path) -> Result<Done, Failure> {
-        let mut sink = file::create(part, self.to.1, &opened.header).map_err(Failure::Write)?;
         let mut sorted = Sorted::new(&mut *opened.source);
-        let (mut done, mut chunk, mut last_us) = (Done::default(), Vec::new(), 0);
-        while sorted.next_chunk(&mut chunk).map_err(Failure::Read)? {
+        let (mut done, mut chunk) = (Done::default(), Vec::new());
+        let mut more = sorted.next_chunk(&mut chunk).map_err(Failure::Read)?;
+        let last = |chunk: &[Event]| chunk.last().map(|event| event.t.floor_micros());
+        let mut last_us = last(&chunk).unwrap_or(opened.offset_us);
+        let h5 = h5::Options { filter: self.options.h5_filter, t_offset_us: opened.offset_us };
+        // A file that says what its times count from is believed; of others the first events show whether 32 bits do.
+        let h5 = match chunk.first() {
+            Some(first) if h5.t_offset_us == 0 => h5.spanning(first.t.floor_micros(), last_us),
+            _ => h5,
+        };
+        let options = file::Options { zero_us: 0, h5 };
+        let mut sink = file::create(part, self.to.1, &opened.header, options).map_err(Failure::Write)?;
+        while more {
             done.count(&chunk);
-            last_us = chunk.last().map_or(last_us, |event: &Event| event.t.floor_micros());
+            last_us = last(&chunk).unwrap_or(last_us);
             sink.append(&chunk).map_err(|e| Failure::Write(e.into()))?;
+            more = sorted.next_chunk(&mut chunk).map_err(Failure::Read)?;
         }
         done.untimed = sorted.untimed();
         let written = EventFile::finish(sink, last_us).map_err(Failure::Write)?;

@@ -1,6 +1,6 @@
 //! Reading, chunk by chunk.
 
-use super::{CHUNK, MS_TO_IDX, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex};
+use super::{CHUNK, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex};
 use crate::event::{Event, EventFileError, EventSource, Header, LawStamp, Polarity};
 use crate::image::Size;
 use crate::units::Timestamp;
@@ -20,6 +20,7 @@ const MOST_AT_ONCE: usize = 1 << 20;
 /// the events are sorted and on the sensor is for checks to judge, which measure it.
 pub struct Reader {
     header: Option<Header>,
+    offset_us: i64,
     x: H5Dataset,
     y: H5Dataset,
     p: H5Dataset,
@@ -59,9 +60,9 @@ impl Reader {
             let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
             return Err(EventFileError::Dataset { dataset: T, because });
         }
-        check_offset(&file)?;
         let reader = Self {
             header: read_header(path)?,
+            offset_us: offset(&file)?,
             x: column_of_length::<u16>(&file, X, count)?,
             y: column_of_length::<u16>(&file, Y, count)?,
             p: column_of_length::<u8>(&file, P, count)?,
@@ -78,6 +79,12 @@ impl Reader {
     #[must_use]
     pub fn header(&self) -> Option<Header> {
         self.header
+    }
+
+    /// What the times of the file count from; those of the events that are given have it added.
+    #[must_use]
+    pub fn offset_us(&self) -> i64 {
+        self.offset_us
     }
 
     /// Number of events.
@@ -114,13 +121,13 @@ impl Reader {
         stored.expect(self.count as u64, rest)
     }
 
-    fn event(number: usize, t: u32, x: u16, y: u16, p: u8) -> Result<Event, EventFileError> {
+    fn event(&self, number: usize, t: u32, x: u16, y: u16, p: u8) -> Result<Event, EventFileError> {
         let polarity = match p {
             0 => Polarity::Off,
             1 => Polarity::On,
             p => return Err(wrong(P, number as u64, p, "0 or 1".to_owned())),
         };
-        Ok(Event { t: Timestamp::from_micros(i64::from(t)), x, y, polarity })
+        Ok(Event { t: Timestamp::from_micros(self.offset_us + i64::from(t)), x, y, polarity })
     }
 }
 
@@ -135,7 +142,7 @@ impl EventSource for Reader {
         let (t, p) = (read::<u32>(&self.t, T, first, count)?, read::<u8>(&self.p, P, first, count)?);
         let (x, y) = (read::<u16>(&self.x, X, first, count)?, read::<u16>(&self.y, Y, first, count)?);
         for i in 0..count {
-            out.push(Self::event(first + i, t[i], x[i], y[i], p[i])?);
+            out.push(self.event(first + i, t[i], x[i], y[i], p[i])?);
         }
         self.next += count;
         Ok(true)
@@ -245,12 +252,12 @@ fn step_of(dataset: &H5Dataset) -> usize {
     }
 }
 
-fn check_offset(file: &H5File) -> Result<(), EventFileError> {
+fn offset(file: &H5File) -> Result<i64, EventFileError> {
     let refusal = |because| EventFileError::Dataset { dataset: T_OFFSET, because };
     let dataset = file.dataset(T_OFFSET).map_err(|e| refusal(e.to_string()))?;
     match *dataset.read_raw::<i64>().map_err(|e| refusal(e.to_string()))? {
-        [0] => Ok(()),
-        ref found => Err(refusal(format!("{found:?}, wanted 0: times count from the first stamp"))),
+        [us] if OFFSETS_US.contains(&us) => Ok(us),
+        ref found => Err(refusal(format!("{found:?}, wanted one time that fits 64 bits of nanoseconds"))),
     }
 }
 

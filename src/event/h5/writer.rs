@@ -1,15 +1,12 @@
 //! Writing: events are held until they fill chunks, chunks are filtered in parallel and stored in stream order.
 
-use super::{CHUNK, END_US, MS_TO_IDX, T_OFFSET, index::MsIndex};
+use super::filter::Filter;
+use super::{CHUNK, END_US, MS_TO_IDX, Options, T_OFFSET, index::MsIndex};
 use crate::event::order::Order;
 use crate::event::{Event, EventFileError, EventSink, Header};
-use flate2::{Compress, Compression, FlushCompress, Status};
 use rayon::prelude::*;
 use rust_hdf5::{H5Dataset, H5File, H5Group, H5Type, LibverBound};
 use std::path::{Path, PathBuf};
-
-/// Level of zlib.
-const LEVEL: u32 = 4;
 
 /// Chunks that are filtered together: enough to occupy the cores, few enough to be small in memory (17 MB of events).
 const BATCH: usize = 16;
@@ -27,6 +24,7 @@ pub struct Writer {
     index: MsIndex,
     index_held: Vec<u64>,
     index_column: Column,
+    filter: Filter,
 }
 
 impl std::fmt::Debug for Writer {
@@ -41,17 +39,26 @@ impl Writer {
     /// # Errors
     /// When the file cannot be created.
     pub fn create(path: &Path, header: &Header) -> Result<Self, EventFileError> {
+        Self::create_as(path, header, Options::default())
+    }
+
+    /// The same with chunks and times as `options` say; the events' own times count from `options.t_offset_us`.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn create_as(path: &Path, header: &Header, options: Options) -> Result<Self, EventFileError> {
+        let Options { filter, t_offset_us } = options;
         let file = H5File::options().no_locking().libver(LibverBound::Earliest).create(path)?;
         write_attributes(&file, header)?;
         let events = file.create_group("events")?;
         let columns = [
-            Column::create::<u16>(&events, "x", |e, out| out.extend(e.x.to_le_bytes()))?,
-            Column::create::<u16>(&events, "y", |e, out| out.extend(e.y.to_le_bytes()))?,
-            Column::create::<u8>(&events, "p", |e, out| out.push(e.polarity as u8))?,
-            Column::create::<u32>(&events, "t", |e, out| out.extend(micros(e).to_le_bytes()))?,
+            Column::create::<u16>(&events, "x", filter, |e, out| out.extend(e.x.to_le_bytes()))?,
+            Column::create::<u16>(&events, "y", filter, |e, out| out.extend(e.y.to_le_bytes()))?,
+            Column::create::<u8>(&events, "p", filter, |e, out| out.push(e.polarity as u8))?,
+            Column::create::<u32>(&events, "t", filter, |e, out| out.extend(micros(e).to_le_bytes()))?,
         ];
-        let index_column = Column::create::<u64>(&file.root_group(), MS_TO_IDX, |_, _| ())?;
-        file.new_dataset::<i64>().scalar().create(T_OFFSET)?.write_raw(&[0i64])?;
+        let index_column = Column::create::<u64>(&file.root_group(), MS_TO_IDX, filter, |_, _| ())?;
+        file.new_dataset::<i64>().scalar().create(T_OFFSET)?.write_raw(&[t_offset_us])?;
         Ok(Self {
             path: path.to_owned(),
             file: Some(file),
@@ -61,6 +68,7 @@ impl Writer {
             index: MsIndex::default(),
             index_held: Vec::new(),
             index_column,
+            filter,
         })
     }
 
@@ -107,7 +115,7 @@ impl Writer {
     fn store_index(&mut self, count: usize) -> Result<(), EventFileError> {
         for chunk in self.index_held[..count].chunks(CHUNK) {
             let bytes: Vec<u8> = chunk.iter().flat_map(|v| v.to_le_bytes()).collect();
-            self.index_column.store(chunk.len(), &filtered(&bytes, size_of::<u64>()))?;
+            self.index_column.store(chunk.len(), &self.filter.apply(&bytes, size_of::<u64>())?)?;
         }
         self.index_held.drain(..count);
         Ok(())
@@ -115,19 +123,19 @@ impl Writer {
 
     /// Writes the first `count` of the held events, a whole number of chunks but at the end of the stream.
     fn store_chunks(&mut self, count: usize) -> Result<(), EventFileError> {
+        let filter = self.filter;
         for batch in self.held[..count].chunks(BATCH * CHUNK) {
             let chunks: Vec<&[Event]> = batch.chunks(CHUNK).collect();
             let layouts = self.columns.each_ref().map(|column| (column.width, column.encode));
-            let stored: Vec<[Vec<u8>; 4]> = chunks
-                .par_iter()
-                .map(|events| {
-                    let mut of_column = [const { Vec::new() }; 4];
-                    of_column.par_iter_mut().zip(layouts).for_each(|(out, (width, encode))| {
-                        *out = filtered(&bytes_of(events, encode), width);
-                    });
-                    of_column
-                })
-                .collect();
+            let stored = chunks.par_iter().map(|events| {
+                let mut of_column = [const { Vec::new() }; 4];
+                of_column.par_iter_mut().zip(layouts).try_for_each(|(out, (width, encode))| {
+                    *out = filter.apply(&bytes_of(events, encode), width)?;
+                    Ok::<(), std::io::Error>(())
+                })?;
+                Ok::<_, std::io::Error>(of_column)
+            });
+            let stored: Vec<[Vec<u8>; 4]> = stored.collect::<Result<_, _>>()?;
             for (events, bytes) in chunks.iter().zip(&stored) {
                 for (column, bytes) in self.columns.iter_mut().zip(bytes) {
                     column.store(events.len(), bytes)?;
@@ -183,21 +191,27 @@ type Encode = fn(&Event, &mut Vec<u8>);
 /// One growing dataset.
 struct Column {
     dataset: H5Dataset,
+    /// Its chunks are stored as they are.
+    plain: bool,
     width: usize,
     encode: Encode,
     len: usize,
 }
 
 impl Column {
-    fn create<T: H5Type>(group: &H5Group, name: &str, encode: Encode) -> Result<Self, EventFileError> {
-        let dataset = group
-            .new_dataset::<T>()
-            .shape([0usize])
-            .chunk(&[CHUNK])
-            .max_shape(&[None])
-            .shuffle_deflate(LEVEL)
-            .create(name)?;
-        Ok(Self { dataset, width: size_of::<T>(), encode, len: 0 })
+    fn create<T: H5Type>(
+        group: &H5Group,
+        name: &str,
+        filter: Filter,
+        encode: Encode,
+    ) -> Result<Self, EventFileError> {
+        let width = size_of::<T>();
+        let growing = group.new_dataset::<T>().shape([0usize]).chunk(&[CHUNK]).max_shape(&[None]);
+        let dataset = match filter.pipeline(width) {
+            Some(pipeline) => growing.filter_pipeline(pipeline),
+            None => growing,
+        };
+        Ok(Self { dataset: dataset.create(name)?, plain: filter == Filter::None, width, encode, len: 0 })
     }
 
     /// Stores the next chunk, filtered already, of `count` elements: `CHUNK` but for the last.
@@ -205,6 +219,9 @@ impl Column {
         let chunk = self.len / CHUNK;
         self.len += count;
         self.dataset.extend(&[self.len])?;
+        if self.plain {
+            return Ok(self.dataset.write_chunk(chunk, bytes)?);
+        }
         Ok(self.dataset.write_chunk_raw(chunk, bytes, 0)?)
     }
 }
@@ -213,25 +230,4 @@ fn bytes_of(events: &[Event], encode: Encode) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(CHUNK * size_of::<u64>());
     events.iter().for_each(|event| encode(event, &mut bytes));
     bytes
-}
-
-/// The stored form of a chunk of little-endian elements: padded with zeros to a whole chunk, as the format wants it,
-/// then shuffled (all first bytes, all second bytes, ...), then a zlib stream.
-fn filtered(bytes: &[u8], width: usize) -> Vec<u8> {
-    let mut shuffled = vec![0; CHUNK * width];
-    for (i, element) in bytes.chunks_exact(width).enumerate() {
-        for (k, &byte) in element.iter().enumerate() {
-            shuffled[k * CHUNK + i] = byte;
-        }
-    }
-    deflated(&shuffled)
-}
-
-fn deflated(bytes: &[u8]) -> Vec<u8> {
-    // A stored block of zlib adds 5 bytes to each 16 KiB or more, and 6 around the stream.
-    let mut out = Vec::with_capacity(bytes.len() + bytes.len() / 1024 + 64);
-    let status =
-        Compress::new(Compression::new(LEVEL), true).compress_vec(bytes, &mut out, FlushCompress::Finish);
-    assert!(matches!(status, Ok(Status::StreamEnd)), "a deflated chunk fits the bound on its size");
-    out
 }

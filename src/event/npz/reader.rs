@@ -2,12 +2,13 @@
 
 use super::{ARRAYS, END_US};
 use crate::event::{Event, EventFileError, EventSource, Polarity};
+use crate::image::npy;
 use crate::units::Timestamp;
 use flate2::CrcReader;
 use flate2::read::DeflateDecoder;
 use npyz::NpyHeader;
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 use zip::{CompressionMethod, ZipArchive};
 
@@ -87,26 +88,6 @@ impl EventSource for Reader {
     }
 }
 
-/// The head of an array as it is stored, if it is one that can be parsed in a short time: the parser's doubles with
-/// every bracket that is open, and the head of a plain array of one dimension has two, of its dictionary and its shape.
-fn head(data: &mut impl Read) -> io::Result<Vec<u8>> {
-    let refusal = |because: String| Err(io::Error::new(io::ErrorKind::InvalidData, because));
-    let mut head = vec![0; 10];
-    data.read_exact(&mut head)?;
-    let version = head[6];
-    if version != 1 {
-        return refusal(format!("version {version} of its format, wanted 1"));
-    }
-    let len = usize::from(u16::from_le_bytes([head[8], head[9]]));
-    head.resize(10 + len, 0);
-    data.read_exact(&mut head[10..])?;
-    let brackets = head[10..].iter().filter(|byte| b"([{".contains(byte)).count();
-    if brackets > 2 {
-        return refusal(format!("{brackets} brackets in its head, wanted those of a dictionary and a shape"));
-    }
-    Ok(head)
-}
-
 /// One array, read from its own handle.
 struct Column {
     name: &'static str,
@@ -142,7 +123,7 @@ impl Column {
             other => return Err(refusal(format!("compressed by {other}, wanted deflate"))),
         };
         let mut data = CrcReader::new(data);
-        let head = head(&mut data).map_err(|e| refusal(e.to_string()))?;
+        let head = npy::head(&mut data).map_err(|e| refusal(e.to_string()))?;
         let header = NpyHeader::from_reader(&head[..]).map_err(|e| refusal(e.to_string()))?;
         let (found, shape) = (header.dtype().descr(), header.shape());
         match shape {
@@ -181,23 +162,4 @@ impl Column {
 
 fn wrong(dataset: &'static str, index: u64, found: i128, wanted: String) -> EventFileError {
     EventFileError::Value { dataset, index, found, wanted }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn heads_that_take_long_to_parse_are_refused() {
-        let stored = |text: &str| {
-            [b"\x93NUMPY\x01\x00", &[u8::try_from(text.len()).unwrap(), 0][..], text.as_bytes()].concat()
-        };
-        let t = |text: &str, sound: bool| assert_eq!(head(&mut &stored(text)[..]).is_ok(), sound, "{text}");
-        t("{'descr': '<u2', 'fortran_order': False, 'shape': (300, ), }\n", true);
-        t(&"{".repeat(54), false);
-        t("{'descr': [('a', '<u2')], 'fortran_order': False, 'shape': (300, ), }\n", false);
-        let mut later = stored("{}");
-        later[6] = 3;
-        assert!(head(&mut &later[..]).is_err(), "no head of 4 GB");
-    }
 }

@@ -1,16 +1,22 @@
 //! The sensor: presets and units become numbers.
 
+mod models;
+
 use super::Resolver;
-use super::number::{Range, Whole};
+use super::number::Range;
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::names;
+use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::schema;
 use crate::recipe::text::Place;
-use crate::sensor::Sensor;
 use crate::sensor::voltmeter::{Between, Gain, Initial, Law, Preset, Voltmeter};
+use crate::sensor::{Sensor, Sensors};
 use crate::units::Hertz;
+use std::collections::BTreeMap;
 
-const SENSORS: &str = "this gs2e has the sensor voltmeter";
+const IDEAL: &str = "this gs2e feeds sensors encoded luminance, and labels no events";
+const EQUAL: &str =
+    "under law exact this gs2e simulates equal pixels; official, esim and v2e have unequal ones";
 
 /// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
 const K: [Range; 6] = [
@@ -34,30 +40,116 @@ impl Resolver<'_> {
         }
     }
 
-    pub(super) fn sensor(
+    /// The one sensor, or several by name.
+    pub(super) fn sensors(
+        &self,
+        raw: &schema::Recipe,
+        between: Option<Between>,
+        rate: Option<Hertz>,
+    ) -> Option<Sensors> {
+        let (sensors, place) = match &raw.sensors {
+            Field::Absent => return self.sensor(&raw.sensor, between, rate).map(Sensors::One),
+            Field::Bad => return None,
+            Field::Given(sensors, place) => (sensors, *place),
+        };
+        if let Some(at) = raw.sensor.place() {
+            let problem = Problem::of_key("and sensors exclude each other");
+            return self.refuse(problem.help("name it among sensors").at(at));
+        }
+        if sensors.is_empty() {
+            let help = "write sensors: { my-name: { voltmeter: {} } }";
+            return self.refuse(Problem::of_field("names no sensor").help(help).at(place));
+        }
+        let lower: BTreeMap<String, &String> =
+            sensors.keys().map(|name| (name.to_lowercase(), name)).collect();
+        if let Some(name) = sensors.keys().find(|name| lower[&name.to_lowercase()] != *name) {
+            // They are names of files, and some systems know no case.
+            let found = format!(
+                "has {}, which differs from {} in case alone",
+                quoted(lower[&name.to_lowercase()]),
+                quoted(name)
+            );
+            return self.refuse(Problem::of_field(found).help("choose another name").at(place));
+        }
+        // Each is looked at, so that all faults are told.
+        let sensors: Vec<_> = sensors
+            .iter()
+            .map(|(name, field)| self.named_sensor((name, field, place), between, rate))
+            .collect();
+        sensors.into_iter().collect::<Option<BTreeMap<_, _>>>().map(Sensors::Named)
+    }
+
+    /// One of several sensors, which stand at `place`.
+    fn named_sensor(
+        &self,
+        (name, field, place): (&str, &Field<schema::Sensor>, Place),
+        between: Option<Between>,
+        rate: Option<Hertz>,
+    ) -> Option<(String, Sensor)> {
+        let place = field.place().unwrap_or(place);
+        let name = self.named(name, place, names::sensor(name), names::SENSOR_HELP);
+        let sensor = self.sensor(field, between, rate);
+        Some((name?, sensor?))
+    }
+
+    fn sensor(
         &self,
         field: &Field<schema::Sensor>,
         between: Option<Between>,
         rate: Option<Hertz>,
     ) -> Option<Sensor> {
         let default = Field::Given(Box::default(), self.root);
-        let raw = match field {
-            Field::Absent => &default,
+        let (sensor, place) = match field {
+            Field::Absent => (self.voltmeter_sensor(&default, between)?, self.root),
             Field::Bad => return None,
-            Field::Given(schema::Sensor::Voltmeter(raw), _) => raw,
-            Field::Given(schema::Sensor::Esim(later) | schema::Sensor::V2e(later), _) => {
-                self.later(later, SENSORS);
-                return None;
+            Field::Given(schema::Sensor::Voltmeter(raw), _) => {
+                (self.voltmeter_sensor(raw, between)?, raw.place()?)
+            }
+            Field::Given(schema::Sensor::Esim(raw), _) => {
+                let (raw, place) = raw.given()?;
+                let (linear, esim) = (self.only_linear(between, "the sensor esim", place), self.esim(raw));
+                linear?;
+                (Sensor::Esim(esim?), place)
+            }
+            Field::Given(schema::Sensor::V2e(raw), _) => {
+                let (raw, place) = raw.given()?;
+                let (linear, v2e) = (self.only_linear(between, "the sensor v2e", place), self.v2e(raw));
+                linear?;
+                (Sensor::V2e(v2e?), place)
             }
         };
-        let (raw, place) = raw.given()?;
-        let voltmeter = Voltmeter { between: between?, ..self.voltmeter(raw, place)? };
-        self.possible(&voltmeter, rate?, place).then_some(Sensor::Voltmeter(voltmeter))
+        self.possible(&sensor, rate?, place).then_some(sensor)
+    }
+
+    fn voltmeter_sensor(
+        &self,
+        field: &Field<Box<schema::Voltmeter>>,
+        between: Option<Between>,
+    ) -> Option<Sensor> {
+        let (raw, place) = field.given()?;
+        let found = self.voltmeter(raw, place);
+        let voltmeter = Voltmeter { between: between?, ..found? };
+        match raw.law.place().filter(|_| voltmeter.law == Law::Official) {
+            Some(at) => self.only_linear(between, "the law official", at)?,
+            None => self.equal_pixels(raw)?,
+        }
+        Some(Sensor::Voltmeter(voltmeter))
+    }
+
+    /// The law `exact` has none of what other laws may have.
+    fn equal_pixels(&self, raw: &schema::Voltmeter) -> Option<()> {
+        let spread = raw.threshold.given().and_then(|(threshold, _)| threshold.spread.place());
+        let places: Vec<Place> =
+            [spread, raw.hot_pixels.place(), raw.allow_cap.place()].into_iter().flatten().collect();
+        for place in &places {
+            self.report(Problem::of_key("is not built yet").help(EQUAL).at(*place));
+        }
+        places.is_empty().then_some(())
     }
 
     /// Whether the sensor makes a stream that can be used (numerics 1.1); if not, that is reported.
-    fn possible(&self, voltmeter: &Voltmeter, rate: Hertz, place: Place) -> bool {
-        let screened = voltmeter.screen(rate).map_err(|error| {
+    fn possible(&self, sensor: &Sensor, rate: Hertz, place: Place) -> bool {
+        let screened = sensor.screen(rate).map_err(|error| {
             let problem = Problem::of_key(format!("is no usable sensor: {error}"));
             self.report(problem.at(place));
         });
@@ -65,16 +157,17 @@ impl Resolver<'_> {
     }
 
     fn voltmeter(&self, raw: &schema::Voltmeter, place: Place) -> Option<Voltmeter> {
-        for later in [&raw.front_end, &raw.hot_pixels, &raw.labels] {
-            self.later(later, "this gs2e simulates ideal pixels");
+        for later in [&raw.front_end, &raw.labels] {
+            self.later(later, IDEAL);
         }
         let k = self.k(raw, place);
         let threshold = self.threshold(&raw.threshold);
         let law = self.sampler(&raw.law);
         let gain = self.or(&raw.gain, schema::Gain::Log);
         let initial = initial(&raw.initial);
-        let cap = self.small(&raw.max_events_per_pixel_frame, 1000, Whole::new(1, 1_000_000_000));
-        let [threshold_on, threshold_off] = threshold?;
+        let cap = self.cap(&raw.max_events_per_pixel_frame);
+        let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
+        let [threshold_on, threshold_off, threshold_spread] = threshold?;
         Some(Voltmeter {
             threshold_on,
             threshold_off,
@@ -85,6 +178,9 @@ impl Resolver<'_> {
             },
             initial: initial?,
             max_events_per_pixel_frame: cap?,
+            allow_cap: allow_cap?,
+            threshold_spread,
+            hot_pixels: hot_pixels?,
             ..Voltmeter::new(k?)
         })
     }
@@ -123,20 +219,19 @@ impl Resolver<'_> {
             .or_else(|| self.refuse(Problem::unknown("preset", name, &names).at(place)))
     }
 
-    fn threshold(&self, field: &Field<schema::Threshold>) -> Option<[f64; 2]> {
+    /// Of ON, of OFF, and their spread.
+    fn threshold(&self, field: &Field<schema::Threshold>) -> Option<[f64; 3]> {
         let absent = schema::Threshold::default();
         let raw = self.section(field, &absent)?;
-        self.later(&raw.spread, "this gs2e simulates equal pixels");
-        let [on, off] = [&raw.on, &raw.off].map(|field| self.real(field, 1.0, Range::new(1e-6, 1e6)));
-        Some([on?, off?])
+        let [on, off] = [&raw.on, &raw.off].map(|field| self.real(field, 1.0, models::THRESHOLD));
+        let spread = self.threshold_spread(&raw.spread, 0.0);
+        Some([on?, off?, spread?])
     }
 
     fn sampler(&self, field: &Field<schema::Law>) -> Option<Law> {
         match field {
             Field::Absent | Field::Given(schema::Law::Exact, _) => Some(Law::Exact),
-            Field::Given(schema::Law::Official, place) => {
-                self.word_later("official", *place, "this gs2e has the law exact")
-            }
+            Field::Given(schema::Law::Official, _) => Some(Law::Official),
             Field::Bad => None,
         }
     }

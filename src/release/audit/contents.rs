@@ -5,10 +5,11 @@ mod motion;
 mod pictures;
 
 use super::{Code, Fault, Tree, claims};
+use crate::artifact::Stream;
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
 use crate::image::Size;
-use crate::release::scene::{SceneFile, TrajectoryPart};
+use crate::release::scene::{SceneFile, Statistics, TrajectoryPart};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -50,16 +51,26 @@ pub(super) fn scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
         let path = format!("{}/{}", scene.id, part.name);
         let folder = Folder { tree, path: &path, part, camera };
         faults.extend(incomplete(&folder, scene));
-        let names = ["poses.txt", "events.h5", "checks.json"];
-        let contents = names.into_par_iter().filter(|name| folder.has(name)).flat_map(|name| match name {
-            "poses.txt" => motion::audit(&folder),
-            "events.h5" => events::audit(&folder),
-            _ => checks(&folder),
-        });
+        let streams = streams(part).into_par_iter().filter(|(name, _)| folder.has(name));
+        let contents = streams.flat_map(|(name, stated)| events::audit(&folder, &name, stated));
         faults.extend(contents.collect::<Vec<_>>());
+        if folder.has("poses.txt") {
+            faults.extend(motion::audit(&folder));
+        }
+        if folder.has("checks.json") {
+            faults.extend(checks(&folder));
+        }
         faults.extend(pictures::audit(&folder));
     }
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
+}
+
+/// The file of each event stream that a trajectory has where it has any, with what is counted of it.
+fn streams(part: &TrajectoryPart) -> Vec<(String, &Statistics)> {
+    if part.sensors.is_empty() {
+        return vec![(Stream::released(None), &part.statistics)];
+    }
+    part.sensors.iter().map(|(name, sensor)| (Stream::released(Some(name)), &sensor.statistics)).collect()
 }
 
 /// The files that the scene's own description asks for and that are not there.
@@ -71,7 +82,7 @@ fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
     let outputs = scene.recipe.get("outputs").and_then(|outputs| outputs.as_array());
     let asked = |output: &str| outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output));
     if asked("events") {
-        wanted.push("events.h5".into());
+        wanted.extend(streams(folder.part).into_iter().map(|(name, _)| name));
     }
     if asked("sharp") {
         let every = scene.recipe.pointer("/sharp/every").and_then(serde_json::Value::as_u64).unwrap_or(1);

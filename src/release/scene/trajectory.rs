@@ -1,13 +1,15 @@
 //! What `scene.json` says of one trajectory.
 
-use super::{DepthQuantiles, Range, Statistics, TrajectoryPart};
-use crate::artifact::Simulation;
+use super::{DepthQuantiles, Range, SensorPart, Statistics, TrajectoryPart};
+use crate::artifact::{Simulation, Stream};
 use crate::recipe::{Recipe, TrajectoryRecipe};
 use crate::release::built::BuiltTrajectory;
 use crate::render::RenderChoice;
 use crate::render::flow::Quantiles;
 use crate::sensor::Sensor;
+use crate::sensor::voltmeter::Voltmeter;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// The part of a trajectory.
 pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
@@ -23,7 +25,8 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
         rate: recipe.rate.0.to_string(),
         sampling: json!({ "rate": recipe.rate.0.to_string(), "between": "linear" }),
         render_rules: render_rules(recipe.render, built.simulation()),
-        sensor: built.simulation().map(sensor),
+        sensor: the_one(built).map(|(simulation, stream)| sensor(simulation, stream)),
+        sensors: sensors(built),
         blur: None,
         statistics: statistics(built),
     }
@@ -46,26 +49,58 @@ fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {
     json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
 }
 
-fn sensor(simulation: &Simulation) -> Value {
-    let (c_on, c_off) = simulation.sensor.as_model().contrast();
-    let Sensor::Voltmeter(v) = &simulation.sensor;
-    json!({
-        "model": "voltmeter", "law": v.law, "law_version": simulation.sensor.as_model().law_version(),
-        "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
-        "theta_on": v.threshold_on, "theta_off": v.threshold_off, "c_on": c_on, "c_off": c_off,
-        "seed": simulation.seed.0.to_string(),
-    })
+/// The one stream, where there are not several.
+fn the_one(built: &BuiltTrajectory) -> Option<(&Simulation, &Stream)> {
+    let stream = built.streams().first().filter(|stream| stream.name.is_none());
+    built.simulation().zip(stream)
 }
 
-fn statistics(built: &BuiltTrajectory) -> Statistics {
-    let report = &built.motion.report;
-    let motion = Statistics {
-        linear_unit_s: Range::of(&report.linear_unit_s),
-        angular_rad_s: Range::of(&report.angular_rad_s),
-        ..Statistics::default()
+fn sensor(simulation: &Simulation, stream: &Stream) -> Value {
+    let model = stream.sensor.as_model();
+    let (c_on, c_off) = model.contrast();
+    let mut out = json!({
+        "model": stream.sensor.name(), "law_version": model.law_version(), "c_on": c_on, "c_off": c_off,
+        "seed": simulation.seed.0.to_string(),
+    });
+    let parameters = match &stream.sensor {
+        Sensor::Voltmeter(v) => voltmeter(v),
+        Sensor::Esim(sensor) => json!(sensor),
+        Sensor::V2e(sensor) => json!(sensor),
     };
-    let Some(simulation) = built.simulation() else { return motion };
-    let account = &simulation.account;
+    if let (Value::Object(out), Value::Object(parameters)) = (&mut out, parameters) {
+        out.extend(parameters);
+    }
+    out
+}
+
+fn voltmeter(v: &Voltmeter) -> Value {
+    let mut out = json!({
+        "law": v.law, "gain": v.gain, "k": v.k, "units": { "time": "us", "brightness": 255 },
+        "theta_on": v.threshold_on, "theta_off": v.threshold_off,
+    });
+    if v.threshold_spread > 0.0 {
+        out["theta_spread"] = json!(v.threshold_spread);
+    }
+    if !v.hot_pixels.is_absent() {
+        out["hot_pixels"] = json!(v.hot_pixels);
+    }
+    out
+}
+
+/// Each of several sensors with what was counted of its stream.
+fn sensors(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
+    let Some(simulation) = built.simulation() else { return BTreeMap::new() };
+    let named = built.streams().iter().enumerate().filter_map(|(i, s)| Some((i, s, s.name.clone()?)));
+    let part = |(i, stream, name): (usize, &Stream, String)| {
+        let counted = counted(built, simulation, i);
+        (name, SensorPart { sensor: sensor(simulation, stream), statistics: counted })
+    };
+    named.map(part).collect()
+}
+
+/// What was counted of stream `i`.
+fn counted(built: &BuiltTrajectory, simulation: &Simulation, i: usize) -> Statistics {
+    let account = &simulation.streams[i].account;
     let seconds = built.motion.trajectory.stamps_us.last().map_or(0.0, |t| *t as f64 * 1e-6);
     let pixel_seconds = simulation.camera.size.pixels() as f64 * seconds;
     Statistics {
@@ -73,10 +108,21 @@ fn statistics(built: &BuiltTrajectory) -> Statistics {
         on: Some(account.on),
         off: Some(account.off),
         rate_ev_px_s: (pixel_seconds > 0.0).then(|| account.events as f64 / pixel_seconds),
-        peak_ev_per_ms: built.peak_ev_per_ms,
+        peak_ev_per_ms: built.peaks_ev_per_ms.get(i).copied(),
         active_pixels: Some(account.active_pixels),
-        max_step_px: simulation.flow_px.map(|Quantiles { max, .. }| max),
-        depth_unit: simulation.depth_unit.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
-        ..motion
+        ..Statistics::default()
+    }
+}
+
+fn statistics(built: &BuiltTrajectory) -> Statistics {
+    let report = &built.motion.report;
+    let simulation = built.simulation();
+    let depth = simulation.and_then(|s| s.depth_unit);
+    Statistics {
+        linear_unit_s: Range::of(&report.linear_unit_s),
+        angular_rad_s: Range::of(&report.angular_rad_s),
+        max_step_px: simulation.and_then(|s| s.flow_px).map(|Quantiles { max, .. }| max),
+        depth_unit: depth.map(|[p5, p50, p95]| DepthQuantiles { p5, p50, p95 }),
+        ..the_one(built).map(|(simulation, _)| counted(built, simulation, 0)).unwrap_or_default()
     }
 }

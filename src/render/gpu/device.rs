@@ -91,6 +91,8 @@ pub struct Device {
     fingerprint: String,
     /// Most bytes that one binding of a shader may have.
     pub(super) limit: u64,
+    /// Most bytes that are asked of it at once, where it is not left to its driver.
+    room: Option<u64>,
     trouble: Arc<Mutex<Option<String>>>,
 }
 
@@ -147,7 +149,7 @@ impl Device {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&noted, error.to_string())));
         let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
         let fingerprint = format!("{CLASS} {} {} {driver}", info.backend, info.name).trim().to_owned();
-        Ok(Self { device, queue, name, fingerprint, limit, trouble })
+        Ok(Self { device, queue, name, fingerprint, limit, room: None, trouble })
     }
 
     /// Its name and interface.
@@ -169,6 +171,13 @@ impl Device {
         self
     }
 
+    /// The same with no room for more than so many bytes asked for at once: for the scene, or for a view's lists and images.
+    #[must_use]
+    pub fn with_room(mut self, bytes: u64) -> Self {
+        self.room = Some(bytes);
+        self
+    }
+
     /// Ends it: what is asked of it from now on fails.
     pub fn destroy(&self) {
         self.device.destroy();
@@ -183,7 +192,9 @@ impl Device {
     }
 
     pub(super) fn lost(&self, because: &str) -> GpuError {
-        GpuError::Lost { adapter: self.name.clone(), because: because.to_owned() }
+        // Drivers tell a story of several lines.
+        let because = because.split_whitespace().collect::<Vec<_>>().join(" ");
+        GpuError::Lost { adapter: self.name.clone(), because }
     }
 
     /// Runs `make`, which takes so many bytes of its memory.
@@ -194,13 +205,15 @@ impl Device {
         make: impl FnOnce(&wgpu::Device) -> T,
     ) -> Result<T, GpuError> {
         self.check()?;
+        let full = |because| GpuError::Memory { adapter: self.name.clone(), what, wanted, because };
+        if let Some(room) = self.room.filter(|room| wanted > *room) {
+            return Err(full(format!("there is room for {room}")));
+        }
         let scope = self.device.push_error_scope(ErrorFilter::OutOfMemory);
         let made = make(&self.device);
         match wait(scope.pop()) {
             None => self.check().map(|()| made),
-            Some(error) => {
-                Err(GpuError::Memory { adapter: self.name.clone(), what, wanted, because: error.to_string() })
-            }
+            Some(error) => Err(full(error.to_string())),
         }
     }
 

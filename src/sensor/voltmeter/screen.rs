@@ -1,116 +1,9 @@
-//! What a parameter set will do, said before anything runs: contrast, leak and noise at a few greys; and the refusal of
-//! sets that make no usable stream (numerics.md 1.1).
+//! What a parameter set of the voltmeter will do (numerics.md 1.1).
 
-use super::{Between, Gain, Preset, Voltmeter};
+use super::{Between, Gain, Initial, Law, Preset, Voltmeter};
+use crate::sensor::screening::{Noise, ScreenError, Screening, Warning, at_least_zero};
 use crate::sensor::statistics::Renewal;
 use crate::units::Hertz;
-use serde::Serialize;
-use std::fmt;
-
-/// Greys of the table.
-const GREYS: [f64; 5] = [0.0, 16.0, 64.0, 128.0, 255.0];
-/// The darkest grey above black, where noise that goes as `1/sqrt(L)` is worst.
-const DARKEST: f64 = 1.0;
-/// Events a pixel may make from noise alone in one frame interval.
-const LIMIT_PER_FRAME: f64 = 50.0;
-/// Noise at grey 128 above this many Hz is worth a word.
-const NOISY_HZ: f64 = 20.0;
-/// A brightness change by more than this factor's logarithm for one event is worth a word.
-const INSENSITIVE: f64 = 1.0;
-
-/// What a pixel of constant brightness does.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Noise {
-    /// Grey, 0..255.
-    pub grey: f64,
-    /// Events per second that the drift alone would make; negative where they are OFF.
-    pub leak_hz: f64,
-    /// Events per second, of drift and noise together.
-    pub total_hz: f64,
-    /// Share of ON events; `None` where there are no events.
-    pub on_share: Option<f64>,
-}
-
-/// The table that every build prints.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Screening {
-    /// Change of `ln(L + k2)` for one ON and one OFF event.
-    pub contrast: [f64; 2],
-    /// Noise at greys 0, 16, 64, 128 and 255.
-    pub noise: [Noise; 5],
-    /// What a user should know.
-    pub warnings: Vec<Warning>,
-}
-
-/// Something unusual that stops nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Warning {
-    /// One event takes a large change of brightness.
-    Insensitive {
-        /// Change of `ln(L + k2)` for one event, the larger of the two.
-        contrast: f64,
-    },
-    /// A grey pixel makes many events by itself.
-    Noisy {
-        /// Events per second at grey 128.
-        hz: f64,
-    },
-    /// The set printed in the GS2E paper, whose units are a guess.
-    UncertainUnits,
-}
-
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Insensitive { contrast } => {
-                let factor = libm::exp(*contrast);
-                write!(f, "one event takes a change of brightness by a factor of {factor:.3} (C = {contrast:.3})")
-            }
-            Self::Noisy { hz } => {
-                write!(f, "a static pixel of grey 128 makes {hz:.4} events per second, more than {NOISY_HZ}")
-            }
-            Self::UncertainUnits => f.write_str(
-                "the set printed in the GS2E paper has no units; read as seconds and brightness 0..1 it makes a far \
-                 sparser stream than a real sensor",
-            ),
-        }
-    }
-}
-
-/// Why a parameter set cannot be used.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ScreenError {
-    /// A parameter outside its range.
-    #[error("{name} is {found}, not {wanted}")]
-    Parameter {
-        /// Which.
-        name: &'static str,
-        /// Its value.
-        found: f64,
-        /// What it may be.
-        wanted: &'static str,
-    },
-    /// The published program's gain has no meaning for curves.
-    #[error("`gain: midpoint` goes with `between: linear` only")]
-    MidpointOfCurve,
-    /// More noise than any stream can use.
-    #[error(
-        "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
-         frame interval at {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: are the units \
-         of k right?"
-    )]
-    Impossible {
-        /// Grey, 0..255.
-        grey: f64,
-        /// Events per second.
-        hz: f64,
-        /// Events per frame interval.
-        per_frame: f64,
-        /// Frame rate.
-        frames_per_second: f64,
-    },
-}
 
 impl Voltmeter {
     /// What a pixel of this constant grey does.
@@ -149,11 +42,29 @@ impl Voltmeter {
             }
         }
         if self.gain == Gain::Midpoint && self.between != Between::Linear {
-            return Err(ScreenError::MidpointOfCurve);
+            return Err(ScreenError::Combination("`gain: midpoint` goes with `between: linear` only"));
         }
         if self.max_events_per_pixel_frame == 0 {
             let name = "max_events_per_pixel_frame";
             return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
+        }
+        self.validate_options()
+    }
+
+    /// Whether the law has what is asked of it beside `k` and the thresholds.
+    fn validate_options(&self) -> Result<(), ScreenError> {
+        let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
+        at_least_zero("threshold.spread", *spread)?;
+        hot.validate()?;
+        if self.law == Law::Official && self.initial == Initial::Stationary {
+            return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
+        }
+        if self.law == Law::Official && self.between != Between::Linear {
+            return Err(ScreenError::Combination("the law official goes linearly between frames"));
+        }
+        let imperfect = *spread > 0.0 || !hot.is_absent();
+        if self.law == Law::Exact && imperfect {
+            return Err(ScreenError::Combination("the law exact has no spread and no hot pixels"));
         }
         Ok(())
     }
@@ -165,58 +76,16 @@ impl Voltmeter {
     /// interval at grey 0, 1, 16, 64, 128 or 255.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
-        let frames_per_second = rate.to_f64();
-        let noise = GREYS.map(|grey| self.noise(grey));
-        let worst = noise.into_iter().fold(self.noise(DARKEST), |worst, noise| {
-            if noise.total_hz > worst.total_hz { noise } else { worst }
-        });
-        let per_frame = worst.total_hz / frames_per_second;
-        if per_frame > LIMIT_PER_FRAME {
-            let Noise { grey, total_hz: hz, .. } = worst;
-            return Err(ScreenError::Impossible { grey, hz, per_frame, frames_per_second });
-        }
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
-        Ok(Screening { contrast, noise, warnings: self.warnings(contrast) })
-    }
-
-    fn warnings(&self, contrast: [f64; 2]) -> Vec<Warning> {
-        let contrast = contrast[0].max(contrast[1]);
-        let hz = self.noise(128.0).total_hz;
+        let mut screening = Screening::new("ln(L + k2)", contrast, rate, |grey| self.noise(grey))?;
         let as_printed = self.k.iter().zip(Preset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
-        [
-            (contrast > INSENSITIVE).then_some(Warning::Insensitive { contrast }),
-            (hz > NOISY_HZ).then_some(Warning::Noisy { hz }),
-            as_printed.then_some(Warning::UncertainUnits),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
+        screening.warnings.extend(as_printed.then_some(Warning::UncertainUnits));
+        Ok(screening)
     }
 }
 
 /// From microseconds, the program's unit of rates.
 const PER_SECOND: f64 = 1e6;
-
-/// One line of contrast, then a table of leak, noise and ON share by grey.
-impl fmt::Display for Screening {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let factor = self.contrast.map(libm::exp);
-        writeln!(
-            f,
-            "contrast C: ON {:.4} (brightness x{:.3}), OFF {:.4} (x{:.3})",
-            self.contrast[0],
-            factor[0],
-            self.contrast[1],
-            1.0 / factor[1]
-        )?;
-        write!(f, "{:>5} {:>10} {:>10} {:>8}", "grey", "leak Hz", "noise Hz", "ON share")?;
-        for Noise { grey, leak_hz, total_hz, on_share } in self.noise {
-            let share = on_share.map_or_else(|| "-".to_owned(), |share| format!("{share:.3}"));
-            write!(f, "\n{grey:>5} {leak_hz:>10.4} {total_hz:>10.4} {share:>8}")?;
-        }
-        Ok(())
-    }
-}
 
 #[cfg(test)]
 mod tests {

@@ -6,8 +6,11 @@ use gs2e::frames::Frames;
 use gs2e::frames::array::{ArrayFrames, FullScale, Samples};
 use gs2e::image::{Image, Size};
 use gs2e::seed::Seed;
-use gs2e::sensor::Model;
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::esim::Esim;
+use gs2e::sensor::noise::{HotPixels, Redraw, Threshold};
+use gs2e::sensor::v2e::{self, Leak, V2e};
+use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
+use gs2e::sensor::{Model, Sensor};
 
 const SIZE: Size = Size { width: 24, height: 10 };
 
@@ -98,6 +101,18 @@ fn without_noise_leaks_are_clocks() {
     }
 }
 
+/// A noisy member of each kind of law.
+fn models() -> [Sensor; 4] {
+    let official = Voltmeter { law: Law::Official, threshold_spread: 0.1, ..noisy() };
+    let hot_pixels = HotPixels { share: 0.2, rate: 900.0 };
+    let threshold = Threshold { on: 0.1, off: 0.15, spread: 0.02 };
+    let esim = Esim { threshold, mismatch: Redraw::PerFrame, hot_pixels, ..Esim::default() };
+    let leak = Leak { rate: 300.0, jitter: 0.2, cov: 0.2 };
+    let v2e =
+        V2e { threshold, leak, shot: 900.0, hot_pixels, cutoff: 200.0, ..V2e::from(v2e::Preset::Noisy) };
+    [Sensor::Voltmeter(noisy()), Sensor::Voltmeter(official), Sensor::Esim(esim), Sensor::V2e(v2e)]
+}
+
 /// A clip that moves, with dark, bright and static parts.
 fn moving(size: Size) -> ArrayFrames {
     frames(size, &stamps(2400.0, 12_000), |x, y, t| {
@@ -108,21 +123,29 @@ fn moving(size: Size) -> ArrayFrames {
 
 #[test]
 fn threads_do_not_show() {
-    let clip = moving(SIZE);
-    let in_pool = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| run(&noisy(), &clip, 3))
-    };
-    let one = in_pool(1);
-    assert!(one.0.len() > 2000, "{}", one.0.len());
-    for threads in [2, 3, 64] {
-        assert_eq!(in_pool(threads), one);
+    let clip = moving(Size { width: 96, height: 90 });
+    for model in models() {
+        let in_pool = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run(model.as_model(), &clip, 3))
+        };
+        let one = in_pool(1);
+        assert!(one.0.len() > 2000, "{}", one.0.len());
+        for threads in [2, 3, 64] {
+            assert!(in_pool(threads) == one, "{threads} threads");
+        }
     }
 }
 
 /// Events of the part of the clip that begins at `origin`, in the coordinates of the part.
-fn of_crop(clip: &ArrayFrames, [x0, y0]: [u16; 2], size: Size, origin: [u16; 2]) -> Vec<Event> {
-    let mut pixels = noisy().start(size, origin, Seed(4)).unwrap();
+fn of_crop(
+    model: &Sensor,
+    clip: &ArrayFrames,
+    [x0, y0]: [u16; 2],
+    size: Size,
+    origin: [u16; 2],
+) -> Vec<Event> {
+    let mut pixels = model.as_model().start(size, origin, Seed(4)).unwrap();
     let (mut clip, mut events) = (clip.clone(), Vec::new());
     while let Some(mut frame) = clip.next().unwrap() {
         let row = |y: u32| {
@@ -141,16 +164,20 @@ fn of_crop(clip: &ArrayFrames, [x0, y0]: [u16; 2], size: Size, origin: [u16; 2])
 fn crops_and_tiles_are_parts_of_the_whole() {
     let clip = moving(SIZE);
     let [left, top] = [600, 400];
-    let whole = of_crop(&clip, [0, 0], SIZE, [left, top]);
-    for (x0, y0, width, height) in [(0, 0, 24, 10), (3, 2, 7, 5), (23, 9, 1, 1), (0, 4, 24, 1), (5, 0, 1, 10)]
-    {
-        let size = Size { width, height };
-        let inside =
-            |e: &&Event| (x0..x0 + width as u16).contains(&e.x) && (y0..y0 + height as u16).contains(&e.y);
-        let wanted: Vec<Event> =
-            whole.iter().filter(inside).map(|e| Event { x: e.x - x0, y: e.y - y0, ..*e }).collect();
-        assert!(!wanted.is_empty());
-        assert_eq!(of_crop(&clip, [x0, y0], size, [left + x0, top + y0]), wanted);
+    for model in models() {
+        let whole = of_crop(&model, &clip, [0, 0], SIZE, [left, top]);
+        for (x0, y0, width, height) in
+            [(0, 0, 24, 10), (3, 2, 7, 5), (23, 9, 1, 1), (0, 4, 24, 1), (5, 0, 1, 10)]
+        {
+            let size = Size { width, height };
+            let inside = |e: &&Event| {
+                (x0..x0 + width as u16).contains(&e.x) && (y0..y0 + height as u16).contains(&e.y)
+            };
+            let wanted: Vec<Event> =
+                whole.iter().filter(inside).map(|e| Event { x: e.x - x0, y: e.y - y0, ..*e }).collect();
+            assert!(!wanted.is_empty());
+            assert_eq!(of_crop(&model, &clip, [x0, y0], size, [left + x0, top + y0]), wanted);
+        }
     }
 }
 

@@ -3,16 +3,18 @@
 use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{Output, Reconstruct, Source};
 use gs2e::render::Rules;
-use gs2e::sensor::Sensor;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::{Sensor, Sensors};
 use gs2e::trajectory::path::Path;
 use gs2e::trajectory::refine::{Refine, Scale};
 use gs2e::trajectory::travel::Count;
 use gs2e::units::Ratio;
 
 fn voltmeter(recipe: gs2e::recipe::Recipe) -> Voltmeter {
-    let Sensor::Voltmeter(voltmeter) = recipe.sensor;
-    voltmeter
+    match recipe.sensors {
+        Sensors::One(Sensor::Voltmeter(voltmeter)) => voltmeter,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// The path of the first trajectory.
@@ -34,7 +36,7 @@ fn the_bundled_recipes_mean_what_they_say() {
     assert_eq!(scenes, ["procedural/paper-scale", "procedural/still-life"]);
     let [paper, demo] = recipes.try_into().unwrap();
     assert_eq!(paper.trajectories, demo.trajectories);
-    assert_eq!((&paper.sensor, paper.rate, &paper.licence), (&demo.sensor, demo.rate, &demo.licence));
+    assert_eq!((&paper.sensors, paper.rate, &paper.licence), (&demo.sensors, demo.rate, &demo.licence));
 }
 
 #[test]

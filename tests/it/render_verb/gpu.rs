@@ -69,9 +69,9 @@ fn scenes_are_built_by_a_gpu() {
         String::from_utf8(output.stdout).unwrap()
     };
     run("release --backend gpu --to by-gpu tiny.yaml");
-    let plan = run("plan tiny.yaml");
+    let plan = run("plan --backend cpu tiny.yaml");
     assert!(plan.contains(&format!("numerical class {} -> cpu/", device.fingerprint())), "{plan}");
-    run("release --to by-cpu tiny.yaml");
+    run("release --backend cpu --to by-cpu tiny.yaml");
     let [by_gpu, by_cpu] = ["by-gpu", "by-cpu"].map(|tree| {
         run(&format!("audit {tree}"));
         let mut reader = h5::Reader::open(&place.path(&format!("{tree}/tiny/base/events.h5"))).unwrap();
@@ -88,6 +88,41 @@ fn scenes_are_built_by_a_gpu() {
     apart.sort_unstable();
     println!("{} events by the GPU, {} by the CPU", by_gpu.len(), by_cpu.len());
     assert!(apart[apart.len() / 2] < 1000, "median {} ns", apart[apart.len() / 2]);
+}
+
+/// Left to itself, a build renders a scene by what rendered it before, and opens a GPU only to render.
+#[test]
+fn builds_stay_with_the_back_end_of_a_scene() {
+    let Some(device) = gpu::device() else { return };
+    let place = Workspace::with_tiny();
+    // One in software is taken where it is named.
+    let by_gpu = |args: &str| {
+        let output = place.command_with_gpu(&format!("{args} --gpu 0 tiny.yaml")).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        assert!(output.status.success(), "{args}: {}", text(output.stderr));
+        text(output.stdout) + &text(output.stderr)
+    };
+    by_gpu("build");
+    let class = |wanted: &str| {
+        let why = place.ok("why tiny --recipes tiny.yaml").stdout;
+        let classes = why.lines().filter(|line| line.trim().starts_with("class"));
+        assert!(classes.clone().count() > 0 && classes.clone().all(|line| line.contains(wanted)), "{why}");
+    };
+    class(device.fingerprint());
+    // Nothing is to be rendered: that the GPU is gone does not matter, nor what was learned at a glance.
+    for args in ["build tiny.yaml", "build --recheck 0 tiny.yaml", "release --no-build --to tree tiny.yaml"] {
+        let told = place.ok(args).stderr;
+        assert!(!told.contains("on the CPU"), "{args}: {told}");
+    }
+    assert!(place.stale("tiny.yaml").is_empty());
+    // Something is: it goes to the CPU, with all else of the scene that is rendered, and stays there.
+    let recipe = fs::read_to_string(place.path("tiny.yaml")).unwrap();
+    place.write("tiny.yaml", recipe.replace("seed: ", "seed: 1"));
+    let told = place.ok("build tiny.yaml").stderr;
+    assert_eq!(told.matches("on the CPU, since no GPU is there: vulkan ").count(), 1, "{told}");
+    class("cpu/");
+    assert!(!by_gpu("build").contains("events"));
+    class("cpu/");
 }
 
 #[test]

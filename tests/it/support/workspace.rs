@@ -78,9 +78,7 @@ impl Workspace {
     /// The program with these arguments, to be started by the test. It finds no GPU, so that what it does is the same on
     /// every machine.
     pub(crate) fn command(&self, args: &str) -> Command {
-        let mut command = self.command_with_gpu(args);
-        command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-        command
+        hidden_gpus(self.command_with_gpu(args))
     }
 
     /// The same with the machine's GPUs.
@@ -126,6 +124,12 @@ impl Workspace {
         }
         made
     }
+}
+
+/// The command, for which this machine has no GPU.
+pub(crate) fn hidden_gpus(mut command: Command) -> Command {
+    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+    command
 }
 
 /// Writes other bytes of the same length into a file and puts its mode back; its mtime is now, or as before.

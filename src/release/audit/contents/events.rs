@@ -1,26 +1,25 @@
-//! `events.h5`: it opens, its index is right, its events are sorted, on the sensor, in time, and as many as stated.
+//! `events.h5`, or a file of `events/`: it opens, its index is right, its events are sorted, on the sensor, in time, and as many as stated.
 
 use super::{Code, Fault, Folder};
 use crate::event::{Event, EventFileError, EventSource, Polarity, h5};
+use crate::release::scene::Statistics;
 
-const NAME: &str = "events.h5";
-
-pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
+/// Audits one stream; `stated` is what `scene.json` counts of it.
+pub(super) fn audit(folder: &Folder<'_>, name: &str, stated: &Statistics) -> Vec<Fault> {
     let mut faults = Vec::new();
-    match count(folder) {
+    match count(folder, name) {
         Ok(Counted { faults: found, events, on }) => {
-            faults.extend(found.map(|message| folder.fault(Code::Unreadable, NAME, message)));
-            let stated = &folder.part.statistics;
+            faults.extend(found.map(|message| folder.fault(Code::Unreadable, name, message)));
             let stated = (stated.events.unwrap_or(events), stated.on.unwrap_or(on));
             if (events, on) != stated {
                 let message = format!(
                     "it holds {events} events, {on} of them ON; scene.json says {} and {}",
                     stated.0, stated.1
                 );
-                faults.push(folder.fault(Code::ClaimsDisagree, NAME, message));
+                faults.push(folder.fault(Code::ClaimsDisagree, name, message));
             }
         }
-        Err(e) => faults.push(folder.fault(Code::Unreadable, NAME, e.to_string())),
+        Err(e) => faults.push(folder.fault(Code::Unreadable, name, e.to_string())),
     }
     faults
 }
@@ -32,8 +31,8 @@ struct Counted {
     on: u64,
 }
 
-fn count(folder: &Folder<'_>) -> Result<Counted, EventFileError> {
-    let mut reader = h5::Reader::open(&folder.on_disk(NAME))?;
+fn count(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
+    let mut reader = h5::Reader::open(&folder.on_disk(name))?;
     reader.verify_index()?;
     let size = folder.camera.size;
     let mut counted = Counted { faults: None, events: 0, on: 0 };

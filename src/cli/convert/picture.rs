@@ -1,0 +1,151 @@
+//! Events as a picture.
+
+use super::events::Options;
+use super::refuse;
+use crate::cli::console::Console;
+use crate::cli::output::{self, Output};
+use crate::cli::problem::{Exit, Problem};
+use crate::event::file::Format;
+use crate::event::picture::{Picture, rate::Rate, surface::Surface};
+use crate::event::{Event, EventFileError, EventSink, EventSource};
+use crate::image::{Image, Size, png};
+use crate::units::amount;
+use clap::ValueEnum;
+use serde_json::json;
+use std::io;
+use std::ops::Range;
+use std::path::Path;
+
+/// Options for pictures.
+#[derive(Debug, clap::Args)]
+pub(super) struct Asked {
+    /// What a .png of events shows [default: frame]
+    #[arg(long, value_enum, value_name = "KIND")]
+    picture: Option<Kind>,
+    /// The events of a picture: those with T0 <= t < T1, in microseconds [default: all]
+    #[arg(long, value_name = "T0,T1", value_parser = window, allow_hyphen_values = true)]
+    window: Option<Window>,
+    /// Age in microseconds at which an event of a time surface has faded to 1/e [default: a quarter of the window]
+    #[arg(long, value_name = "US", value_parser = clap::value_parser!(u32).range(1..))]
+    tau: Option<u32>,
+}
+
+/// The pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    /// The balance of each pixel, brighter in red, darker in blue
+    Frame,
+    /// How fresh the last event of each pixel is
+    Surface,
+    /// Events per second over time, brighter upwards, darker downwards
+    Rate,
+}
+
+/// Begin and end in microseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Window(i64, i64);
+
+/// Reads `T0,T1`.
+fn window(text: &str) -> Result<Window, String> {
+    let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    match ends {
+        Some((begin, end)) if begin < end => Ok(Window(begin, end)),
+        _ => Err(format!("`{text}` is not T0,T1, two whole microseconds, the later one last")),
+    }
+}
+
+/// What counts the events of a picture.
+enum Canvas {
+    Frame(Picture),
+    Surface(Surface),
+    Rate(Rate),
+}
+
+impl Canvas {
+    fn image(&self, tau_us: Option<u32>) -> Image<[u8; 3]> {
+        match self {
+            Self::Frame(picture) => picture.image(),
+            Self::Surface(surface) => surface.image(tau_us.map_or_else(|| surface.usual_tau_us(), f64::from)),
+            Self::Rate(rate) => rate.image(),
+        }
+    }
+
+    fn sink(&mut self) -> &mut dyn EventSink {
+        match self {
+            Self::Frame(picture) => picture,
+            Self::Surface(surface) => surface,
+            Self::Rate(rate) => rate,
+        }
+    }
+}
+
+impl Asked {
+    /// Whether a picture is what the output's name asks for; an error where it does not and options for pictures do.
+    pub(super) fn of(&self, output: &Path) -> Result<bool, Problem> {
+        let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        let asked = self.picture.is_some() || self.window.is_some() || self.tau.is_some();
+        if asked && !is_png {
+            return refuse(format!("{} is no .png, and a picture is asked for", output.display()));
+        }
+        Ok(is_png)
+    }
+
+    /// Draws the events of a file.
+    pub(super) fn draw(
+        &self,
+        (input, format): (&Path, Format),
+        output: &Path,
+        options: &Options,
+        console: &Console,
+    ) -> Result<Exit, Problem> {
+        output::screen([output], [input], console.json)?;
+        let mut opened = options.open(input, format)?;
+        let size = opened.header.size;
+        let window_us = self.window.map_or(i64::MIN..i64::MAX, |Window(begin, end)| begin..end);
+        let mut canvas = self.canvas(size, window_us.clone());
+        let events = pour(&mut *opened.source, &window_us, canvas.sink()).map_err(|e| {
+            let what = format!("{}: failed to read events: {e}", input.display());
+            Problem::failed("input-unreadable", what)
+        })?;
+        let image = canvas.image(self.tau);
+        let fill = |out: &mut dyn io::Write| png::write(&image, out);
+        output::write(&[Output { path: output, fill: &fill }])?;
+        let shown = amount(events, "events");
+        console.say(&format!("{}: {shown} of a sensor of {size}, {}", output.display(), image.size()));
+        if console.json {
+            let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
+            console.result(&json!({
+                "input": input, "output": output, "picture": kind, "events": events,
+                "width": image.size().width, "height": image.size().height,
+            }));
+        }
+        Ok(Exit::Done)
+    }
+
+    fn kind(&self) -> Kind {
+        self.picture.unwrap_or(Kind::Frame)
+    }
+
+    fn canvas(&self, size: Size, window_us: Range<i64>) -> Canvas {
+        match self.kind() {
+            Kind::Frame => Canvas::Frame(Picture::new(size, window_us)),
+            Kind::Surface => Canvas::Surface(Surface::new(size, window_us)),
+            Kind::Rate => Canvas::Rate(Rate::new(window_us)),
+        }
+    }
+}
+
+/// Pours a whole file into a picture; the number of events within its window.
+fn pour(
+    source: &mut dyn EventSource,
+    window_us: &Range<i64>,
+    sink: &mut dyn EventSink,
+) -> Result<u64, EventFileError> {
+    let (mut chunk, mut count) = (Vec::new(), 0);
+    while source.next_chunk(&mut chunk)? {
+        let within = |event: &&Event| window_us.contains(&event.t.floor_micros());
+        count += chunk.iter().filter(within).count() as u64;
+        sink.append(&chunk)?;
+    }
+    Ok(count)
+}

@@ -1,0 +1,214 @@
+//! Which back end renders each scene.
+//!
+//! Left to itself (`--backend auto`), the program renders a scene by what rendered it before, so that no other GPU and no
+//! new driver makes a scene stale by being there; a new scene is rendered by a GPU of hardware, where there is one. The GPU
+//! is opened once something is to be rendered, and a scene that it has no room for, or that it is lost at, goes to the CPU.
+
+use super::console::Console;
+use super::problem::Problem;
+use crate::plan::assess::{Action, assess};
+use crate::plan::{Plan, Renderers, past};
+use crate::recipe::Recipe;
+use crate::render::backend::Backend;
+use crate::render::gpu::{self, Choice, Device, GpuError};
+use crate::run::Summary;
+use crate::store::Store;
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+
+/// What renders the scenes of a command.
+#[derive(Debug)]
+pub(super) enum Chosen {
+    /// The back end that the user asked for.
+    One(Backend),
+    /// What fits each scene.
+    Auto(Auto),
+}
+
+impl Chosen {
+    /// Names what of it may change a key: what a survey under another name found does not count.
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::One(backend) => backend.class(),
+            Self::Auto(_) => "auto".to_owned(),
+        }
+    }
+
+    /// With what is known of scenes in a store.
+    pub(super) fn knowing<'a>(&'a self, store: &'a Store) -> Knowing<'a> {
+        Knowing { chosen: self, store }
+    }
+
+    /// Whether what a GPU fails at is rendered on the CPU next.
+    pub(super) fn falls_back(&self) -> bool {
+        matches!(self, Self::Auto(_))
+    }
+
+    /// Says where there is no GPU for what needs one.
+    pub(super) fn tell(&self, console: &Console) {
+        let Self::Auto(auto) = self else { return };
+        if let Some(Err(because)) = &*auto.gpu.borrow() {
+            console.say(&format!("on the CPU, since {because}"));
+        }
+    }
+
+    /// Takes the scenes of a run that the GPU failed, so that they are planned for the CPU next; whether there are any.
+    pub(super) fn give_up(&self, plan: &Plan, summary: &Summary) -> bool {
+        let Self::Auto(auto) = self else { return false };
+        let mut any = false;
+        for failure in &summary.failures {
+            let Some(because) = failure.of_gpu() else { continue };
+            let scene = plan.scene_of(&plan.steps()[failure.step.0]);
+            auto.on_cpu.borrow_mut().insert(scene.to_owned());
+            if matches!(because, GpuError::Lost { .. }) {
+                *auto.gpu.borrow_mut() = Some(Err(because.clone()));
+            }
+            any = true;
+        }
+        any
+    }
+}
+
+/// Renders by what fits each scene.
+#[derive(Debug)]
+pub(super) struct Auto {
+    choice: Choice,
+    /// `None` while it is not opened.
+    gpu: RefCell<Option<Result<Device, GpuError>>>,
+    /// Scenes that the GPU failed.
+    on_cpu: RefCell<BTreeSet<String>>,
+}
+
+impl Auto {
+    /// By one of these GPUs, else the CPU.
+    pub(super) fn new(choice: Choice) -> Self {
+        Self { choice, gpu: RefCell::default(), on_cpu: RefCell::default() }
+    }
+
+    /// The GPU, opened, else the CPU.
+    fn best(&self) -> Backend {
+        let mut gpu = self.gpu.borrow_mut();
+        match gpu.get_or_insert_with(|| Device::open(&self.choice)) {
+            Ok(device) => Backend::Gpu(device.clone()),
+            Err(_) => Backend::Cpu,
+        }
+    }
+
+    /// The back end of a scene that was last rendered in this class.
+    fn of(&self, scene: &str, last: Option<String>) -> Backend {
+        let is_opened = self.gpu.borrow().is_some();
+        match last {
+            _ if self.on_cpu.borrow().contains(scene) => Backend::Cpu,
+            Some(class) if Backend::is_cpu(&class) => Backend::Cpu,
+            Some(class) if Backend::is_gpu(&class) && !is_opened => Backend::Unopened(class),
+            _ => self.best(),
+        }
+    }
+}
+
+/// [`Chosen`] with what is known of the scenes.
+pub(super) struct Knowing<'a> {
+    chosen: &'a Chosen,
+    store: &'a Store,
+}
+
+impl Renderers for Knowing<'_> {
+    fn of(&self, recipe: &Recipe) -> Backend {
+        match self.chosen {
+            Chosen::One(backend) => backend.clone(),
+            Chosen::Auto(_) if !gpu::blends(recipe.render.order) => Backend::Cpu,
+            // A record that cannot be read is told by whoever needs it.
+            Chosen::Auto(auto) => auto.of(&recipe.scene, past::class(recipe, self.store).unwrap_or_default()),
+        }
+    }
+}
+
+impl Knowing<'_> {
+    /// The plan as it can be run: the GPU is opened where something is to be rendered by one that was not.
+    pub(super) fn at_hand(&self, plan: Plan) -> Result<Plan, Problem> {
+        let Chosen::Auto(auto) = self.chosen else { return Ok(plan) };
+        let unopened = auto.gpu.borrow().is_none()
+            && plan.scenes().iter().any(|recipe| matches!(self.of(recipe), Backend::Unopened(_)));
+        if !unopened || assess(&plan, self.store)?.iter().all(|a| a.action == Action::Keep) {
+            return Ok(plan);
+        }
+        auto.best();
+        Ok(Plan::new(plan.into_scenes(), self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::build::{Building, Care, open};
+    use crate::cli::{Cli, Targets};
+    use clap::Parser as _;
+    use std::path::Path;
+
+    const RECIPE: &str = "version: 1\nscene: tiny\nseed: 1\n\
+        source: { procedural: { kind: still-life, gaussians: 200, views: 4, seed: 1 } }\n\
+        camera: { width: 32, height: 24 }\n\
+        trajectories: [{ name: base, refine: { window: 2, factor: 2, curve: cubic }, speed: { function: \"1\" } }]\n\
+        outputs: [events, sharp]\nlicence: { expression: CC0-1.0, holder: Nobody }\n";
+
+    /// Builds a scene in `dir` by a GPU that `spoil` makes unfit; what came of it, and the classes of its steps.
+    fn built(dir: &Path, spoil: impl FnOnce(Device) -> Device) -> Option<(Summary, BTreeSet<String>)> {
+        let device = match Device::open(&Choice::Any) {
+            Ok(device) => spoil(device),
+            Err(because) => {
+                assert!(std::env::var("REQUIRE_GPU").as_deref() != Ok("1"), "{because}");
+                return None;
+            }
+        };
+        let recipe = dir.join("tiny.yaml");
+        std::fs::write(&recipe, RECIPE).unwrap();
+        let store = dir.join("store").display().to_string();
+        let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
+        let auto = Auto { gpu: RefCell::new(Some(Ok(device))), ..Auto::new(Choice::Any) };
+        let (console, care, chosen) = (Console::new(false, true), Care::default(), Chosen::Auto(auto));
+        let targets = Targets { recipes: vec![recipe] };
+        let store = open(&common, &care, &console).unwrap();
+        let plan = Plan::new(crate::recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));
+        let building = Building {
+            settled: 0,
+            targets: &targets,
+            chosen: &chosen,
+            common: &common,
+            care: &care,
+            console: &console,
+        };
+        let (plan, summary) = building.build(plan, &store).unwrap();
+        let class = |step: &crate::plan::PlannedStep| {
+            let key = store.last_key("tiny", &step.name)?;
+            let lines = store.full_record(&key).unwrap()?.description;
+            lines.into_iter().find(|line| line.path == "class").map(|line| line.text)
+        };
+        Some((summary, plan.steps().iter().filter_map(class).collect()))
+    }
+
+    #[test]
+    fn what_a_gpu_has_no_room_for_or_is_lost_at_is_rendered_on_the_cpu() {
+        let lost = |device: Device| {
+            device.destroy();
+            device
+        };
+        let full = |device: Device| device.with_room(100);
+        let spoils: [&dyn Fn(Device) -> Device; 2] = [&lost, &full];
+        for spoil in spoils {
+            let dir = tempfile::tempdir().unwrap();
+            let Some((summary, classes)) = built(dir.path(), spoil) else { return };
+            assert!(summary.failures.is_empty() && summary.unreached == 0);
+            assert_eq!(summary.made, 6, "each step once");
+            assert_eq!(summary.kept, 0);
+            assert_eq!(classes, BTreeSet::from(["cpu/1".to_owned()]));
+        }
+    }
+
+    #[test]
+    fn what_a_gpu_has_room_for_it_renders() {
+        let dir = tempfile::tempdir().unwrap();
+        let Some((summary, classes)) = built(dir.path(), |device| device) else { return };
+        assert_eq!((summary.made, summary.failures.len()), (6, 0));
+        assert!(classes.len() == 1 && classes.iter().all(|class| Backend::is_gpu(class)), "{classes:?}");
+    }
+}

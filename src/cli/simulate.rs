@@ -1,0 +1,229 @@
+//! `gs2e simulate`: the events that a sensor makes of the user's own frames.
+
+mod account;
+mod sensor;
+mod sequence;
+
+use super::Common;
+use super::console::Console;
+use super::convert::events::Codec;
+use super::message::{Level, Message};
+use super::output::{self, unwritable, write_beside};
+use super::problem::{Exit, Problem};
+use crate::event::file::{self, EventFile, Format};
+use crate::event::{Event, EventFileError, EventSink, Header, LawStamp, h5};
+use crate::frames::FrameError;
+use crate::frames::array::FullScale;
+use crate::seed::Seed;
+use crate::sensor::voltmeter::{Between, Gain, Initial, Law};
+use crate::sensor::{Account, Channel, Sensor, SensorError, SimulateError, simulate_all};
+use crate::units::Hertz;
+use account::Report;
+use indicatif::ProgressBar;
+use sequence::Sequence;
+use serde::de::DeserializeOwned;
+use serde::de::value::{Error as WordError, StrDeserializer};
+use std::io;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// Arguments of `simulate`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Simulate {
+    /// A .npy [N, H, W] of uint8 or float32, a folder of images, or one with DVS-Voltmeter's info.txt
+    #[arg(long, value_name = "FILE or DIR")]
+    frames: PathBuf,
+    /// The luminance's change per second on the frames' own scale, for hermite: a .npy [N, H, W] of float32
+    #[arg(long, value_name = "FILE")]
+    rates: Option<PathBuf>,
+    /// A .npy [N] of int64: the frames' stamps in microseconds, strictly increasing
+    #[arg(long, value_name = "FILE", conflicts_with = "fps")]
+    stamps: Option<PathBuf>,
+    /// Frames a second, where there are no stamps, such as 30 or 30000/1001
+    #[arg(long, value_name = "N", value_parser = sequence::rate)]
+    fps: Option<Hertz>,
+    /// A recipe, a file with what a recipe has under `sensor`, or a preset: dvs346, dvs240, gs2e-si
+    #[arg(long, value_name = "FILE or NAME")]
+    sensor: String,
+    /// What draws the events: exact or official [default: as the sensor says]
+    #[arg(long, value_parser = word::<Law>)]
+    law: Option<Law>,
+    /// How brightness turns into drift: log or midpoint [default: as the sensor says]
+    #[arg(long, value_parser = word::<Gain>)]
+    gain: Option<Gain>,
+    /// Brightness between two frames: linear, catmull or hermite [default: as the sensor says]
+    #[arg(long, value_parser = word::<Between>)]
+    between: Option<Between>,
+    /// Voltages at the first frame: zero or stationary [default: as the sensor says]
+    #[arg(long, value_parser = word::<Initial>)]
+    initial: Option<Initial>,
+    /// What white is in frames of floats: 1 or 255 [default: decided by the first two frames, and told]
+    #[arg(long, value_parser = sequence::full_scale)]
+    full_scale: Option<FullScale>,
+    /// Where the frames' top-left pixel lies on the sensor, so that a crop draws the noise of the whole
+    #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::origin)]
+    origin: sequence::Origin,
+    /// Seed of the sensor's noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames, and count the others, where it is
+    /// an error else
+    #[arg(long)]
+    allow_cap: bool,
+    /// The events: .h5, .npz, .raw, .aedat4, .txt or .csv
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// What a .raw is written as
+    #[arg(long, value_enum, default_value_t = Codec::Evt2)]
+    codec: Codec,
+    /// How a .h5 is compressed: gzip[:0-9], zstd[:1-19], lz4 or none; zstd and lz4 need a plug-in to be read elsewhere
+    #[arg(long, value_name = "FILTER", default_value_t)]
+    h5_filter: h5::Filter,
+}
+
+/// A value by the name that recipes have for it.
+fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string())
+}
+
+impl Simulate {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        let sensor_file = Path::new(&self.sensor).is_file().then_some(Path::new(&self.sensor));
+        let optional = [self.rates.as_deref(), self.stamps.as_deref(), sensor_file];
+        let inputs = optional.into_iter().flatten().chain([self.frames.as_path()]);
+        output::screen([self.out.as_path()], inputs, console.json)?;
+        let format = Format::of(&self.out, self.codec.into()).ok_or_else(|| {
+            let what = format!("{}: its name ends with no format of events", self.out.display());
+            Problem::usage("format", what).help(super::convert::events::SUPPORTED)
+        })?;
+        common.limit_cores();
+        let sensor = sensor::choose(&self)?;
+        let mut sequence = Sequence::open(&self)?;
+        sensor::check_rates(&sensor, self.rates.is_some())?;
+        let screening = sensor.screen(sequence.rate());
+        let screening = screening.map_err(|e| Problem::usage("sensor", format!("{}: {e}", self.sensor)))?;
+        super::screening::tell(&format!("sensor {}", self.sensor), &self.sensor, &screening, console);
+        sequence.told.iter().for_each(|line| console.say(line));
+        let account = self.write(&sensor, &mut sequence, format, console)?;
+        Report { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }.tell(console)?;
+        Ok(Exit::Done)
+    }
+
+    /// Writes the file whole or not at all.
+    fn write(
+        &self,
+        sensor: &Sensor,
+        sequence: &mut Sequence,
+        format: Format,
+        console: &Console,
+    ) -> Result<Account, Problem> {
+        let model = sensor.as_model();
+        let (c_on, c_off) = model.contrast();
+        let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
+        let header = Header { size: sequence.frames.size(), law };
+        let (first_us, last_us) = sequence.span_us();
+        let h5 = h5::Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
+        let options = file::Options { zero_us: first_us, h5 };
+        let mut done = Account::default();
+        let written = write_beside(&self.out, |part| {
+            let mut sink = file::create(part, format, &header, options)?;
+            done = self.simulate(sensor, sequence, &mut *sink, console)?;
+            EventFile::finish(sink, last_us - first_us)?;
+            Ok(())
+        });
+        written.map_err(|failure: Failure| self.told(failure)).map(|()| done)
+    }
+
+    /// Shows every frame to the sensor.
+    fn simulate(
+        &self,
+        sensor: &Sensor,
+        sequence: &mut Sequence,
+        sink: &mut dyn EventFile,
+        console: &Console,
+    ) -> Result<Account, Failure> {
+        let mut sink = SinkOf(sink);
+        let stop = super::on_interrupt().map_err(Failure::Told)?;
+        let bar = match console.is_live() {
+            true => ProgressBar::new(sequence.frames.len() as u64),
+            false => ProgressBar::hidden(),
+        };
+        let mut tap = |_: &crate::frames::Frame| {
+            bar.inc(1);
+            if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let pixels = sensor.as_model().start(sequence.frames.size(), self.origin.0, Seed(self.seed));
+        let mut channel = [Channel::new(pixels.map_err(SimulateError::from)?, &mut sink)];
+        let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);
+        bar.finish_and_clear();
+        Ok(accounts?.pop().expect("an account a sensor"))
+    }
+
+    fn told(&self, failure: Failure) -> Problem {
+        let failed = |what: &str, code, why: String| {
+            Problem::of(Exit::Failed, Message::new(Level::Error, code, what).because(why))
+        };
+        match failure {
+            Failure::Told(problem) => problem,
+            Failure::Write(EventFileError::Io(e)) => unwritable(&self.out, e),
+            Failure::Write(e) => failed("failed to write the events", "not-written", e.to_string()),
+            Failure::Simulate(SimulateError::Interrupted) => {
+                let what = format!("interrupted: nothing is written to {}", self.out.display());
+                Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
+            }
+            Failure::Simulate(SimulateError::Frames(e)) => self.unreadable(&e),
+            Failure::Simulate(SimulateError::Sensor(SensorError::Sink(e))) => unwritable(&self.out, e),
+            Failure::Simulate(SimulateError::Sensor(SensorError::Setup(because))) => {
+                Problem::usage("sensor", format!("{}: {because}", self.sensor))
+            }
+            Failure::Simulate(SimulateError::Sensor(e @ SensorError::Cap { .. })) => {
+                failed("failed to simulate the events", "step-failed", e.to_string()).help(
+                    "raise max_events_per_pixel_frame, or --allow-cap keeps the first and counts the others",
+                )
+            }
+            Failure::Simulate(SimulateError::Sensor(e)) => {
+                failed("failed to simulate the events", "step-failed", e.to_string())
+            }
+        }
+    }
+
+    fn unreadable(&self, error: &FrameError) -> Problem {
+        let message = Message::new(Level::Error, "input-unreadable", "failed to read the frames");
+        Problem::of(Exit::Failed, message.path(&self.frames).because(error.to_string()))
+    }
+}
+
+/// A file as the sink that it is.
+struct SinkOf<'a>(&'a mut dyn EventFile);
+
+impl EventSink for SinkOf<'_> {
+    fn append(&mut self, events: &[Event]) -> io::Result<()> {
+        self.0.append(events)
+    }
+}
+
+/// Why there is no file.
+enum Failure {
+    Told(Problem),
+    Write(EventFileError),
+    Simulate(SimulateError),
+}
+
+impl From<SimulateError> for Failure {
+    fn from(error: SimulateError) -> Self {
+        Self::Simulate(error)
+    }
+}
+
+impl From<EventFileError> for Failure {
+    fn from(error: EventFileError) -> Self {
+        Self::Write(error)
+    }
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Write(error.into())
+    }
+}

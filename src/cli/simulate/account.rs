@@ -1,0 +1,101 @@
+//! What is told of a simulation that is done.
+
+use super::Simulate;
+use super::sequence::Sequence;
+use crate::cli::console::Console;
+use crate::cli::output::unwritable;
+use crate::cli::problem::Problem;
+use crate::frames::array::FullScale;
+use crate::sensor::screening::Screening;
+use crate::sensor::{Account, Sensor};
+use crate::units::amount;
+use serde_json::{Value, json};
+
+/// A simulation and all that is told of it.
+pub(super) struct Report<'a> {
+    pub(super) asked: &'a Simulate,
+    pub(super) sensor: &'a Sensor,
+    pub(super) screening: Screening,
+    pub(super) sequence: &'a Sequence,
+    pub(super) account: Account,
+}
+
+impl Report<'_> {
+    pub(super) fn tell(&self, console: &Console) -> Result<(), Problem> {
+        let out = &self.asked.out;
+        let bytes = std::fs::metadata(out).map_err(|e| unwritable(out, e))?.len();
+        let Account { events, on, active_pixels, .. } = self.account;
+        let (size, seconds) = (self.sequence.frames.size(), self.seconds());
+        let frames = self.sequence.stamps_us.len();
+        console.say(&format!(
+            "{}: {} of {frames} frames of {size} in {seconds:.6} s, {}",
+            out.display(),
+            amount(events, "events"),
+            amount(bytes, "B")
+        ));
+        if events > 0 {
+            let (rate, share) = (self.rate(), 100.0 * on as f64 / events as f64);
+            let active = 100.0 * active_pixels as f64 / size.pixels() as f64;
+            console.say(&format!(
+                "{rate:.3} events a pixel and second, {share:.1} % of them ON, by {active:.1} % of the pixels"
+            ));
+        }
+        self.oddities().iter().for_each(|line| console.say(line));
+        if console.json {
+            console.result(&self.to_json(bytes));
+        }
+        Ok(())
+    }
+
+    /// What does not happen in a usual run.
+    fn oddities(&self) -> Vec<String> {
+        let Account { capped, negative_luminance, same_us_same_pixel, drift_violations, drift_worst, .. } =
+            self.account;
+        let told = [
+            (capped, "events beyond the cap of their pixel and frame were left out".to_owned()),
+            (negative_luminance, "luminance values below zero were set to zero".to_owned()),
+            (same_us_same_pixel, "pairs of events of one pixel share a microsecond".to_owned()),
+            (
+                drift_violations,
+                format!(
+                    "pixels depart from their drift, the worst {drift_worst:.2} times what the law allows"
+                ),
+            ),
+        ];
+        told.into_iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(n, what)| format!("warning: {n} {what}"))
+            .collect()
+    }
+
+    fn seconds(&self) -> f64 {
+        let (first, last) = self.sequence.span_us();
+        last.abs_diff(first) as f64 * 1e-6
+    }
+
+    /// Events a pixel and second.
+    fn rate(&self) -> f64 {
+        self.account.events as f64 / self.sequence.frames.size().pixels() as f64 / self.seconds()
+    }
+
+    fn to_json(&self, bytes: u64) -> Value {
+        let (asked, size) = (self.asked, self.sequence.frames.size());
+        let (first_us, last_us) = self.sequence.span_us();
+        let full_scale = match self.sequence.full_scale {
+            FullScale::One => 1,
+            FullScale::Grey255 => 255,
+        };
+        json!({
+            "output": asked.out, "bytes": bytes, "seed": asked.seed, "origin": asked.origin.0,
+            "frames": {
+                "input": asked.frames, "count": self.sequence.stamps_us.len(), "width": size.width,
+                "height": size.height, "first_us": first_us, "last_us": last_us, "full_scale": full_scale,
+                "full_scale_decided": self.sequence.decided,
+            },
+            "sensor": self.sensor, "contrast": self.screening.contrast, "noise": self.screening.noise,
+            "warnings": self.screening.warnings, "account": self.account,
+            "capped": self.account.capped,
+            "events_per_pixel_second": self.rate(),
+        })
+    }
+}

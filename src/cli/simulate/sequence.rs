@@ -1,0 +1,215 @@
+//! The frames that are asked for, at their stamps.
+
+use super::Simulate;
+use crate::cli::input;
+use crate::cli::message::{Level, Message};
+use crate::cli::problem::{Exit, Problem};
+use crate::frames::Frames;
+use crate::frames::array::FullScale;
+use crate::frames::folder::{FolderError, FolderFrames, INFO, Listing};
+use crate::frames::npy::{self, Kind, NpyError, NpyFrames, RatedFrames, Stack};
+use crate::frames::stamps::relative;
+use crate::units::{Hertz, Ratio, amount};
+use std::io;
+use std::path::Path;
+
+/// Frames whose brightest sample is at most this are on the scale 0..1, with room for highlights.
+const MOST_OF_ONE: f32 = 2.0;
+/// Those whose brightest is above this are on the scale 0..255.
+const LEAST_OF_255: f32 = 16.0;
+/// Frames a second above which those that a sensor holds at once are worth a word.
+const MANY_A_SECOND: f64 = 50_000.0;
+/// For as long a sensor holds frames, in nanoseconds.
+const HELD_NS: f64 = 1_048_576.0;
+
+/// Where frames lie on a sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Origin(pub(super) [u16; 2]);
+
+/// Reads `X,Y`.
+pub(super) fn origin(text: &str) -> Result<Origin, String> {
+    let sides =
+        text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
+    sides.map(Origin).ok_or_else(|| format!("`{text}` is not X,Y, two of 0 to 65535, as 40,12"))
+}
+
+/// Reads `1` or `255`.
+pub(super) fn full_scale(text: &str) -> Result<FullScale, String> {
+    match text {
+        "1" => Ok(FullScale::One),
+        "255" => Ok(FullScale::Grey255),
+        _ => Err(format!("`{text}` is neither 1 nor 255")),
+    }
+}
+
+/// Reads frames a second, as many as whole microseconds can tell apart.
+pub(super) fn rate(text: &str) -> Result<Hertz, String> {
+    let ratio: Ratio = text.parse().map_err(|e: crate::units::RatioError| e.to_string())?;
+    if ratio.to_f64() > 1e6 || ratio.to_f64() < 1e-6 {
+        return Err(format!("`{text}` is not from 1e-6 to 1e6 frames a second"));
+    }
+    Ok(Hertz(ratio))
+}
+
+/// Frames at their stamps.
+pub(super) struct Sequence {
+    pub(super) frames: Box<dyn Frames>,
+    /// In microseconds, strictly increasing, at least two.
+    pub(super) stamps_us: Vec<i64>,
+    /// What white is.
+    pub(super) full_scale: FullScale,
+    /// Whether that was decided by the frames.
+    pub(super) decided: bool,
+    /// What people should know.
+    pub(super) told: Vec<String>,
+}
+
+/// Frames, and the stamps that came with them.
+enum Source {
+    Stack(Stack),
+    Images(Listing),
+}
+
+impl Sequence {
+    /// Opens everything that is named.
+    pub(super) fn open(asked: &Simulate) -> Result<Self, Problem> {
+        let source = source(&asked.frames)?;
+        let stamps_us = stamps(asked, &source)?;
+        if stamps_us.len() < 2 {
+            let what =
+                format!("{} holds {} frames, wanted at least 2", asked.frames.display(), stamps_us.len());
+            return Err(Problem::usage("frames", what));
+        }
+        let mut told = Vec::new();
+        let floats = matches!(&source, Source::Stack(stack) if stack.kind() == Kind::Floats);
+        let full_scale = match asked.full_scale {
+            Some(full_scale) if floats => full_scale,
+            None if floats => decide(&asked.frames, &mut told)?,
+            _ => FullScale::Grey255,
+        };
+        let decided = floats && asked.full_scale.is_none();
+        if !floats && asked.full_scale == Some(FullScale::One) {
+            told.push(
+                "warning: --full-scale is for floats: these frames are grey 0 to 255 as they stand"
+                    .to_owned(),
+            );
+        }
+        let frames: Box<dyn Frames> = match source {
+            Source::Stack(stack) => {
+                Box::new(NpyFrames::new(stack, full_scale, &stamps_us).map_err(|e| wrong(&e))?)
+            }
+            Source::Images(listing) => {
+                Box::new(FolderFrames::new(listing.images, &stamps_us).map_err(|e| wrong_folder(&e))?)
+            }
+        };
+        let frames = match &asked.rates {
+            None => frames,
+            Some(path) => {
+                let rates = Stack::open(path).map_err(|e| unread("rates", &e, path))?;
+                Box::new(RatedFrames::new(frames, rates, full_scale).map_err(|e| wrong(&e))?)
+            }
+        };
+        let mut sequence = Self { frames, stamps_us, full_scale, decided, told };
+        sequence.told.extend(sequence.many());
+        Ok(sequence)
+    }
+
+    /// The first and the last stamp.
+    pub(super) fn span_us(&self) -> (i64, i64) {
+        (self.stamps_us[0], self.stamps_us[self.stamps_us.len() - 1])
+    }
+
+    /// Frames a second, on average.
+    pub(super) fn rate(&self) -> Hertz {
+        let (first, last) = self.span_us();
+        let intervals = (self.stamps_us.len() as u64 - 1).saturating_mul(1_000_000);
+        let rate = Ratio::new(intervals, last.abs_diff(first));
+        Hertz(rate.expect("at least two stamps, strictly increasing"))
+    }
+
+    /// What those frames take that a sensor holds at once, where they are many.
+    fn many(&self) -> Option<String> {
+        let hz = self.rate().to_f64();
+        let held = (hz * HELD_NS * 1e-9).ceil() * self.frames.size().pixels() as f64 * 4.0;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an amount for people")]
+        let bytes = amount(held as u64, "B");
+        (hz > MANY_A_SECOND).then(|| {
+            format!("warning: at {hz:.0} frames a second the sensor holds {bytes} of frames at once")
+        })
+    }
+}
+
+fn source(path: &Path) -> Result<Source, Problem> {
+    if path.is_dir() {
+        return Listing::read(path).map(Source::Images).map_err(|e| wrong_folder(&e));
+    }
+    let is_npy = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
+    if path.exists() && !is_npy {
+        let what = format!("{} is neither a .npy nor a folder of images", path.display());
+        return Err(Problem::usage("format", what));
+    }
+    Stack::open(path).map(Source::Stack).map_err(|e| unread("frames", &e, path))
+}
+
+fn stamps(asked: &Simulate, source: &Source) -> Result<Vec<i64>, Problem> {
+    let count = match source {
+        Source::Stack(stack) => stack.frames(),
+        Source::Images(listing) => listing.images.len(),
+    };
+    let own = match source {
+        Source::Images(listing) => listing.stamps_us.as_ref(),
+        Source::Stack(_) => None,
+    };
+    match (own, &asked.stamps, asked.fps) {
+        (Some(own), None, None) => Ok(own.clone()),
+        (Some(_), _, _) => {
+            let what = format!("the stamps of {} are in its {INFO}", asked.frames.display());
+            Err(Problem::usage("stamps", what).help("leave --stamps and --fps out"))
+        }
+        (None, Some(path), _) => {
+            let stamps = npy::stamps(path).map_err(|e| unread("stamps", &e, path))?;
+            // Told with their file, before anything is made of them.
+            relative(&stamps).map_err(|e| Problem::usage("stamps", format!("{}: {e}", path.display())))?;
+            Ok(stamps)
+        }
+        (None, None, Some(rate)) => Ok((0..count as u64).map(|index| rate.stamp_us(index)).collect()),
+        (None, None, None) => {
+            let what = format!("when the frames of {} were taken is not said", asked.frames.display());
+            let help = "--stamps: a .npy of int64 microseconds, or --fps";
+            Err(Problem::usage("stamps", what).help(help))
+        }
+    }
+}
+
+/// The full scale of floats, by the brightest of the first two frames.
+fn decide(path: &Path, told: &mut Vec<String>) -> Result<FullScale, Problem> {
+    let brightest = npy::brightest(path).map_err(|e| unread("frames", &e, path))?;
+    let (full_scale, name) = if brightest > LEAST_OF_255 {
+        (FullScale::Grey255, 255)
+    } else if brightest <= MOST_OF_ONE {
+        (FullScale::One, 1)
+    } else {
+        let what = format!("white is 1 or 255, and the brightest of the first two frames is {brightest}");
+        return Err(Problem::usage("full-scale", what).help("--full-scale 1 or --full-scale 255"));
+    };
+    told.push(format!("full scale: {name}, since the brightest of the first two frames is {brightest}"));
+    Ok(full_scale)
+}
+
+/// A file that is not there, or cannot be read as what it should be.
+fn unread(what: &str, error: &NpyError, path: &Path) -> Problem {
+    match error {
+        NpyError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => input::missing(what, path),
+        error => input::unreadable(what, error),
+    }
+}
+
+/// Frames that do not go with what else is given: nothing ran.
+fn wrong(error: &NpyError) -> Problem {
+    Problem::usage("frames", error.to_string())
+}
+
+fn wrong_folder(error: &FolderError) -> Problem {
+    let message = Message::new(Level::Error, "frames", error.to_string());
+    Problem::of(if matches!(error, FolderError::Io { .. }) { Exit::Failed } else { Exit::Usage }, message)
+}

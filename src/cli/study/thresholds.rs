@@ -1,0 +1,309 @@
+//! `gs2e study thresholds`: a sweep of the contrast threshold.
+
+use crate::artifact::{Artifact, Files, Motion};
+use crate::camera::{self, Camera};
+use crate::cli::build::opening;
+use crate::cli::console::Console;
+use crate::cli::message::{Level, Message};
+use crate::cli::output::{self, Output};
+use crate::cli::problem::{Exit, Problem};
+use crate::cli::{Common, Targets, on_interrupt};
+use crate::event::picture::grid;
+use crate::frames::rendered::RenderedFrames;
+use crate::image::png;
+use crate::plan::Plan;
+use crate::plan::assess::{Assessment, assess};
+use crate::recipe::{self, Recipe};
+use crate::render::backend::Backend;
+use crate::render::{Layering, RenderError, Rules, Style};
+use crate::scene::Gaussians;
+use crate::seed::{Purpose, Seed};
+use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::{Sensor, Sensors, SimulateError};
+use crate::source::Capture;
+use crate::store::{Access, Store};
+use crate::study::thresholds::{Found, Row, Sweep, sweep};
+use crate::trajectory::Trajectory;
+use serde_json::json;
+use std::io::{self, Write};
+use std::ops::{ControlFlow, Range};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// Arguments of `study thresholds`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Thresholds {
+    /// The recipe; its scene is built
+    #[arg(value_name = "RECIPE", default_value = Targets::DEFAULT)]
+    recipe: PathBuf,
+    /// Which trajectory [default: the first]
+    #[arg(long, value_name = "NAME")]
+    trajectory: Option<String>,
+    /// The thresholds of ON and OFF events, rising
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.25,0.5,0.75,1,1.25,1.5")]
+    thresholds: Vec<f64>,
+    /// Begin and end of what is rendered, milliseconds of the trajectory [default: 100 ms about its middle]
+    #[arg(long, value_name = "T0,T1", value_parser = span)]
+    span: Option<Span>,
+    /// Where the table goes, for programs
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Where the picture goes: 1 ms of events at each threshold, a .png
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+}
+
+/// Begin and end, milliseconds.
+#[derive(Debug, Clone, Copy)]
+struct Span(f64, f64);
+
+fn span(text: &str) -> Result<Span, String> {
+    let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    ends.filter(|(begin, end)| 0.0 <= *begin && begin < end)
+        .map(|(begin, end)| Span(begin, end))
+        .ok_or_else(|| format!("`{text}` is not T0,T1, two times in milliseconds, the later one last"))
+}
+
+/// Length that is rendered where nobody says, ms.
+const USUAL_MS: f64 = 100.0;
+/// Length of the pictures, us.
+const PICTURE_US: i64 = 1000;
+/// Pictures in a row, and the pixels between them.
+const COLUMNS: usize = 3;
+const GAP: u32 = 4;
+
+impl Thresholds {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        self.screen(console)?;
+        let recipe = self.the_recipe()?;
+        let name = self.the_trajectory(&recipe)?;
+        let sensor = the_sensor(&recipe)?;
+        common.limit_cores();
+        let backend = common.backend()?;
+        let seed = Seed::derive(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
+        let scene = format!("{}/{name}", recipe.scene);
+        let asked = recipe.render;
+        let built = Built::open(recipe, &name, common)?;
+        let trajectory = self.part(&built.motion.trajectory)?;
+        let middle = trajectory.stamps_us.last().map_or(0, |last| last / 2);
+        let sweep = Sweep {
+            sensor,
+            thresholds: self.thresholds.clone(),
+            seed,
+            within_ns: interval_ns(&trajectory),
+            window_us: middle - PICTURE_US / 2..middle + PICTURE_US / 2,
+        };
+        let style = asked.resolve(built.gaussians.antialiased);
+        let found = built.sweep(&sweep, trajectory, (backend, style))?;
+        self.write(&sweep, &found)?;
+        self.tell(&scene, &found, console);
+        Ok(Exit::Done)
+    }
+
+    fn screen(&self, console: &Console) -> Result<(), Problem> {
+        let outputs = self.csv.iter().chain(&self.picture).map(PathBuf::as_path);
+        output::screen(outputs, [self.recipe.as_path()], console.json)?;
+        let rising = self.thresholds.windows(2).all(|pair| pair[0] < pair[1]);
+        let in_range = self.thresholds.iter().all(|t| (1e-6..=1e6).contains(t));
+        if !rising || !in_range {
+            let what = format!("--thresholds {:?}, wanted rising numbers from 1e-6 to 1e6", self.thresholds);
+            return Err(Problem::usage("thresholds", what));
+        }
+        Ok(())
+    }
+
+    fn the_recipe(&self) -> Result<Recipe, Problem> {
+        let mut recipes = recipe::read_all(std::slice::from_ref(&self.recipe))?;
+        match (recipes.pop(), recipes.len()) {
+            (Some(recipe), 0) => Ok(recipe),
+            (_, others) => {
+                let what = format!("{} holds {} recipes, wanted one", self.recipe.display(), others + 1);
+                Err(Problem::usage("recipe", what).help("name the one that is meant"))
+            }
+        }
+    }
+
+    fn the_trajectory(&self, recipe: &Recipe) -> Result<String, Problem> {
+        let names: Vec<&str> = recipe.trajectories.iter().map(|t| t.name.as_str()).collect();
+        let wanted = self.trajectory.as_deref().unwrap_or(names[0]);
+        if names.contains(&wanted) {
+            return Ok(wanted.to_owned());
+        }
+        let what = format!("{} has no trajectory `{wanted}`; it has {}", recipe.scene, names.join(", "));
+        Err(Problem::usage("no-trajectory", what))
+    }
+
+    /// The poses of the time that is asked for, from 0.
+    fn part(&self, whole: &Trajectory) -> Result<Trajectory, Problem> {
+        let end_us = whole.stamps_us.last().copied().unwrap_or(0);
+        let middle_ms = end_us as f64 * 0.5e-3;
+        let Span(begin, end) =
+            self.span.unwrap_or(Span(middle_ms - USUAL_MS / 2.0, middle_ms + USUAL_MS / 2.0));
+        let place = |ms: f64| whole.stamps_us.partition_point(|t| (*t as f64) < ms * 1e3);
+        let range: Range<usize> = place(begin)..(place(end) + 1).min(whole.stamps_us.len());
+        if range.len() < 3 {
+            let what = format!("{} poses lie from {begin} to {end} ms, wanted 3", range.len());
+            return Err(Problem::usage("span", what).help(&format!("the trajectory ends at {} us", end_us)));
+        }
+        let first = whole.stamps_us[range.start];
+        Ok(Trajectory {
+            world_from_camera: whole.world_from_camera[range.clone()].to_vec(),
+            stamps_us: whole.stamps_us[range].iter().map(|t| t - first).collect(),
+        })
+    }
+
+    fn write(&self, sweep: &Sweep, found: &Found) -> Result<(), Problem> {
+        let table = |out: &mut dyn Write| csv(found, out);
+        let picture = |out: &mut dyn Write| {
+            let captioned = found.pictures.iter().zip(&sweep.thresholds);
+            let captioned: Vec<_> = captioned.map(|(image, t)| (image.clone(), t.to_string())).collect();
+            png::write(&grid(&captioned, COLUMNS, GAP), out)
+        };
+        let mut outputs: Vec<Output<'_>> = Vec::new();
+        outputs.extend(self.csv.iter().map(|path| Output { path, fill: &table }));
+        outputs.extend(self.picture.iter().map(|path| Output { path, fill: &picture }));
+        output::write(&outputs)
+    }
+
+    fn tell(&self, scene: &str, found: &Found, console: &Console) {
+        let (row, because) = found.recommended();
+        let recommended = row.map(|row| row.threshold);
+        if console.json {
+            console.result(&json!({
+                "scene": scene, "frames": found.frames, "seconds": found.seconds, "rows": found.rows,
+                "recommended": recommended, "because": because,
+            }));
+            return;
+        }
+        let Found { frames, seconds, .. } = found;
+        console.print(&format!("{scene}: {frames} frames, {:.1} ms, rendered by two rules", 1e3 * seconds));
+        console.print("threshold  contrast     events  ev/px/s   ON  smooth  near a jump  other");
+        let share = |part: u64, row: &Row| 100.0 * part as f64 / row.events.max(1) as f64;
+        for row in &found.rows {
+            console.print(&format!(
+                "{:9}  {:8.4}  {:9}  {:7.3}  {:2.0} %  {:4.1} %      {:5.1} %  {:3.1} %",
+                row.threshold,
+                row.contrast,
+                row.events,
+                row.rate_ev_px_s,
+                share(row.on, row),
+                share(row.smooth, row),
+                share(row.near_jump, row),
+                share(row.other, row)
+            ));
+        }
+        let recommended = recommended.map_or_else(|| "none".to_owned(), |threshold| threshold.to_string());
+        console.print(&format!("recommended: {recommended}: {because}"));
+    }
+}
+
+fn csv(found: &Found, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "threshold,contrast,events,on,rate_ev_px_s,smooth_stream,smooth,near_jump,other")?;
+    for row in &found.rows {
+        let Row { threshold, contrast, events, on, rate_ev_px_s, smooth_stream, smooth, near_jump, other } =
+            row;
+        writeln!(
+            out,
+            "{threshold},{contrast},{events},{on},{rate_ev_px_s},{smooth_stream},{smooth},{near_jump},{other}"
+        )?;
+    }
+    Ok(())
+}
+
+/// The longest time between two frames, ns.
+fn interval_ns(trajectory: &Trajectory) -> i64 {
+    let intervals = trajectory.stamps_us.windows(2).map(|pair| pair[1] - pair[0]);
+    1000 * intervals.max().unwrap_or(0)
+}
+
+/// The sensor whose thresholds are swept.
+fn the_sensor(recipe: &Recipe) -> Result<Voltmeter, Problem> {
+    match &recipe.sensors {
+        Sensors::One(Sensor::Voltmeter(sensor)) => Ok(sensor.clone()),
+        Sensors::One(other) => {
+            let what = format!("the sensor of {} is {}, wanted a voltmeter", recipe.scene, other.name());
+            Err(Problem::usage("sensor", what))
+        }
+        Sensors::Named(_) => {
+            let what = format!("{} has several sensors, wanted one", recipe.scene);
+            Err(Problem::usage("sensor", what).help("a recipe with `sensor`"))
+        }
+    }
+}
+
+/// What the store has of a trajectory.
+struct Built {
+    camera: Camera,
+    gaussians: Arc<Gaussians>,
+    motion: Motion,
+}
+
+impl Built {
+    fn open(recipe: Recipe, trajectory: &str, common: &Common) -> Result<Self, Problem> {
+        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+        let (scene, camera) = (recipe.scene.clone(), recipe.camera);
+        let plan = Plan::new(vec![recipe], &common.renderers()?.knowing(&store));
+        let assessed = assess(&plan, &store)?;
+        let shelf = Shelf { scene: &scene, plan: &plan, assessed: &assessed, store: &store };
+        let capture: Capture = shelf.open("capture")?;
+        let own = capture.camera().map(|(own, _)| own);
+        Ok(Self {
+            camera: camera::choose(camera, own.as_ref()).expect("recipes without views write a whole camera"),
+            gaussians: Arc::new(shelf.open("reconstruct")?),
+            motion: shelf.open(&format!("{trajectory}/trajectory"))?,
+        })
+    }
+
+    /// Renders and sweeps.
+    fn sweep(
+        &self,
+        asked: &Sweep,
+        trajectory: Trajectory,
+        (backend, style): (Backend, Style),
+    ) -> Result<Found, Problem> {
+        let cancel = on_interrupt()?;
+        let mut tap = |_: usize| match cancel.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        // The picture as a continuous function of the view, which no GPU renders yet.
+        let smooth = Style { rules: Rules::Soft, order: Layering::Blended, ..style };
+        let frames = |backend: &Backend, style| {
+            let renderer = backend.renderer(self.gaussians.clone(), style)?;
+            Ok::<_, RenderError>(RenderedFrames::new(renderer, self.camera, trajectory.clone()))
+        };
+        let failed =
+            |e: &dyn std::error::Error| Problem::failed("step-failed", format!("failed to render: {e}"));
+        let mut released = frames(&backend, style).map_err(|e| failed(&e))?;
+        let smooth_by = if backend.takes_gpu() { Backend::Cpu } else { backend };
+        let mut smooth = frames(&smooth_by, smooth).map_err(|e| failed(&e))?;
+        sweep(asked, (&mut released, &mut smooth), &mut tap).map_err(|e| match e {
+            SimulateError::Interrupted => {
+                let what = "interrupted: nothing is written";
+                Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
+            }
+            e => Problem::failed("step-failed", format!("failed to simulate: {e}")),
+        })
+    }
+}
+
+/// The products of one scene.
+struct Shelf<'a> {
+    scene: &'a str,
+    plan: &'a Plan,
+    assessed: &'a [Assessment],
+    store: &'a Store,
+}
+
+impl Shelf<'_> {
+    fn open<A: Artifact>(&self, name: &str) -> Result<A, Problem> {
+        let found = self.plan.steps().iter().zip(self.assessed).find(|(step, _)| step.name == name);
+        let Some(outputs) = found.and_then(|(_, assessed)| assessed.outputs.as_ref()) else {
+            let message = format!("{}/{name} is not built, or no longer up to date", self.scene);
+            return Err(Problem::failed("not-built", message).step(self.scene, name).help("gs2e build"));
+        };
+        A::open(&Files::of(outputs, self.store))
+            .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))
+    }
+}

@@ -1,0 +1,158 @@
+//! How the elements of a chunk are stored.
+//!
+//! Every filter but none is a shuffle (all first bytes of the elements, all second bytes, …) and then a compressor. Deflate
+//! is in every HDF5 library; zstd (registered filter 32015) and LZ4 (32004) need the plug-ins that Python's `hdf5plugin`
+//! and Debian's `hdf5-plugin-*` bring.
+
+use super::CHUNK;
+use flate2::{Compress, Compression, FlushCompress, Status};
+use rust_hdf5::format::messages::filter::{
+    FILTER_DEFLATE, FILTER_LZ4, FILTER_SHUFFLE, FILTER_ZSTD, FLAG_OPTIONAL, Filter as Stage, FilterPipeline,
+};
+use std::fmt;
+use std::io;
+use std::str::FromStr;
+
+/// Bytes of a block of LZ4: the filter's own default, beyond which no chunk of ours reaches.
+const LZ4_BLOCK: u32 = 1 << 30;
+
+/// What chunks pass through on their way to the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Filter {
+    /// Nothing: bytes as they are.
+    None,
+    /// Deflate of this level, 0 to 9.
+    Gzip(u32),
+    /// Zstandard of this level, 1 to 19.
+    Zstd(u32),
+    /// LZ4, which has no levels here.
+    Lz4,
+}
+
+impl Default for Filter {
+    /// Readable by any HDF5 library, at a level where more time gains little.
+    fn default() -> Self {
+        Self::Gzip(4)
+    }
+}
+
+impl fmt::Display for Filter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::Gzip(level) => write!(f, "gzip:{level}"),
+            Self::Zstd(level) => write!(f, "zstd:{level}"),
+            Self::Lz4 => f.write_str("lz4"),
+        }
+    }
+}
+
+/// Why a text is no [`Filter`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is none of gzip[:0-9], zstd[:1-19], lz4, none")]
+pub struct FilterError(String);
+
+impl FromStr for Filter {
+    type Err = FilterError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (name, level) = text.split_once(':').map_or((text, None), |(name, level)| (name, Some(level)));
+        let level = |default: u32, range: std::ops::RangeInclusive<u32>| match level {
+            None => Some(default),
+            Some(level) => level.parse().ok().filter(|level| range.contains(level)),
+        };
+        let alone = |filter| (!text.contains(':')).then_some(filter);
+        let found = match name {
+            "gzip" => level(4, 0..=9).map(Self::Gzip),
+            "zstd" => level(3, 1..=19).map(Self::Zstd),
+            "lz4" => alone(Self::Lz4),
+            "none" => alone(Self::None),
+            _ => None,
+        };
+        found.ok_or_else(|| FilterError(text.to_owned()))
+    }
+}
+
+impl Filter {
+    /// What the file says of it, of elements of `width` bytes; `None` where there is nothing to say.
+    pub(super) fn pipeline(self, width: usize) -> Option<FilterPipeline> {
+        let stage = |id, cd_values| Stage { id, flags: FLAG_OPTIONAL, cd_values };
+        let compressor = match self {
+            Self::None => return None,
+            Self::Gzip(level) => stage(FILTER_DEFLATE, vec![level]),
+            Self::Zstd(level) => stage(FILTER_ZSTD, vec![level]),
+            Self::Lz4 => stage(FILTER_LZ4, vec![LZ4_BLOCK]),
+        };
+        let width = u32::try_from(width).expect("elements are a few bytes");
+        Some(FilterPipeline { filters: vec![stage(FILTER_SHUFFLE, vec![width]), compressor] })
+    }
+
+    /// The stored form of a chunk of little-endian elements of `width` bytes, padded with zeros to a whole chunk, as the
+    /// format wants it.
+    pub(super) fn apply(self, bytes: &[u8], width: usize) -> io::Result<Vec<u8>> {
+        match self {
+            Self::None => {
+                let mut whole = bytes.to_vec();
+                whole.resize(CHUNK * width, 0);
+                Ok(whole)
+            }
+            Self::Gzip(level) => Ok(deflated(&shuffled(bytes, width), level)),
+            Self::Zstd(level) => {
+                let level = i32::try_from(level).expect("levels are small");
+                zstd::bulk::compress(&shuffled(bytes, width), level)
+            }
+            Self::Lz4 => Ok(lz4(&shuffled(bytes, width))),
+        }
+    }
+}
+
+fn shuffled(bytes: &[u8], width: usize) -> Vec<u8> {
+    let mut shuffled = vec![0; CHUNK * width];
+    for (i, element) in bytes.chunks_exact(width).enumerate() {
+        for (k, &byte) in element.iter().enumerate() {
+            shuffled[k * CHUNK + i] = byte;
+        }
+    }
+    shuffled
+}
+
+fn deflated(bytes: &[u8], level: u32) -> Vec<u8> {
+    // A stored block of zlib adds 5 bytes to each 16 KiB or more, and 6 around the stream.
+    let mut out = Vec::with_capacity(bytes.len() + bytes.len() / 1024 + 64);
+    let status =
+        Compress::new(Compression::new(level), true).compress_vec(bytes, &mut out, FlushCompress::Finish);
+    assert!(matches!(status, Ok(Status::StreamEnd)), "a deflated chunk fits the bound on its size");
+    out
+}
+
+/// One block, as the registered filter lays it out: length of the whole, length of a block, length of the stored block,
+/// big endian, and the block, which is stored as it is where it would not shrink.
+fn lz4(bytes: &[u8]) -> Vec<u8> {
+    let len = u32::try_from(bytes.len()).expect("a chunk is small");
+    let packed = lz4_flex::block::compress(bytes);
+    let block = if packed.len() < bytes.len() { &packed } else { bytes };
+    let stored = u32::try_from(block.len()).expect("a chunk is small");
+    let mut out = Vec::with_capacity(16 + block.len());
+    out.extend(u64::from(len).to_be_bytes());
+    out.extend(len.to_be_bytes());
+    out.extend(stored.to_be_bytes());
+    out.extend(block);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lead_back() {
+        for text in ["none", "lz4", "gzip:0", "gzip:9", "zstd:1", "zstd:19"] {
+            assert_eq!(text.parse::<Filter>().map(|filter| filter.to_string()), Ok(text.to_owned()));
+        }
+        assert_eq!("gzip".parse(), Ok(Filter::default()));
+        assert_eq!("zstd".parse(), Ok(Filter::Zstd(3)));
+        for text in ["", "blosc", "gzip:10", "gzip:", "zstd:0", "zstd:20", "lz4:1", "none:0", "gzip:-1"] {
+            assert!(text.parse::<Filter>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! Event rate over time as bars: ON upwards in red, OFF downwards in blue, both on one scale that is written beside them.
+
+use super::text;
+use crate::event::{Event, EventSink};
+use crate::image::{Image, Size};
+use crate::units::amount;
+use std::ops::Range;
+
+/// Most bars: where a stream goes on for longer, neighbours are put together.
+const MOST_BARS: usize = 1024;
+/// Least width of the plot.
+const LEAST_WIDTH: usize = 640;
+/// Height of the ON half, and of the OFF half.
+const HALF: usize = 120;
+/// Around the plot: room for the labels above and below.
+const MARGIN: usize = 14;
+
+const WHITE: [u8; 3] = [255; 3];
+const GRID: [u8; 3] = [224; 3];
+const AXIS: [u8; 3] = [96; 3];
+const ON: [u8; 3] = [214, 39, 40];
+const OFF: [u8; 3] = [31, 87, 180];
+
+/// Counts the events of bars of equal length.
+#[derive(Debug, Clone)]
+pub struct Rate {
+    window_us: Range<i64>,
+    /// Where the first bar begins.
+    begin_us: Option<i64>,
+    /// Length of a bar; a power of two.
+    bar_us: i64,
+    /// OFF and ON.
+    bars: Vec<[u64; 2]>,
+}
+
+impl Rate {
+    /// No events yet, of those with `window_us.start <= t < window_us.end`, which may be `i64::MIN` and `i64::MAX`: from the
+    /// first event, to the last.
+    #[must_use]
+    pub fn new(window_us: Range<i64>) -> Self {
+        let begin_us = (window_us.start != i64::MIN).then_some(window_us.start);
+        let mut rate = Self { window_us, begin_us, bar_us: 1, bars: Vec::new() };
+        if let (Some(begin), true) = (begin_us, rate.window_us.end != i64::MAX) {
+            // The whole window is drawn, with or without events.
+            rate.reach(rate.window_us.end.saturating_sub(begin).saturating_sub(1));
+        }
+        rate
+    }
+
+    /// Events per second of each bar: ON and OFF.
+    #[must_use]
+    pub fn per_second(&self) -> Vec<[f64; 2]> {
+        let hz = |count: u64| count as f64 * 1e6 / self.bar_us as f64;
+        self.bars.iter().map(|&[off, on]| [hz(on), hz(off)]).collect()
+    }
+
+    /// Length of a bar.
+    #[must_use]
+    pub fn bar_us(&self) -> i64 {
+        self.bar_us
+    }
+
+    /// The picture of what was seen so far.
+    #[must_use]
+    pub fn image(&self) -> Image<[u8; 3]> {
+        let wide = LEAST_WIDTH.div_ceil(self.bars.len().max(1)).max(1);
+        let width = (wide * self.bars.len()).max(LEAST_WIDTH);
+        let height = 2 * (HALF + MARGIN) + 1;
+        let side = |n: usize| u32::try_from(n).expect("bars are few");
+        let mut image = Image::filled(Size { width: side(width), height: side(height) }, WHITE);
+        let zero = MARGIN + HALF;
+        for quarter in 1..=4 {
+            let away = quarter * HALF / 4;
+            for row in [zero - away, zero + away] {
+                fill(&mut image, 0..width, row..row + 1, GRID);
+            }
+        }
+        let most = self.bars.iter().flatten().copied().max().unwrap_or(0).max(1);
+        for (number, &[off, on]) in self.bars.iter().enumerate() {
+            let columns = number * wide..(number + 1) * wide;
+            let [up, down] = [on, off].map(|count| tall(count, most));
+            fill(&mut image, columns.clone(), zero - up..zero, ON);
+            fill(&mut image, columns, zero + 1..zero + 1 + down, OFF);
+        }
+        fill(&mut image, 0..width, zero..zero + 1, AXIS);
+        self.label(&mut image, most);
+        image
+    }
+
+    /// What the highest bar is, and the times of both ends.
+    fn label(&self, image: &mut Image<[u8; 3]>, most: u64) {
+        let Size { width, height } = image.size();
+        let hz = u128::from(most) * 1_000_000 / u128::from(self.bar_us.unsigned_abs());
+        text::write(image, [3, 3], &amount(u64::try_from(hz).unwrap_or(u64::MAX), "ev/s"));
+        let begin = self.begin_us.unwrap_or(0);
+        let end =
+            begin.saturating_add(self.bar_us.saturating_mul(self.bars.len().try_into().unwrap_or(i64::MAX)));
+        let [begin, end] = [begin, end.min(self.window_us.end)].map(|us| format!("{} s", us as f64 / 1e6));
+        let bottom = height - 10;
+        text::write(image, [3, bottom], &begin);
+        text::write(image, [width.saturating_sub(3 + text::width(&end)), bottom], &end);
+    }
+
+    /// Makes room for a time after the first bar's beginning.
+    fn reach(&mut self, after_us: i64) -> usize {
+        let number = loop {
+            let number = usize::try_from(after_us / self.bar_us).unwrap_or(usize::MAX);
+            if number < MOST_BARS {
+                break number;
+            }
+            self.bar_us *= 2;
+            let sum = |pair: &[[u64; 2]]| pair.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
+            self.bars = self.bars.chunks(2).map(sum).collect();
+        };
+        if self.bars.len() <= number {
+            self.bars.resize(number + 1, [0; 2]);
+        }
+        number
+    }
+}
+
+impl EventSink for Rate {
+    /// Never fails; events outside the window are left out.
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        for event in events {
+            let t = event.t.floor_micros();
+            if self.window_us.contains(&t) {
+                let begin = *self.begin_us.get_or_insert(t);
+                let number = self.reach(t.saturating_sub(begin).max(0));
+                self.bars[number][event.polarity as usize] += 1;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Rows of a bar; one event at least is seen.
+fn tall(count: u64, most: u64) -> usize {
+    let rows = (u128::from(count) * HALF as u128).div_ceil(u128::from(most));
+    usize::try_from(rows).unwrap_or(HALF)
+}
+
+fn fill(image: &mut Image<[u8; 3]>, columns: Range<usize>, rows: Range<usize>, colour: [u8; 3]) {
+    let width = image.size().width as usize;
+    for row in rows {
+        image.pixels_mut()[row * width..][columns.clone()].fill(colour);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Polarity;
+    use crate::units::Timestamp;
+
+    fn seen(window_us: Range<i64>, events: impl Iterator<Item = (i64, Polarity)>) -> Rate {
+        let mut rate = Rate::new(window_us);
+        for (us, polarity) in events {
+            rate.append(&[Event { t: Timestamp::from_micros(us), x: 0, y: 0, polarity }]).unwrap();
+        }
+        rate
+    }
+
+    #[test]
+    fn bars_hold_every_event_however_long_the_stream_is() {
+        for count in [1, 1000, 1024, 1025, 100_000] {
+            let polarity = |i| if i % 4 == 0 { Polarity::Off } else { Polarity::On };
+            let rate = seen(i64::MIN..i64::MAX, (0..count).map(|i| (500 + 3 * i, polarity(i))));
+            let seconds = rate.bar_us() as f64 * 1e-6;
+            let sums = rate.per_second().iter().fold([0.0, 0.0], |[a, b], [on, off]| [a + on, b + off]);
+            let off = (count + 3) / 4;
+            let near =
+                |found: f64, wanted: i64| (found * seconds - wanted as f64).abs() < 1e-6 * count as f64;
+            assert!(near(sums[0], count - off) && near(sums[1], off), "{count}: {sums:?}");
+            assert!(rate.bars.len() <= MOST_BARS && rate.bar_us() * 1024 >= 3 * (count - 1));
+        }
+    }
+
+    #[test]
+    fn a_window_is_drawn_in_full_and_holds_what_lies_in_it() {
+        let events = [(5, Polarity::On), (10, Polarity::On), (11, Polarity::Off), (20, Polarity::On)];
+        let rate = seen(10..20, events.into_iter());
+        let mut wanted = vec![[0.0, 0.0]; 10];
+        (wanted[0], wanted[1]) = ([1e6, 0.0], [0.0, 1e6]);
+        assert_eq!(rate.per_second(), wanted);
+        let image = rate.image();
+        let at = |x: usize, y: usize| image.pixels()[y * image.size().width as usize + x];
+        let zero = MARGIN + HALF;
+        assert_eq!(image.size().width, 640);
+        assert_eq!((at(0, zero - 1), at(0, zero - HALF), at(0, zero + 1)), (ON, ON, WHITE));
+        assert_eq!((at(64, zero - 1), at(64, zero + 1), at(127, zero + HALF)), (WHITE, OFF, OFF));
+        assert_eq!((at(128, zero), at(128, zero + 1)), (AXIS, WHITE));
+    }
+
+    #[test]
+    fn no_event_is_a_picture_too() {
+        let image = seen(i64::MIN..i64::MAX, std::iter::empty()).image();
+        assert!(image.pixels().iter().all(|&v| v != ON && v != OFF));
+    }
+}

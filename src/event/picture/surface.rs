@@ -1,0 +1,113 @@
+//! A time surface: how fresh the last event of each pixel is, red where it was ON, blue where it was OFF, on white.
+//!
+//! An event of age `a` at the end of the window has `exp(-a/tau)` of the full colour, as in the surfaces of Lagorce et
+//! al. (HOTS, PAMI 2017); pixels without an event in the window are white.
+
+use crate::event::{Event, EventSink, Polarity};
+use crate::image::{Image, Size};
+use std::ops::Range;
+
+/// Of a window without end, time constants that its last events reach back.
+const REACH: i64 = 4;
+
+/// Keeps the last event of each pixel within a window.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    window_us: Range<i64>,
+    first_us: Option<i64>,
+    last_us: i64,
+    latest: Image<Option<(i64, Polarity)>>,
+}
+
+impl Surface {
+    /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`, which may be
+    /// `i64::MIN` and `i64::MAX`: from the first event, to the last.
+    #[must_use]
+    pub fn new(size: Size, window_us: Range<i64>) -> Self {
+        Self { window_us, first_us: None, last_us: 0, latest: Image::filled(size, None) }
+    }
+
+    /// A quarter of the window, or of the stream where it has no bounds: the time constant where none is asked for.
+    #[must_use]
+    pub fn usual_tau_us(&self) -> f64 {
+        let begin =
+            if self.window_us.start == i64::MIN { self.first_us.unwrap_or(0) } else { self.window_us.start };
+        (self.end_us().saturating_sub(begin) / REACH).max(1) as f64
+    }
+
+    /// The picture of what was seen so far, by a time constant in microseconds.
+    #[must_use]
+    pub fn image(&self, tau_us: f64) -> Image<[u8; 3]> {
+        let end = self.end_us();
+        let colour = |latest: &Option<(i64, Polarity)>| {
+            let Some((t, polarity)) = *latest else { return [255; 3] };
+            let fresh = libm::exp(-(end.saturating_sub(t) as f64) / tau_us);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within 0 to 255")]
+            let rest = (255.0 * (1.0 - fresh) + 0.5) as u8;
+            match polarity {
+                Polarity::On => [255, rest, rest],
+                Polarity::Off => [rest, rest, 255],
+            }
+        };
+        Image::from_vec(self.latest.size(), self.latest.pixels().iter().map(colour).collect())
+    }
+
+    fn end_us(&self) -> i64 {
+        if self.window_us.end == i64::MAX { self.last_us } else { self.window_us.end }
+    }
+}
+
+impl EventSink for Surface {
+    /// Never fails; events outside the window or the picture are left out.
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        let Size { width, height } = self.latest.size();
+        for event in events {
+            let (x, y, t) = (u32::from(event.x), u32::from(event.y), event.t.floor_micros());
+            if x < width && y < height && self.window_us.contains(&t) {
+                self.first_us.get_or_insert(t);
+                self.last_us = t;
+                self.latest.pixels_mut()[(y * width + x) as usize] = Some((t, event.polarity));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Timestamp;
+
+    fn seen(window_us: Range<i64>) -> Surface {
+        let mut surface = Surface::new(Size { width: 4, height: 1 }, window_us);
+        let events = [
+            (5, 0, Polarity::On),
+            (10, 1, Polarity::Off),
+            (90, 1, Polarity::On),
+            (100, 2, Polarity::Off),
+            (300, 3, Polarity::On),
+        ];
+        for (us, x, polarity) in events {
+            surface.append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity }]).unwrap();
+        }
+        surface
+    }
+
+    #[test]
+    fn the_last_event_fades_by_its_age() {
+        // the window ends a microsecond after its last event
+        let image = seen(0..101).image(100.0);
+        let faded = |age: f64| (255.0 * (1.0 - (-age / 100.0).exp())).round() as u8;
+        let wanted = [[255, faded(96.0), faded(96.0)], [255, faded(11.0), faded(11.0)]];
+        assert_eq!(image.pixels()[..2], wanted);
+        assert_eq!(image.pixels()[2..], [[faded(1.0), faded(1.0), 255], [255; 3]]);
+    }
+
+    #[test]
+    fn a_window_without_bounds_is_the_streams() {
+        let surface = seen(i64::MIN..i64::MAX);
+        assert!((surface.usual_tau_us() - 73.0).abs() < 1e-9, "a quarter of 295 us");
+        assert_eq!(surface.image(50.0).pixels()[3], [255, 0, 0], "the last event is fresh");
+        assert!((seen(0..200).usual_tau_us() - 50.0).abs() < 1e-9);
+    }
+}

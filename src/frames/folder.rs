@@ -1,0 +1,300 @@
+//! Frames from image files: a folder of them in natural order, or a sequence of DVS-Voltmeter (GitHub
+//! Lynn0306/DVS-Voltmeter), a folder whose `info.txt` has a line `path timestamp` for each frame, in integer
+//! microseconds.
+//!
+//! A path of `info.txt` starts at its folder, or else at the folder above, as the published sample's do. Images are PNG of 8
+//! or 16 bits, grey or RGB, or JPEG. The published reader rounds colours to 8 bits of grey; here their luminance is not
+//! rounded.
+
+use super::stamps::{StampError, relative};
+use super::{Frame, FrameError, Frames};
+use crate::image::{Image, Size, jpeg, png};
+use crate::source::natural;
+use crate::units::Timestamp;
+use std::fs::{self, File};
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+/// The file with a sequence's paths and stamps.
+pub const INFO: &str = "info.txt";
+
+/// Why a folder is no sequence of frames.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// Something in it cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Which.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// A line of `info.txt` is wrong.
+    #[error("{}:{line}: {because}", path.display())]
+    Line {
+        /// The `info.txt`.
+        path: PathBuf,
+        /// Its number, from 1.
+        line: usize,
+        /// What was found and what was wanted.
+        because: String,
+    },
+    /// An image, or all of them, cannot be used.
+    #[error("{}: {because}", path.display())]
+    Content {
+        /// Which.
+        path: PathBuf,
+        /// What was found and what was wanted.
+        because: String,
+    },
+    /// The stamps are none of a sequence.
+    #[error(transparent)]
+    Stamps(#[from] StampError),
+}
+
+/// What a folder holds of a sequence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listing {
+    /// The images, in the order of their frames; at least one.
+    pub images: Vec<PathBuf>,
+    /// Their stamps in microseconds, where an `info.txt` says them.
+    pub stamps_us: Option<Vec<i64>>,
+}
+
+impl Listing {
+    /// Reads what is in a folder: its `info.txt`, or else the names of its images.
+    ///
+    /// # Errors
+    /// When it cannot be read, holds no image, or a line of `info.txt` is wrong or names what is not there.
+    pub fn read(folder: &Path) -> Result<Self, FolderError> {
+        let info = folder.join(INFO);
+        if info.is_file() { of_info(folder, &info) } else { of_names(folder) }
+    }
+}
+
+fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
+    let text =
+        fs::read_to_string(path).map_err(|source| FolderError::Io { path: path.to_owned(), source })?;
+    let (mut images, mut stamps_us, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
+    let refusal = |line, because| FolderError::Line { path: path.to_owned(), line, because };
+    for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
+        let (image, stamp) = parse(line).map_err(|because| refusal(number, because))?;
+        let image = find(folder, image).ok_or_else(|| refusal(number, format!("{image} is not there")))?;
+        images.push(image);
+        stamps_us.push(stamp);
+        numbers.push(number);
+    }
+    if images.is_empty() {
+        return Err(FolderError::Content { path: path.to_owned(), because: "it names no image".to_owned() });
+    }
+    relative(&stamps_us).map_err(|error| match error {
+        StampError::Order { index, found, before } => {
+            let because = format!("{found} us is not later than the stamp before, {before} us");
+            refusal(numbers[index], because)
+        }
+        error @ StampError::Span { index, .. } => refusal(numbers[index], error.to_string()),
+    })?;
+    Ok(Listing { images, stamps_us: Some(stamps_us) })
+}
+
+/// `path timestamp`; the path may hold spaces.
+fn parse(line: &str) -> Result<(&str, i64), String> {
+    let wanted = "wanted `path timestamp`, the timestamp in microseconds";
+    let (path, stamp) = line.trim().rsplit_once(char::is_whitespace).ok_or(format!("one word, {wanted}"))?;
+    let stamp = stamp.parse().map_err(|_| format!("the timestamp is {stamp}, wanted an integer of us"))?;
+    Ok((path.trim_end(), stamp))
+}
+
+fn find(folder: &Path, image: &str) -> Option<PathBuf> {
+    let above = folder.join("..");
+    [folder, &above].map(|base| base.join(image)).into_iter().find(|path| path.is_file())
+}
+
+fn of_names(folder: &Path) -> Result<Listing, FolderError> {
+    let unreadable = |source| FolderError::Io { path: folder.to_owned(), source };
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let name = entry.map_err(unreadable)?.file_name();
+        names.extend(name.to_str().filter(|name| is_image(name)).map(str::to_owned));
+    }
+    names.sort_by(|a, b| natural::compare(a, b));
+    if names.is_empty() {
+        let because = format!("it holds neither an {INFO} nor a .png or .jpg");
+        return Err(FolderError::Content { path: folder.to_owned(), because });
+    }
+    Ok(Listing { images: names.iter().map(|name| folder.join(name)).collect(), stamps_us: None })
+}
+
+/// Whether a file is an image by its name, and no hidden one.
+fn is_image(name: &str) -> bool {
+    let images = ["png", "jpg", "jpeg"];
+    !name.starts_with('.') && images.into_iter().any(|wanted| has_extension(Path::new(name), wanted))
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+/// The images of a folder at their stamps, each read when it is its turn.
+#[derive(Debug)]
+pub struct FolderFrames {
+    images: Vec<PathBuf>,
+    size: Size,
+    /// ns since the first.
+    stamps: Vec<i64>,
+    next: usize,
+}
+
+impl FolderFrames {
+    /// The images, one for each of `stamps_us`, whatever the first stamp is. The size of each is looked up.
+    ///
+    /// # Errors
+    /// When there are not as many stamps as images, they do not strictly increase, an image has no size that can be
+    /// read, or another than the first.
+    pub fn new(images: Vec<PathBuf>, stamps_us: &[i64]) -> Result<Self, FolderError> {
+        let refusal = |path: &Path, because| FolderError::Content { path: path.to_owned(), because };
+        let [first, rest @ ..] = images.as_slice() else {
+            return Err(refusal(Path::new("."), "no image".to_owned()));
+        };
+        if images.len() != stamps_us.len() {
+            let because = format!("{} images, and there are {} stamps", images.len(), stamps_us.len());
+            return Err(refusal(first.parent().unwrap_or(first), because));
+        }
+        let stamps = relative(stamps_us)?;
+        let wanted = size(first)?;
+        for path in rest {
+            let found = size(path)?;
+            if found != wanted {
+                return Err(refusal(path, format!("{found}, wanted {wanted} as the first")));
+            }
+        }
+        Ok(Self { size: wanted, images, stamps, next: 0 })
+    }
+}
+
+/// The size of an image by its header.
+fn size(path: &Path) -> Result<Size, FolderError> {
+    let refusal = |because| FolderError::Content { path: path.to_owned(), because };
+    let found = imagesize::size(path).map_err(|e| refusal(e.to_string()))?;
+    let side = |n: usize| u32::try_from(n).ok().filter(|n| (1..=1 << 16).contains(n));
+    let sides = side(found.width).zip(side(found.height));
+    let (width, height) = sides.ok_or_else(|| refusal("wanted 1 to 65536 columns and rows".to_owned()))?;
+    Ok(Size { width, height })
+}
+
+impl Frames for FolderFrames {
+    fn size(&self) -> Size {
+        self.size
+    }
+
+    fn len(&self) -> usize {
+        self.stamps.len()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        let index = self.next;
+        let Some((path, &t)) = self.images.get(index).zip(self.stamps.get(index)) else { return Ok(None) };
+        let luminance = luminance(path, self.size).map_err(|because| {
+            let because = format!("{}: {because}", path.display());
+            FrameError::Invalid { index, because }
+        })?;
+        self.next += 1;
+        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
+    }
+}
+
+fn luminance(path: &Path, wanted: Size) -> Result<Image<f32>, String> {
+    let image = if has_extension(path, "png") {
+        let file = File::open(path).map_err(|e| e.to_string())?;
+        png::read_luminance(BufReader::new(file)).map_err(|e| e.to_string())?
+    } else {
+        let bytes = fs::read(path).map_err(|e| e.to_string())?;
+        jpeg::read_luminance(&bytes).map_err(|e| e.to_string())?
+    };
+    // It may have been replaced since its size was looked up.
+    let found = image.size();
+    if found == wanted { Ok(image) } else { Err(format!("{found}, wanted {wanted} as the first")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tempfile::TempDir;
+
+    const SIZE: Size = Size { width: 2, height: 1 };
+
+    fn image(dir: &TempDir, name: &str, greys: [u8; 2]) {
+        let path = dir.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        png::write(&Image::from_vec(SIZE, greys.to_vec()), File::create(path).unwrap()).unwrap();
+    }
+
+    fn greys(listing: &Listing, stamps_us: &[i64]) -> Vec<(i64, Vec<f32>)> {
+        let mut frames = FolderFrames::new(listing.images.clone(), stamps_us).unwrap();
+        std::iter::from_fn(|| frames.next().unwrap())
+            .map(|frame| (frame.t.0, frame.luminance.into_pixels()))
+            .collect()
+    }
+
+    #[test]
+    fn images_come_in_natural_order() {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, grey) in [("10.png", 3), ("9.PNG", 2), ("1.png", 1)] {
+            image(&dir, name, [grey, 255]);
+        }
+        fs::write(dir.path().join("notes.txt"), "none of them").unwrap();
+        fs::write(dir.path().join(".hidden.png"), "none of them").unwrap();
+        let listing = Listing::read(dir.path()).unwrap();
+        assert_eq!(listing.stamps_us, None);
+        let found = greys(&listing, &[7, 8, 10]);
+        assert_eq!(found, [(0, vec![1.0, 255.0]), (1000, vec![2.0, 255.0]), (3000, vec![3.0, 255.0])]);
+    }
+
+    #[test]
+    fn paths_of_an_info_start_at_its_folder_or_above() {
+        let dir = tempfile::tempdir().unwrap();
+        image(&dir, "clip/b c.png", [5, 6]);
+        image(&dir, "clip/a.png", [7, 8]);
+        fs::write(dir.path().join("clip/info.txt"), "b c.png 1000000\n\nclip/a.png\t 1000500 \n").unwrap();
+        let listing = Listing::read(&dir.path().join("clip")).unwrap();
+        let stamps = listing.stamps_us.clone().unwrap();
+        assert_eq!(stamps, [1_000_000, 1_000_500]);
+        assert_eq!(greys(&listing, &stamps), [(0, vec![5.0, 6.0]), (500_000, vec![7.0, 8.0])]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        let dir = tempfile::tempdir().unwrap();
+        image(&dir, "a.png", [5, 6]);
+        let t = |text: &str, wanted: &str| {
+            fs::write(dir.path().join(INFO), text).unwrap();
+            let error = Listing::read(dir.path()).unwrap_err().to_string();
+            assert!(error.ends_with(wanted), "{error}");
+        };
+        t("a.png 0\na.png 0.5\n", "info.txt:2: the timestamp is 0.5, wanted an integer of us");
+        t("a.png 0\n\na.png 0\n", "info.txt:3: 0 us is not later than the stamp before, 0 us");
+        t("a.png 0\nb.png 4\n", "info.txt:2: b.png is not there");
+        t("a.png\n", "info.txt:1: one word, wanted `path timestamp`, the timestamp in microseconds");
+        t("\n", "info.txt: it names no image");
+        fs::remove_file(dir.path().join(INFO)).unwrap();
+        fs::remove_file(dir.path().join("a.png")).unwrap();
+        let error = Listing::read(dir.path()).unwrap_err().to_string();
+        assert!(error.ends_with("it holds neither an info.txt nor a .png or .jpg"), "{error}");
+    }
+
+    #[test]
+    fn images_of_two_sizes_and_too_few_stamps_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        image(&dir, "1.png", [5, 6]);
+        image(&dir, "2.png", [5, 6]);
+        let images = Listing::read(dir.path()).unwrap().images;
+        let new = |stamps: &[i64]| FolderFrames::new(images.clone(), stamps).map(|_| ());
+        assert!(new(&[0]).unwrap_err().to_string().ends_with(": 2 images, and there are 1 stamps"));
+        assert!(new(&[0, 0]).unwrap_err().to_string().starts_with("stamp 1 is 0 us"));
+        let tall = Image::filled(Size { width: 1, height: 2 }, 9u8);
+        png::write(&tall, File::create(dir.path().join("2.png")).unwrap()).unwrap();
+        assert!(new(&[0, 1]).unwrap_err().to_string().ends_with("2.png: 1x2, wanted 2x1 as the first"));
+        fs::write(dir.path().join("2.png"), "no image").unwrap();
+        assert!(new(&[0, 1]).unwrap_err().to_string().contains("2.png: "));
+    }
+}

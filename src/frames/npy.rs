@@ -1,0 +1,391 @@
+//! Frames from arrays `[N, H, W]` in `.npy` files, read one by one.
+
+use super::array::FullScale;
+use super::stamps::{StampError, relative};
+use super::{Frame, FrameError, Frames, finite};
+use crate::image::{Image, Size, npy};
+use crate::units::Timestamp;
+use npyz::{NpyHeader, Order};
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+/// Most pixels of a frame, and most elements of a list of stamps: what a file claims is bounded before memory is taken.
+const MOST: u64 = 1 << 28;
+
+/// Frames whose brightest sample decides the full scale of floats.
+const LOOKED_AT: usize = 2;
+
+/// Why a `.npy` is not what was wanted of it.
+#[derive(Debug, thiserror::Error)]
+pub enum NpyError {
+    /// It cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// It holds something else.
+    #[error("{}: {because}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was wanted.
+        because: String,
+    },
+    /// The stamps are none of a sequence.
+    #[error(transparent)]
+    Stamps(#[from] StampError),
+}
+
+/// An array that is open at its first element.
+struct Array {
+    path: PathBuf,
+    data: BufReader<File>,
+    /// Type of the elements, as the header has it.
+    kind: String,
+    shape: Vec<u64>,
+}
+
+impl Array {
+    fn open(path: &Path) -> Result<Self, NpyError> {
+        let unreadable = |source| NpyError::Io { path: path.to_owned(), source };
+        let refusal = |because| NpyError::Content { path: path.to_owned(), because };
+        let file = File::open(path).map_err(unreadable)?;
+        let len = file.metadata().map_err(unreadable)?.len();
+        let mut data = BufReader::with_capacity(1 << 20, file);
+        let head = npy::head(&mut data).map_err(|e| refusal(format!("no .npy that is read here: {e}")))?;
+        let header = NpyHeader::from_reader(&head[..]).map_err(|e| refusal(e.to_string()))?;
+        let kind = header.dtype().descr().trim_matches('\'').to_owned();
+        if header.order() != Order::C {
+            return Err(refusal("its order is Fortran's, wanted C's (numpy.ascontiguousarray)".to_owned()));
+        }
+        let width: u64 = kind.get(2..).and_then(|digits| digits.parse().ok()).unwrap_or(1);
+        let elements = header.shape().iter().try_fold(width, |n, &side| n.checked_mul(side));
+        let wanted = elements.and_then(|n| n.checked_add(head.len() as u64));
+        if wanted != Some(len) {
+            let wanted = wanted.map_or("more".to_owned(), |wanted| wanted.to_string());
+            return Err(refusal(format!("{len} bytes, wanted {wanted} by its header")));
+        }
+        Ok(Self { path: path.to_owned(), data, kind, shape: header.shape().to_vec() })
+    }
+
+    fn refusal(&self, wanted: &str) -> NpyError {
+        let because =
+            format!("an array of {} and shape {:?}, wanted {wanted}", dtype(&self.kind), self.shape);
+        NpyError::Content { path: self.path.clone(), because }
+    }
+}
+
+/// numpy's name of a type, where it is a usual one.
+fn dtype(kind: &str) -> &str {
+    match kind {
+        "|u1" => "uint8",
+        "<f4" => "float32",
+        "<f8" => "float64",
+        "<i8" => "int64",
+        "<u2" => "uint16",
+        kind => kind,
+    }
+}
+
+/// What the samples of a stack are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Grey 0..255 as it stands.
+    Bytes,
+    /// Floats, on a scale that the file does not say.
+    Floats,
+}
+
+/// An array `[N, H, W]` of uint8 or float32, frame after frame.
+pub struct Stack {
+    array: Array,
+    kind: Kind,
+    frames: usize,
+    size: Size,
+}
+
+impl std::fmt::Debug for Stack {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Stack")
+            .field("path", &self.array.path)
+            .field("size", &self.size)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Stack {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// When it cannot be read, is cut short, or holds an array of another type or shape.
+    pub fn open(path: &Path) -> Result<Self, NpyError> {
+        let array = Array::open(path)?;
+        let kind = match array.kind.as_str() {
+            "|u1" => Kind::Bytes,
+            "<f4" => Kind::Floats,
+            _ => return Err(array.refusal("uint8 or float32 of shape [N, H, W]")),
+        };
+        let &[frames, height, width] = array.shape.as_slice() else {
+            return Err(array.refusal("the shape [N, H, W]"));
+        };
+        let side = |n: u64| u32::try_from(n).ok().filter(|n| (1..=1 << 16).contains(n));
+        let (Some(width), Some(height)) = (side(width), side(height)) else {
+            return Err(array.refusal("1 to 65536 columns and rows"));
+        };
+        if u64::from(width) * u64::from(height) > MOST {
+            return Err(array.refusal("at most 2^28 pixels a frame"));
+        }
+        let frames = usize::try_from(frames).map_err(|_| array.refusal("fewer frames"))?;
+        Ok(Self { array, kind, frames, size: Size { width, height } })
+    }
+
+    /// Number of frames.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Size of each.
+    #[must_use]
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// What its samples are.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// The next frame, each sample times `scale`.
+    fn next(&mut self, scale: f32) -> io::Result<Image<f32>> {
+        let n = self.size.pixels();
+        let values = match self.kind {
+            Kind::Bytes => {
+                let mut bytes = vec![0; n];
+                self.array.data.read_exact(&mut bytes)?;
+                bytes.into_iter().map(|v| scale * f32::from(v)).collect()
+            }
+            Kind::Floats => {
+                let mut bytes = vec![[0; 4]; n];
+                self.array.data.read_exact(bytes.as_flattened_mut())?;
+                bytes.into_iter().map(|v| scale * f32::from_le_bytes(v)).collect()
+            }
+        };
+        Ok(Image::from_vec(self.size, values))
+    }
+}
+
+/// The brightest sample of the first two frames of a file, which says on what scale floats are; NaN counts for nothing.
+///
+/// # Errors
+/// As [`Stack::open`], and when they cannot be read.
+pub fn brightest(path: &Path) -> Result<f32, NpyError> {
+    let mut stack = Stack::open(path)?;
+    let mut most = f32::NEG_INFINITY;
+    for _ in 0..LOOKED_AT.min(stack.frames) {
+        let frame = stack.next(1.0).map_err(|source| NpyError::Io { path: path.to_owned(), source })?;
+        most = frame.pixels().iter().copied().fold(most, f32::max);
+    }
+    Ok(most)
+}
+
+/// The stamps of a `.npy` of int64, in microseconds.
+///
+/// # Errors
+/// When it cannot be read, or holds another array.
+pub fn stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
+    let mut array = Array::open(path)?;
+    let &[count] = array.shape.as_slice() else { return Err(array.refusal("int64 of shape [N]")) };
+    if array.kind != "<i8" || count > MOST {
+        return Err(array.refusal("int64 of shape [N], N at most 2^28"));
+    }
+    let mut bytes = vec![[0; 8]; usize::try_from(count).unwrap_or(usize::MAX)];
+    let read = array.data.read_exact(bytes.as_flattened_mut());
+    read.map_err(|source| NpyError::Io { path: path.to_owned(), source })?;
+    Ok(bytes.into_iter().map(i64::from_le_bytes).collect())
+}
+
+/// The frames of a stack at their stamps.
+#[derive(Debug)]
+pub struct NpyFrames {
+    stack: Stack,
+    /// Grey 0..255 of one unit of the samples.
+    scale: f32,
+    /// ns since the first.
+    stamps: Vec<i64>,
+    next: usize,
+}
+
+impl NpyFrames {
+    /// The frames of an open stack, one for each of `stamps_us`, whatever the first stamp is; `full_scale` is that of
+    /// floats.
+    ///
+    /// # Errors
+    /// When there are not as many stamps as frames, or they do not strictly increase.
+    pub fn new(stack: Stack, full_scale: FullScale, stamps_us: &[i64]) -> Result<Self, NpyError> {
+        if stamps_us.len() != stack.frames {
+            let because = format!("{} frames, and there are {} stamps", stack.frames, stamps_us.len());
+            return Err(NpyError::Content { path: stack.array.path, because });
+        }
+        let scale = if stack.kind == Kind::Floats { full_scale.grey() } else { 1.0 };
+        Ok(Self { stack, scale, stamps: relative(stamps_us)?, next: 0 })
+    }
+}
+
+impl Frames for NpyFrames {
+    fn size(&self) -> Size {
+        self.stack.size
+    }
+
+    fn len(&self) -> usize {
+        self.stamps.len()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        let index = self.next;
+        let Some(&t) = self.stamps.get(index) else { return Ok(None) };
+        let frame = self.stack.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
+        let luminance = finite(index, "pixel", frame)?;
+        self.next += 1;
+        Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
+    }
+}
+
+/// Frames with the luminance's change per second at every pixel, on the scale of their file.
+pub struct RatedFrames {
+    frames: Box<dyn Frames>,
+    rates: Stack,
+    scale: f32,
+}
+
+impl std::fmt::Debug for RatedFrames {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RatedFrames").field("rates", &self.rates).finish_non_exhaustive()
+    }
+}
+
+impl RatedFrames {
+    /// Both together; `full_scale` is that of the frames' file.
+    ///
+    /// # Errors
+    /// When the rates are no floats, or not of the frames' number and size.
+    pub fn new(frames: Box<dyn Frames>, rates: Stack, full_scale: FullScale) -> Result<Self, NpyError> {
+        let (count, Size { width, height }) = (frames.len(), frames.size());
+        if rates.kind != Kind::Floats || (rates.frames, rates.size) != (count, frames.size()) {
+            let wanted = format!("float32 of the frames' shape [{count}, {height}, {width}]");
+            return Err(rates.array.refusal(&wanted));
+        }
+        Ok(Self { frames, rates, scale: full_scale.grey() })
+    }
+}
+
+impl Frames for RatedFrames {
+    fn size(&self) -> Size {
+        self.frames.size()
+    }
+
+    fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        let Some(frame) = self.frames.next()? else { return Ok(None) };
+        let index = frame.index;
+        let rate = self.rates.next(self.scale).map_err(|source| FrameError::Io { index, source })?;
+        let rate = Some(finite(index, "the rate of pixel", rate)?);
+        Ok(Some(Frame { rate, ..frame }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use npyz::{AutoSerialize, WriterBuilder as _};
+    use tempfile::TempDir;
+
+    fn write<T: AutoSerialize + Copy>(dir: &TempDir, name: &str, shape: &[u64], values: &[T]) -> PathBuf {
+        let path = dir.path().join(name);
+        let out = File::create(&path).unwrap();
+        let mut writer =
+            npyz::WriteOptions::new().default_dtype().shape(shape).writer(out).begin_nd().unwrap();
+        writer.extend(values.iter().copied()).unwrap();
+        writer.finish().unwrap();
+        path
+    }
+
+    fn greys(mut frames: NpyFrames) -> Vec<(i64, Vec<f32>)> {
+        std::iter::from_fn(|| frames.next().unwrap())
+            .map(|frame| (frame.t.0, frame.luminance.into_pixels()))
+            .collect()
+    }
+
+    #[test]
+    fn frames_come_on_the_grey_scale_with_stamps_from_zero() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = write(&dir, "f.npy", &[2, 1, 2], &[0.0f32, 1.0, 0.5, 2.0]);
+        assert!((brightest(&path).unwrap() - 2.0).abs() < f32::EPSILON);
+        let of = |scale| NpyFrames::new(Stack::open(&path).unwrap(), scale, &[1_000_000, 1_000_417]).unwrap();
+        assert_eq!(greys(of(FullScale::One)), [(0, vec![0.0, 255.0]), (417_000, vec![127.5, 510.0])]);
+        assert_eq!(greys(of(FullScale::Grey255)), [(0, vec![0.0, 1.0]), (417_000, vec![0.5, 2.0])]);
+        let path = write(&dir, "b.npy", &[1, 2, 1], &[7u8, 255]);
+        let frames = NpyFrames::new(Stack::open(&path).unwrap(), FullScale::One, &[-5]).unwrap();
+        assert_eq!((frames.size(), frames.len()), (Size { width: 1, height: 2 }, 1));
+        assert_eq!(greys(frames), [(0, vec![7.0, 255.0])], "bytes are grey as they stand");
+    }
+
+    #[test]
+    fn rates_come_on_the_scale_of_the_samples() {
+        let dir = tempfile::tempdir().unwrap();
+        let frames = write(&dir, "f.npy", &[1, 1, 2], &[0.0f32, 1.0]);
+        let rates = write(&dir, "r.npy", &[1, 1, 2], &[2.0f32, -0.5]);
+        let with = |rates: &Path| {
+            let frames = NpyFrames::new(Stack::open(&frames).unwrap(), FullScale::One, &[0]).unwrap();
+            RatedFrames::new(Box::new(frames), Stack::open(rates).unwrap(), FullScale::One)
+        };
+        let mut both = with(&rates).unwrap();
+        assert_eq!(both.next().unwrap().unwrap().rate.unwrap().into_pixels(), [510.0, -127.5]);
+        let other = write(&dir, "o.npy", &[1, 2, 1], &[2.0f32, -0.5]);
+        let error = with(&other).unwrap_err().to_string();
+        let wanted = "an array of float32 and shape [1, 2, 1], wanted float32 of the frames' shape [1, 1, 2]";
+        assert!(error.ends_with(wanted), "{error}");
+    }
+
+    #[test]
+    fn what_is_no_stack_of_frames_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let t = |path: &Path, wanted: &str| {
+            let error = Stack::open(path).map(|_| ()).unwrap_err().to_string();
+            assert!(error.ends_with(wanted), "{error}");
+        };
+        let doubles = "an array of float64 and shape [1, 1, 1], wanted uint8 or float32 of shape [N, H, W]";
+        t(&write(&dir, "d.npy", &[1, 1, 1], &[1.0f64]), doubles);
+        t(&write(&dir, "s.npy", &[2, 1], &[1u8, 2]), "shape [2, 1], wanted the shape [N, H, W]");
+        t(&write(&dir, "e.npy", &[2, 0, 1], &[0u8; 0]), "wanted 1 to 65536 columns and rows");
+        let whole = write(&dir, "w.npy", &[2, 1, 2], &[1.0f32; 4]);
+        let bytes = std::fs::read(&whole).unwrap();
+        for cut in 0..bytes.len() {
+            std::fs::write(&whole, &bytes[..cut]).unwrap();
+            assert!(Stack::open(&whole).is_err(), "{cut} of {} bytes", bytes.len());
+        }
+        std::fs::write(&whole, &bytes[..bytes.len() - 3]).unwrap();
+        t(&whole, ": 141 bytes, wanted 144 by its header");
+        let error = stamps(&write(&dir, "t.npy", &[2], &[0.5f64, 1.0])).unwrap_err().to_string();
+        assert!(
+            error.ends_with("an array of float64 and shape [2], wanted int64 of shape [N], N at most 2^28")
+        );
+    }
+
+    #[test]
+    fn a_sample_that_is_no_number_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = write(&dir, "f.npy", &[2, 1, 2], &[0.0, 0.0, 0.0, f32::NAN]);
+        let mut frames = NpyFrames::new(Stack::open(&path).unwrap(), FullScale::One, &[0, 1]).unwrap();
+        frames.next().unwrap();
+        assert_eq!(frames.next().unwrap_err().to_string(), "frame 1: pixel (1, 0) is NaN");
+    }
+}

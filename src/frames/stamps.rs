@@ -1,0 +1,77 @@
+//! Stamps of a sequence: integer microseconds that strictly increase, wherever the first of them lies.
+
+/// Why stamps are none of a sequence.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum StampError {
+    /// Stamps do not increase.
+    #[error("stamp {index} is {found} us, not later than the one before, {before} us")]
+    Order {
+        /// Its position.
+        index: usize,
+        /// Its value.
+        found: i64,
+        /// The value before.
+        before: i64,
+    },
+    /// Stamps further apart than nanoseconds count.
+    #[error("stamp {index} is {found} us, too far from the first, {first} us")]
+    Span {
+        /// Its position.
+        index: usize,
+        /// Its value.
+        found: i64,
+        /// The first.
+        first: i64,
+    },
+}
+
+impl StampError {
+    /// Position of the stamp that cannot be.
+    #[must_use]
+    pub fn index(&self) -> usize {
+        match *self {
+            Self::Order { index, .. } | Self::Span { index, .. } => index,
+        }
+    }
+}
+
+/// Nanoseconds since the first of strictly increasing stamps.
+///
+/// # Errors
+/// At the first stamp that is not later than the one before, or too far from the first.
+pub fn relative(stamps_us: &[i64]) -> Result<Vec<i64>, StampError> {
+    for (index, pair) in stamps_us.windows(2).enumerate() {
+        if pair[1] <= pair[0] {
+            return Err(StampError::Order { index: index + 1, found: pair[1], before: pair[0] });
+        }
+    }
+    let since_first = |(index, &found): (usize, &i64)| {
+        let first = stamps_us[0];
+        let ns = found.checked_sub(first).and_then(|us| us.checked_mul(1000));
+        ns.ok_or(StampError::Span { index, found, first })
+    };
+    stamps_us.iter().enumerate().map(since_first).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn far_from_zero_only_the_differences_count() {
+        let far = 1_000_000_000_000_000;
+        assert_eq!(relative(&[far, far + 1, far + 417]), Ok(vec![0, 1000, 417_000]));
+        assert_eq!(relative(&[-7]), Ok(vec![0]));
+        assert_eq!(relative(&[]), Ok(vec![]));
+    }
+
+    #[test]
+    fn what_does_not_increase_is_named() {
+        let t = |stamps: &[i64], index: usize, message: &str| {
+            let error = relative(stamps).unwrap_err();
+            assert_eq!((error.index(), error.to_string().as_str()), (index, message));
+        };
+        t(&[0, 5, 5], 2, "stamp 2 is 5 us, not later than the one before, 5 us");
+        t(&[i64::MIN, 0], 1, "stamp 1 is 0 us, too far from the first, -9223372036854775808 us");
+    }
+}

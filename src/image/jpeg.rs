@@ -1,0 +1,80 @@
+//! JPEG files, read as luminance: their own luma, which is the sum of encoded colours by [`super::LUMINANCE_WEIGHTS`].
+//!
+//! The decoder is built without its vector instructions, so that a file is the same greys on every machine.
+
+use super::{Image, Size};
+use std::io::Cursor;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::errors::DecodeErrors;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+/// Most columns and rows of an image that is read: what a file claims is bounded before memory is taken for it.
+const MOST_EDGE: usize = 1 << 14;
+
+/// Why a JPEG cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("{0:?}")]
+pub struct JpegError(#[from] DecodeErrors);
+
+/// Reads the luminance of an image, grey 0..255.
+///
+/// # Errors
+/// When the bytes are damaged or no JPEG, the image has no luma of its own (CMYK), or more than 16,384 columns or rows.
+pub fn read_luminance(bytes: &[u8]) -> Result<Image<f32>, JpegError> {
+    let options = DecoderOptions::new_safe()
+        .set_strict_mode(true)
+        .set_max_width(MOST_EDGE)
+        .set_max_height(MOST_EDGE)
+        .jpeg_set_out_colorspace(ColorSpace::Luma);
+    let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
+    let greys = decoder.decode()?;
+    let side = |n: usize| u32::try_from(n).unwrap_or(0);
+    let (width, height) = decoder.dimensions().unwrap_or((0, 0));
+    let size = Size { width: side(width), height: side(height) };
+    if greys.len() != size.pixels() {
+        return Err(JpegError(DecodeErrors::FormatStatic("it has no luma of its own")));
+    }
+    Ok(Image::from_vec(size, greys.into_iter().map(f32::from).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 16x8, the left half (200, 100, 50), the right half (10, 20, 240), by libjpeg-turbo (Pillow 13.0), whose own
+    /// grey of it is 124 and 42.
+    const TWO_HALVES: &str = "ffd8ffe000104a46494600010100000100010000ffdb00430003020203020203030303040303040508\
+        05050404050a070706080c0a0c0c0b0a0b0b0d0e12100d0e110e0b0b1016101113141515150c0f171816141812141514ffdb004301\
+        03040405040509050509140d0b0d14141414141414141414141414141414141414141414141414141414141414141414141414141414\
+        14141414141414141414141414ffc00011080008001003011100021101031101ffc40015000101000000000000000000000000000004\
+        08ffc40014100100000000000000000000000000000000ffc400160101010100000000000000000000000000080709ffc4001411010000\
+        0000000000000000000000000000ffda000c03010002110311003f00221e482256cd864fffd9";
+
+    fn bytes() -> Vec<u8> {
+        let digits: Vec<u8> = TWO_HALVES.bytes().filter(u8::is_ascii_hexdigit).collect();
+        let digit = |c: u8| u8::try_from(char::from(c).to_digit(16).unwrap()).unwrap();
+        digits.chunks(2).map(|pair| 16 * digit(pair[0]) + digit(pair[1])).collect()
+    }
+
+    #[test]
+    fn the_greys_are_those_of_another_decoder() {
+        let image = read_luminance(&bytes()).unwrap();
+        assert_eq!(image.size(), Size { width: 16, height: 8 });
+        for (i, &grey) in image.pixels().iter().enumerate() {
+            let wanted = if i % 16 < 8 { 124.0 } else { 42.0 };
+            // Decoders may round the inverse transform another way.
+            assert!((grey - wanted).abs() <= 1.0, "{i}: {grey}");
+        }
+    }
+
+    #[test]
+    fn damage_is_an_error() {
+        let whole = bytes();
+        assert_eq!(whole.len(), 292);
+        for cut in 0..whole.len() - 10 {
+            assert!(read_luminance(&whole[..cut]).is_err(), "{cut} of {} bytes", whole.len());
+        }
+        assert!(read_luminance(b"no image").is_err());
+    }
+}

@@ -1,0 +1,125 @@
+//! The first events of each pixel between two frames, the rest counted and left out: what `allow_cap` makes of a sensor
+//! that would fail there.
+
+use super::{Account, Pixels, SensorError};
+use crate::event::{Event, EventSink, Polarity};
+use crate::frames::Frame;
+use crate::image::Size;
+
+/// Pixels of which at most so many events between two frames are handed on.
+pub(super) struct Capped {
+    pixels: Box<dyn Pixels>,
+    first: FirstOnes,
+}
+
+impl Capped {
+    /// `pixels`, which have no cap of their own, with at most `cap` events of each between two frames.
+    pub(super) fn new(pixels: Box<dyn Pixels>, cap: u32, size: Size) -> Self {
+        Self { pixels, first: FirstOnes::new(cap, size) }
+    }
+}
+
+impl Pixels for Capped {
+    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+        self.first.stamps.push(frame.t.0);
+        self.pixels.advance(frame, &mut Kept { sink, by: &mut self.first })
+    }
+
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
+        let account = self.pixels.finish(&mut Kept { sink, by: &mut self.first })?;
+        let FirstOnes { on, off, cap, .. } = self.first;
+        Ok(Account {
+            events: account.events - on - off,
+            on: account.on - on,
+            off: account.off - off,
+            capped: on + off,
+            max_per_pixel_frame: account.max_per_pixel_frame.min(cap.into()),
+            ..account
+        })
+    }
+}
+
+/// Tells the first events of each pixel between two frames from the others. An event at a frame's stamp belongs to the
+/// frames before it, as for the sensors.
+struct FirstOnes {
+    cap: u32,
+    width: usize,
+    /// Of the frames so far, ns; events may come some frames later.
+    stamps: Vec<i64>,
+    /// Number of the frame that ends the present interval.
+    frame: usize,
+    /// Of each pixel the interval of its last event, and its events in it.
+    seen: Vec<(usize, u32)>,
+    /// Left out.
+    on: u64,
+    off: u64,
+    kept: Vec<Event>,
+}
+
+impl FirstOnes {
+    fn new(cap: u32, size: Size) -> Self {
+        let (seen, width) = (vec![(0, 0); size.pixels()], size.width as usize);
+        Self { cap, width, stamps: Vec::new(), frame: 1, seen, on: 0, off: 0, kept: Vec::new() }
+    }
+
+    /// Whether it is one of the first of its pixel and interval.
+    fn keeps(&mut self, event: &Event) -> bool {
+        while self.stamps.get(self.frame).is_some_and(|&end| end < event.t.0) {
+            self.frame += 1;
+        }
+        let (frame, count) = &mut self.seen[usize::from(event.y) * self.width + usize::from(event.x)];
+        if *frame != self.frame {
+            (*frame, *count) = (self.frame, 0);
+        }
+        *count = count.saturating_add(1);
+        *count <= self.cap
+    }
+}
+
+/// Hands on those that are kept.
+struct Kept<'a> {
+    sink: &'a mut dyn EventSink,
+    by: &'a mut FirstOnes,
+}
+
+impl EventSink for Kept<'_> {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        let mut kept = std::mem::take(&mut self.by.kept);
+        kept.clear();
+        for event in events {
+            if self.by.keeps(event) {
+                kept.push(*event);
+            } else if event.polarity == Polarity::On {
+                self.by.on += 1;
+            } else {
+                self.by.off += 1;
+            }
+        }
+        let appended = self.sink.append(&kept);
+        self.by.kept = kept;
+        appended
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Timestamp;
+
+    #[test]
+    fn the_first_of_each_pixel_and_interval_are_kept() {
+        let mut all = Vec::new();
+        let mut first_ones = FirstOnes::new(2, Size { width: 2, height: 1 });
+        first_ones.stamps = vec![0, 10_000, 20_000, 90_000];
+        let mut capped = Kept { sink: &mut all, by: &mut first_ones };
+        let event = |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity };
+        let (on, off) = (Polarity::On, Polarity::Off);
+        // the third of pixel 0 in the first interval is at its very end, the next is in the second
+        let first = [event(1000, 0, on), event(1000, 1, on), event(2000, 0, off), event(10_000, 0, off)];
+        let second = [event(10_001, 0, on), event(20_001, 0, on), event(30_000, 0, on), event(31_000, 0, on)];
+        capped.append(&first).unwrap();
+        capped.append(&second).unwrap();
+        assert_eq!((first_ones.on, first_ones.off), (1, 1));
+        assert_eq!(all, [&first[..3], &second[..3]].concat());
+    }
+}

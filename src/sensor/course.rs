@@ -1,0 +1,134 @@
+//! What a pixel sees between two frames: straight, or the answer of a first-order low-pass filter to a straight input.
+//!
+//! A filter of rate `a` whose output is `y` at the start, and whose input goes from `f` with slope `m`, puts out
+//! `y + m t - (a (y - f) + m) t E(a t)`, `E(x) = (1 - e^-x)/x`: exact, without cancellation at either end of `a t`.
+
+/// A brightness over the time between two frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Course {
+    from: f64,
+    to: f64,
+    slope: f64,
+    pull: f64,
+    rate: f64,
+    length: f64,
+}
+
+/// The filter between two frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Filtered {
+    /// Its output at the first.
+    pub(super) output: f64,
+    /// Its input at the two.
+    pub(super) input: [f64; 2],
+    /// Its rate, one over its time constant, per ns.
+    pub(super) rate: f64,
+}
+
+impl Course {
+    /// A straight line, `length` ns long.
+    pub(super) fn straight(from: f64, to: f64, length: f64) -> Self {
+        Self { from, to, slope: (to - from) / length, pull: 0.0, rate: 0.0, length }
+    }
+
+    /// The filter's output over `length` ns.
+    pub(super) fn filtered(filter: &Filtered, length: f64) -> Self {
+        let Filtered { output, input: [from, to], rate } = *filter;
+        let slope = (to - from) / length;
+        let pull = rate * (output - from) + slope;
+        let mut course = Self { from: output, to: output, slope, pull, rate, length };
+        course.to = output + course.rise(length);
+        course
+    }
+
+    /// The same with `more` added along the way, evenly.
+    pub(super) fn tilted(self, more: f64) -> Self {
+        Self { to: self.to + more, slope: self.slope + more / self.length, ..self }
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// The brightness `t` ns after the first frame; at the later frame, what it was made with.
+    pub(super) fn at(&self, t: f64) -> f64 {
+        if t >= self.length { self.to } else { self.from + self.rise(t) }
+    }
+
+    fn rise(&self, t: f64) -> f64 {
+        let x = self.rate * t;
+        let mean = if x == 0.0 { 1.0 } else { -libm::expm1(-x) / x };
+        t * (self.slope - self.pull * mean)
+    }
+
+    /// Where the brightness turns around between two instants, if it does.
+    pub(super) fn turn(&self) -> Option<f64> {
+        let t = libm::log(self.pull / self.slope) / self.rate;
+        (t > 0.0 && t < self.length).then_some(t)
+    }
+
+    /// When the brightness, which goes one way from `low` to `high`, is at `level`.
+    pub(super) fn reaches(&self, level: f64, [mut low, mut high]: [f64; 2]) -> f64 {
+        if self.pull == 0.0 {
+            return (self.length * ((level - self.from) / (self.to - self.from))).clamp(low, high);
+        }
+        let rising = self.at(high) >= self.at(low);
+        let mut t = 0.5 * (low + high);
+        // Each round halves the bracket or is a Newton step; 200 are more than bisection alone needs.
+        for _ in 0..200 {
+            let error = self.at(t) - level;
+            if (error > 0.0) == rising {
+                high = t;
+            } else {
+                low = t;
+            }
+            let newton = t - error / (self.slope - self.pull * libm::exp(-self.rate * t));
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            if (next - t).abs() <= f64::EPSILON * t.abs() {
+                return next;
+            }
+            t = next;
+        }
+        t
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_decays_exponentially_and_a_ramp_lags() {
+        // A held input: f + (y - f) e^-at. A ramp on which the filter has settled lags by m/a.
+        let step = Course::filtered(&Filtered { output: 1.0, input: [3.0, 3.0], rate: 2e-6 }, 1e6);
+        for t in [0.0, 1.0, 1e3, 3e5, 9e5, 1e6] {
+            assert!((step.at(t) - (3.0 - 2.0 * (-2e-6 * t).exp())).abs() < 1e-15, "{t}");
+        }
+        let ramp = Course::filtered(&Filtered { output: -0.5, input: [0.0, 1.0], rate: 2e-6 }, 1e6);
+        for t in [0.0, 1e3, 5e5, 1e6] {
+            assert!((ramp.at(t) - (t * 1e-6 - 0.5)).abs() < 1e-15, "{t}");
+        }
+    }
+
+    #[test]
+    fn a_fast_filter_is_none_and_a_slow_one_stays() {
+        let filter = |rate| Course::filtered(&Filtered { output: 0.0, input: [0.0, 1.0], rate }, 1e6);
+        assert!((filter(1e3).at(5e5) - 0.5).abs() < 2e-9 && filter(1e-22).at(1e6).abs() < 1e-15);
+        assert!((filter(0.0).at(1e6)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn levels_are_found_on_both_sides_of_the_turn() {
+        // Down with the filter from 1 to an input that rises.
+        let course = Course::filtered(&Filtered { output: 1.0, input: [0.0, 1.0], rate: 5e-6 }, 1e6);
+        let turn = course.turn().unwrap();
+        assert!(course.at(turn) < course.at(turn - 1.0) && course.at(turn) < course.at(turn + 1.0));
+        for (level, within) in [(0.7, [0.0, turn]), (0.6, [turn, 1e6])] {
+            let t = course.reaches(level, within);
+            assert!(t > within[0] && t < within[1] && (course.at(t) - level).abs() < 1e-14, "{level} {t}");
+        }
+        assert_eq!(Course::straight(0.0, 1.0, 10.0).turn(), None);
+        assert!((Course::straight(0.0, 1.0, 10.0).reaches(0.25, [0.0, 10.0]) - 2.5).abs() < 1e-15);
+        assert_eq!(Course::straight(1.0, 1.0, 10.0).turn(), None);
+    }
+}

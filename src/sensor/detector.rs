@@ -1,0 +1,171 @@
+//! A change detector: a pixel that remembers a brightness, and makes an event where what it sees has moved a threshold
+//! away from it. The part that ESIM and v2e share.
+
+use super::course::Course;
+use super::noise::poisson::{Rates, Train};
+use super::noise::{Reference, Refractory, Site};
+use super::pairs::Writer;
+use crate::event::Polarity;
+use crate::seed::Space;
+use std::ops::ControlFlow;
+
+/// State of one pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Detector {
+    /// Of ON and of OFF.
+    pub(super) thresholds: [f64; 2],
+    /// The brightness that it remembers.
+    pub(super) reference: f64,
+    /// The first ns in which it may make an event again, counted from the frame before; 0 where that is past.
+    dead: i64,
+}
+
+/// Events that the pixel makes whatever it sees.
+#[derive(Debug)]
+pub(super) struct Source<'a> {
+    pub(super) train: &'a mut Train,
+    pub(super) rates: Rates,
+    pub(super) site: Site,
+    pub(super) space: Space,
+    /// Probability that one is ON.
+    pub(super) on_share: f64,
+    /// Whether the pixel then remembers what it sees.
+    pub(super) resets: bool,
+}
+
+impl Source<'_> {
+    /// When the next is, after `start`; infinite where it is not before the later frame.
+    fn due(&mut self, start: f64) -> f64 {
+        self.train.advance(&self.rates, start).unwrap_or(f64::INFINITY)
+    }
+}
+
+impl Detector {
+    pub(super) fn new(thresholds: [f64; 2], reference: f64) -> Self {
+        Self { thresholds, reference, dead: 0 }
+    }
+
+    /// Goes along the course, making events. They are in order of time.
+    pub(super) fn cross(
+        &mut self,
+        course: &Course,
+        refractory: &Refractory,
+        sources: &mut [Source<'_>; 2],
+        writer: &mut Writer<'_>,
+    ) -> ControlFlow<()> {
+        let length = course.length();
+        let mut due = [0, 1].map(|i: usize| sources[i].due(0.0));
+        let mut now = 0.0;
+        loop {
+            let which = usize::from(due[1] < due[0]);
+            let until = due[which].min(length);
+            self.watch(course, [now, until], refractory, writer)?;
+            if due[which] > length {
+                break;
+            }
+            now = until;
+            let source = &mut sources[which];
+            let mark = source.train.wait(source.site, source.space);
+            due[which] = source.due(now);
+            let ns = Writer::nanosecond(now);
+            if ns >= self.dead {
+                let on = mark < source.on_share;
+                self.note(now, if on { Polarity::On } else { Polarity::Off }, refractory, writer)?;
+                if source.resets {
+                    self.reference = course.at(now);
+                }
+            }
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "times between frames are below 2^56 ns")]
+        let passed = length as i64;
+        self.dead = (self.dead - passed).max(0);
+        ControlFlow::Continue(())
+    }
+
+    /// Follows the brightness between two instants.
+    fn watch(
+        &mut self,
+        course: &Course,
+        [from, until]: [f64; 2],
+        refractory: &Refractory,
+        writer: &mut Writer<'_>,
+    ) -> ControlFlow<()> {
+        let mut now = from;
+        let turn = course.turn().filter(|turn| *turn > from && *turn < until);
+        for end in turn.into_iter().chain([until]) {
+            while let Some((t, polarity)) = self.next(course, [now, end], refractory) {
+                self.reference = match polarity {
+                    Polarity::On => self.reference + self.thresholds[0],
+                    Polarity::Off => self.reference - self.thresholds[1],
+                };
+                now = t;
+                // Only what passes a threshold in the dead time comes too early.
+                if Writer::nanosecond(t) >= self.dead {
+                    self.note(t, polarity, refractory, writer)?;
+                }
+            }
+            now = end;
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Where the brightness next passes a threshold, on a stretch on which it goes one way. A dead pixel does not look,
+    /// unless thresholds that are passed move its reference.
+    fn next(
+        &mut self,
+        course: &Course,
+        [mut now, end]: [f64; 2],
+        refractory: &Refractory,
+    ) -> Option<(f64, Polarity)> {
+        let dead = self.dead as f64;
+        if refractory.reference != Reference::Passing && dead > now {
+            if dead > end {
+                return None;
+            }
+            now = dead;
+            if refractory.reference == Reference::AtEnd {
+                self.reference = course.at(now);
+            }
+        }
+        let (high, low) = (self.reference + self.thresholds[0], self.reference - self.thresholds[1]);
+        let [here, there] = [course.at(now), course.at(end)];
+        // A threshold that is lost in the reference's last digit would be passed without end.
+        if high <= self.reference || low >= self.reference {
+            return None;
+        }
+        if here >= high {
+            Some((now, Polarity::On))
+        } else if here <= low {
+            Some((now, Polarity::Off))
+        } else if there >= high {
+            Some((course.reaches(high, [now, end]), Polarity::On))
+        } else if there <= low {
+            Some((course.reaches(low, [now, end]), Polarity::Off))
+        } else {
+            None
+        }
+    }
+
+    fn note(
+        &mut self,
+        t: f64,
+        polarity: Polarity,
+        refractory: &Refractory,
+        writer: &mut Writer<'_>,
+    ) -> ControlFlow<()> {
+        let ns = writer.event(t, polarity)?;
+        let period = refractory.period_ns();
+        if period > 0 {
+            self.dead = ns + period;
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// How far a pixel's events are from the `change` of what it sees, as a share of its larger threshold.
+pub(super) fn imbalance(detector: &Detector, change: f64, on: u32, off: u32) -> f64 {
+    let [up, down] = detector.thresholds;
+    let balance = up * f64::from(on) - down * f64::from(off) - change;
+    // Each event rounds the reference once, in the last of 53 bits of numbers below some 100 thresholds.
+    balance.abs() / (up.max(down) * (1.0 + 1e-9))
+}

@@ -1,0 +1,195 @@
+//! The sensor of ESIM (Rebecq, Gehrig, Scaramuzza, CoRL 2018; uzh-rpg/rpg_esim, `event_simulator.cpp`).
+//!
+//! A pixel sees `V = ln(eps + L/255)`, or `L/255`, straight between two frames, and remembers a level of it. Where `V` has
+//! risen by `C+` from that level there is an ON event, where it has fallen by `C-` an OFF event, and the level becomes
+//! that of the crossing. An event within the refractory period after another is left out. No leak, no shot noise, no
+//! bandwidth.
+//!
+//! What differs from that program:
+//! - thresholds are drawn once for a sensor, ON and OFF apart, and are at least 0.01; `mismatch: per-frame` draws them for
+//!   each pixel and frame, as it does. There, a level that a smaller threshold puts behind the brightness makes no event
+//!   until a larger one is drawn; here it makes one at once;
+//! - changes of `V` of less than 1e-6 between two frames count too;
+//! - the first event is subject to no refractory period, wherever the clock begins;
+//! - the period may end with other references than the program's `passing`;
+//! - hot pixels may be added.
+//!
+//! With thresholds drawn once and no hot pixels, streams of a signal that is straight in `V` do not depend on the frame
+//! rate; with `mismatch: per-frame` they do.
+
+use super::course::Course;
+use super::detector::{Detector, Source};
+use super::noise::poisson::{Rates, Train};
+use super::noise::{HotPixels, Redraw, Refractory, Site, Threshold};
+use super::pairs::{Cap, Law, Pair, Pairs, Writer};
+use super::screening::{Noise, ScreenError, Screening};
+use super::{Model, Pixels, SensorError, check_extent};
+use crate::image::Size;
+use crate::seed::{Seed, Space};
+use crate::units::Hertz;
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+
+/// Version of the law: raised when a draw or a formula changes.
+const VERSION: u32 = 1;
+
+/// Parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Esim {
+    /// `C+` and `C-`, differences of natural logarithms (of `L/255` where the intensity is linear), and their spread.
+    pub threshold: Threshold,
+    /// How often thresholds are drawn.
+    pub mismatch: Redraw,
+    /// What is compared.
+    pub intensity: Intensity,
+    /// Added to `L/255` before the logarithm, above 0; 0.001 is usual.
+    pub eps: f64,
+    /// The dead time after an event.
+    pub refractory: Refractory,
+    /// Pixels that fire by themselves.
+    pub hot_pixels: HotPixels,
+    /// More events of one pixel between two frames than this fail the step.
+    pub max_events_per_pixel_frame: u32,
+    /// Whether events beyond that are left out and counted instead.
+    pub allow_cap: bool,
+}
+
+/// What a pixel compares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Intensity {
+    /// `ln(eps + L/255)`.
+    #[default]
+    Log,
+    /// `L/255`.
+    Linear,
+}
+
+/// White.
+const WHITE: f64 = 255.0;
+
+impl Default for Esim {
+    /// Thresholds of 0.2, the logarithm with an eps of 0.001, equal pixels, no refractory period, a cap of 1000.
+    fn default() -> Self {
+        Self {
+            threshold: Threshold { on: 0.2, off: 0.2, spread: 0.0 },
+            mismatch: Redraw::PerSensor,
+            intensity: Intensity::Log,
+            eps: 1e-3,
+            refractory: Refractory::default(),
+            hot_pixels: HotPixels::default(),
+            max_events_per_pixel_frame: 1000,
+            allow_cap: false,
+        }
+    }
+}
+
+impl Esim {
+    /// Whether the balance of a pixel's events must be the change of what it sees, to less than a threshold.
+    #[must_use]
+    pub fn keeps_balance(&self) -> bool {
+        self.refractory.period_us == 0.0
+            && (self.mismatch == Redraw::PerSensor || self.threshold.spread == 0.0)
+            && self.hot_pixels.is_absent()
+            && !self.allow_cap
+    }
+
+    /// What this sensor will do with frames at this rate. Without noise the table has no events.
+    ///
+    /// # Errors
+    /// When a parameter is outside its range.
+    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
+        self.validate()?;
+        let quantity = match self.intensity {
+            Intensity::Log => "ln(L/255 + eps)",
+            Intensity::Linear => "L/255",
+        };
+        let quiet = |grey| Noise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
+        Screening::new(quantity, self.threshold.sides(), rate, quiet)
+    }
+
+    fn validate(&self) -> Result<(), ScreenError> {
+        self.threshold.validate()?;
+        self.refractory.validate()?;
+        self.hot_pixels.validate()?;
+        if !(self.eps > 0.0 && self.eps.is_finite()) {
+            let (name, wanted) = ("eps", "a finite number above 0");
+            return Err(ScreenError::Parameter { name, found: self.eps, wanted });
+        }
+        if self.max_events_per_pixel_frame == 0 {
+            let name = "max_events_per_pixel_frame";
+            return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
+        }
+        Ok(())
+    }
+
+    fn seen(&self, luminance: f64) -> f64 {
+        match self.intensity {
+            Intensity::Log => libm::log(self.eps + luminance / WHITE),
+            Intensity::Linear => luminance / WHITE,
+        }
+    }
+}
+
+impl Model for Esim {
+    fn law_version(&self) -> u32 {
+        VERSION
+    }
+
+    /// The thresholds; where the intensity is linear, what they are at half of white.
+    fn contrast(&self) -> (f64, f64) {
+        let [on, off] = match self.intensity {
+            Intensity::Log => self.threshold.sides(),
+            Intensity::Linear => self.threshold.sides().map(|threshold| libm::log1p(2.0 * threshold)),
+        };
+        (on, off)
+    }
+
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError> {
+        self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
+        check_extent(size, origin)?;
+        let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
+        Ok(Box::new(Pairs::new(self.clone(), cap, size, origin, seed)))
+    }
+}
+
+/// State of one pixel.
+#[derive(Debug)]
+pub(super) struct Pixel {
+    detector: Detector,
+    /// What it saw at the first frame.
+    first: f64,
+    /// What it sees.
+    seen: f64,
+    own: Train,
+    shot: Train,
+}
+
+impl Law for Esim {
+    type Pixel = Pixel;
+
+    fn begin(&self, site: Site, luminance: f64) -> Pixel {
+        let seen = self.seen(luminance);
+        let detector = Detector::new(self.threshold.at(site, 0), seen);
+        Pixel { detector, first: seen, seen, own: self.hot_pixels.train(site), shot: Train::silent() }
+    }
+
+    fn cross(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
+        let Pair { site, frame, length, luminance } = *pair;
+        let seen = self.seen(luminance[1]);
+        let course = Course::straight(pixel.seen, seen, length);
+        pixel.seen = seen;
+        if self.mismatch == Redraw::PerFrame {
+            pixel.detector.thresholds = self.threshold.at(site, frame);
+        }
+        let rates = Rates { ends: [self.hot_pixels.per_ns(); 2], length };
+        let source = |train, space| Source { train, rates, site, space, on_share: 1.0, resets: false };
+        let mut sources = [source(&mut pixel.own, Space::Hot), source(&mut pixel.shot, Space::Shot)];
+        pixel.detector.cross(&course, &self.refractory, &mut sources, writer)
+    }
+
+    fn imbalance(&self, pixel: &Pixel, on: u32, off: u32) -> Option<f64> {
+        let balance = super::detector::imbalance(&pixel.detector, pixel.seen - pixel.first, on, off);
+        self.keeps_balance().then_some(balance)
+    }
+}

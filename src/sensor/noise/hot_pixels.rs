@@ -1,0 +1,74 @@
+//! Hot pixels: a few that fire by themselves, whatever they see.
+//!
+//! Their events are ON, as those of a strong leak are, and a Poisson process of their own. (v2e has hot pixels as the
+//! tail of its spread of leak rates; here they are stated: which share of the pixels, and how fast they fire.)
+
+use super::Site;
+use super::poisson::Train;
+use crate::seed::Space;
+use crate::sensor::screening::{ScreenError, at_least_zero};
+use serde::{Deserialize, Serialize};
+
+/// How many pixels are hot, and how hot.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct HotPixels {
+    /// Share of the pixels, 0 to 1: each is one with this probability.
+    pub share: f64,
+    /// Events per second of a hot pixel.
+    pub rate: f64,
+}
+
+impl HotPixels {
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_absent(&self) -> bool {
+        self.share == 0.0 || self.rate == 0.0
+    }
+
+    /// Whether share and rate are what they can be.
+    ///
+    /// # Errors
+    /// Naming the one that is not.
+    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+        if !(0.0..=1.0).contains(&self.share) {
+            let (name, wanted) = ("hot_pixels.share", "a number from 0 to 1");
+            return Err(ScreenError::Parameter { name, found: self.share, wanted });
+        }
+        at_least_zero("hot_pixels.rate", self.rate)
+    }
+
+    /// Events per ns of a hot pixel.
+    pub(in crate::sensor) fn per_ns(&self) -> f64 {
+        self.rate * 1e-9
+    }
+
+    /// The events that the pixel at `site` makes by itself.
+    pub(in crate::sensor) fn train(&self, site: Site) -> Train {
+        if self.is_absent() || site.draws(Space::Hot, 0).uniform() >= self.share {
+            return Train::silent();
+        }
+        Train::new(site, Space::Hot)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::poisson::Rates;
+    use super::*;
+    use crate::seed::Seed;
+
+    #[test]
+    fn the_share_of_pixels_that_fire_is_as_stated() {
+        let hot = HotPixels { share: 0.02, rate: 1000.0 };
+        let rates = Rates { ends: [hot.per_ns(); 2], length: 1e9 };
+        let fires = |i: u32| {
+            let site = Site { seed: Seed(1), x: (i % 250) as u16, y: (i / 250) as u16 };
+            hot.train(site).advance(&rates, 0.0).is_some()
+        };
+        let count = (0..50_000).filter(|i| fires(*i)).count() as f64;
+        let z = (count - 1000.0) / (1000.0f64 * 0.98).sqrt();
+        println!("{count} of 50000 are hot, z {z:.2} (limit 4.5)");
+        assert!(z.abs() < 4.5);
+        assert!(HotPixels { share: 0.0, rate: 5.0 }.is_absent() && HotPixels::default().is_absent());
+    }
+}

@@ -1,0 +1,119 @@
+//! Mismatch: no two pixels have the same threshold.
+//!
+//! A pixel's thresholds are normal around the nominal ones, and at least a floor. ON and OFF are drawn apart, as in the
+//! programs of ESIM (uzh-rpg/rpg_esim) and v2e (SensorsINI/v2e). v2e draws once for a sensor, ESIM for every pixel and
+//! frame; real pixels keep what they were made with.
+
+use super::Site;
+use crate::seed::Space;
+use crate::sensor::screening::{ScreenError, at_least_zero};
+use serde::{Deserialize, Serialize};
+
+/// How often thresholds are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Redraw {
+    /// Once.
+    #[default]
+    PerSensor,
+    /// For each pair of frames anew: what a pixel does then depends on the frame rate.
+    PerFrame,
+}
+
+/// Thresholds of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Threshold {
+    /// Of ON events, above 0.
+    pub on: f64,
+    /// Of OFF events, above 0.
+    pub off: f64,
+    /// Standard deviation over the pixels, at least 0; where it is above 0, thresholds are at least [`FLOOR`].
+    pub spread: f64,
+}
+
+/// Least threshold of a pixel where thresholds differ, in the programs of ESIM and v2e.
+pub const FLOOR: f64 = 0.01;
+
+impl Threshold {
+    /// Whether the numbers are what they can be.
+    ///
+    /// # Errors
+    /// Naming the first that is not.
+    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+        let Self { on, off, spread } = *self;
+        let least = if spread > 0.0 { FLOOR } else { f64::MIN_POSITIVE };
+        let wanted =
+            if spread > 0.0 { "at least 0.01, as the spread asks" } else { "a finite number above 0" };
+        for (name, found) in [("threshold.on", on), ("threshold.off", off)] {
+            if !(found >= least && found.is_finite()) {
+                return Err(ScreenError::Parameter { name, found, wanted });
+            }
+        }
+        at_least_zero("threshold.spread", spread)
+    }
+
+    /// The thresholds of ON and OFF.
+    pub(in crate::sensor) fn sides(&self) -> [f64; 2] {
+        [self.on, self.off]
+    }
+
+    /// Those of the pixel at `site`; `frame` is 0 where they are drawn once.
+    pub(in crate::sensor) fn at(&self, site: Site, frame: u64) -> [f64; 2] {
+        thresholds(self.sides(), self.spread, [FLOOR; 2], site, frame)
+    }
+}
+
+/// The thresholds of ON and OFF of the pixel at `site`. `frame` is 0 where they are drawn once.
+pub(in crate::sensor) fn thresholds(
+    nominal: [f64; 2],
+    spread: f64,
+    floors: [f64; 2],
+    site: Site,
+    frame: u64,
+) -> [f64; 2] {
+    if spread == 0.0 {
+        return nominal;
+    }
+    let mut draws = site.draws(Space::Mismatch, frame);
+    let [on, off] = [0, 1].map(|side| (nominal[side] + spread * draws.normal()).max(floors[side]));
+    [on, off]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::{Seed, ks};
+
+    fn sample(spread: f64, frame: u64) -> Vec<[f64; 2]> {
+        let site = |i: u16| Site { seed: Seed(5), x: i % 200, y: i / 200 };
+        (0..20_000).map(|i| thresholds([0.2, 0.3], spread, [0.01; 2], site(i), frame)).collect()
+    }
+
+    #[test]
+    fn thresholds_are_normal_around_the_nominal_ones() {
+        let sample = sample(0.03, 0);
+        for (side, nominal) in [0.2, 0.3].into_iter().enumerate() {
+            let values: Vec<f64> = sample.iter().map(|t| t[side]).collect();
+            let cdf = |spread: f64| {
+                move |t: f64| 0.5 * libm::erfc((nominal - t) / (spread * std::f64::consts::SQRT_2))
+            };
+            let [found, defect] =
+                [0.03, 0.0315].map(|spread| ks::scaled_distance(values.clone(), cdf(spread)));
+            println!("side {side}: KS {found:.2}, of a spread 5 % off {defect:.2} (alpha 1e-4: 2.23)");
+            assert!(found < 2.23 && defect > found);
+        }
+        // Drawn apart: the correlation of n pairs has a deviation of 1/sqrt(n).
+        let product: f64 = sample.iter().map(|[on, off]| (on - 0.2) * (off - 0.3) / 9e-4).sum();
+        assert!((product / 20_000f64.sqrt()).abs() < 4.5);
+    }
+
+    #[test]
+    fn no_threshold_is_below_the_floor_and_none_moves_without_a_spread() {
+        let wide = sample(1.0, 0);
+        let low = wide.iter().flatten().filter(|t| **t <= 0.01).count();
+        // A normal of mean 0.2 or 0.3 and deviation 1 is below 0.01 with probability 0.425 or 0.386.
+        assert!(wide.iter().flatten().all(|t| *t >= 0.01) && (15_000..18_000).contains(&low), "{low}");
+        assert!(sample(0.0, 0).iter().all(|t| *t == [0.2, 0.3]));
+        assert_ne!(sample(0.03, 0), sample(0.03, 1));
+    }
+}

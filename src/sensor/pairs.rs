@@ -1,0 +1,312 @@
+//! Sensors that go from frame to frame: two frames are what a pixel knows when it crosses the time between them.
+//!
+//! The pixels are crossed by bands of rows in parallel. A pixel's events depend on nothing but its own luminance, its
+//! place on the sensor, the seed and the number of the frame, so neither bands nor threads nor crops can show.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "pixel coordinates are below 2^16; times between two frames are positive and below 2^56 ns"
+)]
+
+use super::noise::Site;
+use super::window::{LONGEST, Packed, Windows};
+use super::{Account, Pixels, SensorError, input};
+use crate::event::{EventSink, Polarity};
+use crate::frames::Frame;
+use crate::image::Size;
+use crate::seed::Seed;
+use rayon::prelude::*;
+use std::fmt::Debug;
+use std::ops::ControlFlow;
+
+/// Pixels that one thread takes at a time, about.
+const BAND: usize = 4096;
+
+/// A sensor's law between two frames.
+pub(super) trait Law: Debug + Send + Sync {
+    /// State of one pixel.
+    type Pixel: Debug + Send + Sync;
+
+    /// The pixel when it sees its first frame.
+    fn begin(&self, site: Site, luminance: f64) -> Self::Pixel;
+
+    /// Moves a pixel from one frame to the next and notes its events in order of time. It breaks where the writer does.
+    fn cross(&self, pixel: &mut Self::Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()>;
+
+    /// How far the pixel's events are from the change of what it sees, as a share of what the law allows; `None` where
+    /// the law makes no such promise.
+    fn imbalance(&self, pixel: &Self::Pixel, on: u32, off: u32) -> Option<f64>;
+}
+
+/// One pixel between two frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair {
+    pub(super) site: Site,
+    /// Number of the earlier frame.
+    pub(super) frame: u64,
+    /// Time between the frames, ns; a whole number.
+    pub(super) length: f64,
+    /// Luminance at the two, 0..255, at least 0.
+    pub(super) luminance: [f64; 2],
+}
+
+/// How many events a pixel may make between two frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cap {
+    pub(super) most: u32,
+    /// Whether the events beyond are left out and counted; otherwise they fail the run.
+    pub(super) leave_out: bool,
+}
+
+/// An event between two frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Noted {
+    /// ns since the earlier frame.
+    pub(super) ns: i64,
+    at: [u16; 2],
+    pub(super) polarity: Polarity,
+}
+
+/// A pixel's events so far.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Tally {
+    on: u32,
+    off: u32,
+}
+
+/// Notes the events of one pixel between two frames.
+#[derive(Debug)]
+pub(super) struct Writer<'a> {
+    events: &'a mut Vec<Noted>,
+    tally: &'a mut Tally,
+    cap: Cap,
+    at: [u16; 2],
+    made: u32,
+    left_out: u64,
+}
+
+impl<'a> Writer<'a> {
+    pub(super) fn new(events: &'a mut Vec<Noted>, tally: &'a mut Tally, cap: Cap, at: [u16; 2]) -> Self {
+        Self { events, tally, cap, at, made: 0, left_out: 0 }
+    }
+
+    /// The whole nanosecond of an event `t` ns after the earlier frame: the one that `t` lies in, but the first where
+    /// that is the frame's own.
+    pub(super) fn nanosecond(t: f64) -> i64 {
+        (t as i64).max(1)
+    }
+
+    /// Notes an event `t` ns after the earlier frame; its nanosecond. Breaks at the cap.
+    pub(super) fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<(), i64> {
+        let ns = Self::nanosecond(t);
+        if self.made == self.cap.most {
+            if !self.cap.leave_out {
+                return ControlFlow::Break(());
+            }
+            self.left_out += 1;
+            return ControlFlow::Continue(ns);
+        }
+        self.made += 1;
+        match polarity {
+            Polarity::On => self.tally.on += 1,
+            Polarity::Off => self.tally.off += 1,
+        }
+        self.events.push(Noted { ns, at: self.at, polarity });
+        ControlFlow::Continue(ns)
+    }
+}
+
+/// State of a sensor of such a law.
+#[derive(Debug)]
+pub(super) struct Pairs<L: Law> {
+    law: L,
+    cap: Cap,
+    size: Size,
+    origin: [u16; 2],
+    seed: Seed,
+    before: Option<Stored>,
+    pixels: Vec<L::Pixel>,
+    tally: Vec<Tally>,
+    bands: Vec<Band>,
+    windows: Windows,
+    negative_luminance: u64,
+}
+
+/// The latest frame.
+#[derive(Debug)]
+struct Stored {
+    index: usize,
+    t: i64,
+    luminance: Vec<f32>,
+}
+
+/// What a thread needs, and what it counts.
+#[derive(Debug, Default)]
+struct Band {
+    events: Vec<Noted>,
+    most: u32,
+    left_out: u64,
+    /// The first pixel over the cap.
+    over: Option<usize>,
+}
+
+/// Neighbouring pixels.
+struct Slice<'a, P> {
+    /// Number of the first.
+    first: usize,
+    pixels: &'a mut [P],
+    tally: &'a mut [Tally],
+    luminance: [&'a [f32]; 2],
+}
+
+impl<L: Law> Pairs<L> {
+    pub(super) fn new(law: L, cap: Cap, size: Size, origin: [u16; 2], seed: Seed) -> Self {
+        let n = size.pixels();
+        Self {
+            law,
+            cap,
+            size,
+            origin,
+            seed,
+            before: None,
+            pixels: Vec::new(),
+            tally: vec![Tally::default(); n],
+            bands: std::iter::repeat_with(Band::default).take(n.div_ceil(BAND)).collect(),
+            windows: Windows::default(),
+            negative_luminance: 0,
+        }
+    }
+
+    /// Coordinates of a pixel in the frame.
+    fn at(&self, pixel: usize) -> [u16; 2] {
+        let width = self.size.width as usize;
+        [(pixel % width) as u16, (pixel / width) as u16]
+    }
+
+    fn site(&self, pixel: usize) -> Site {
+        let ([x, y], [left, top]) = (self.at(pixel), self.origin);
+        Site { seed: self.seed, x: x + left, y: y + top }
+    }
+
+    fn begin(&mut self, luminance: &[f32]) {
+        let pixel = |(i, l): (usize, &f32)| self.law.begin(self.site(i), f64::from(l.max(0.0)));
+        self.pixels = luminance.par_iter().enumerate().map(pixel).collect();
+    }
+
+    /// Crosses the time between two frames.
+    fn cross(&mut self, before: &Stored, frame: &Frame) -> Result<(), SensorError> {
+        let (mut pixels, mut tally) = (std::mem::take(&mut self.pixels), std::mem::take(&mut self.tally));
+        let mut bands = std::mem::take(&mut self.bands);
+        let after = frame.luminance.pixels();
+        let length = (frame.t.0 - before.t) as f64;
+        let chunks = (
+            pixels.par_chunks_mut(BAND),
+            tally.par_chunks_mut(BAND),
+            before.luminance.par_chunks(BAND),
+            after.par_chunks(BAND),
+            bands.par_iter_mut(),
+        );
+        chunks.into_par_iter().enumerate().for_each(|(i, (pixels, tally, from, to, band))| {
+            let slice = Slice { first: i * BAND, pixels, tally, luminance: [from, to] };
+            self.cross_band(slice, before.index as u64, length, band);
+        });
+        let over = bands.iter().find_map(|band| band.over);
+        (self.pixels, self.tally, self.bands) = (pixels, tally, bands);
+        let Some(pixel) = over else { return Ok(()) };
+        let [x, y] = self.at(pixel);
+        let (frame, cap) = (before.index, self.cap.most);
+        Err(SensorError::Cap { x, y, frame, before: before.luminance[pixel], after: after[pixel], cap })
+    }
+
+    fn cross_band(&self, slice: Slice<'_, L::Pixel>, frame: u64, length: f64, band: &mut Band) {
+        let Slice { first, pixels, tally, luminance: [from, to] } = slice;
+        for (i, (pixel, tally)) in pixels.iter_mut().zip(tally).enumerate() {
+            let luminance = [from[i], to[i]].map(|l| f64::from(l.max(0.0)));
+            let pair = Pair { site: self.site(first + i), frame, length, luminance };
+            let mut writer = Writer::new(&mut band.events, tally, self.cap, self.at(first + i));
+            let broken = self.law.cross(pixel, &pair, &mut writer).is_break();
+            band.most = band.most.max(writer.made);
+            band.left_out += writer.left_out;
+            if broken {
+                band.over = Some(first + i);
+                return;
+            }
+        }
+    }
+
+    /// Hands over the events between two frames, up to the microsecond that the later one lies in.
+    fn hand_over(&mut self, from: i64, to: i64, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+        let mut noted: Vec<Noted> = Vec::new();
+        self.bands.iter_mut().for_each(|band| noted.append(&mut band.events));
+        if to - from > LONGEST {
+            noted.sort_unstable_by_key(|event| event.ns);
+        }
+        let (mut rest, mut start) = (&noted[..], from);
+        while start < to {
+            let end = to.min(start + LONGEST);
+            // With a single window there is nothing to look for, and nothing is sorted.
+            let count = if end == to { rest.len() } else { rest.partition_point(|e| from + e.ns <= end) };
+            let (now, later) = rest.split_at(count);
+            let since = start.div_euclid(1000) * 1000;
+            let pack = |e: &Noted| Packed::new((from + e.ns - since).cast_unsigned(), e.at, e.polarity);
+            self.windows.add(&mut now.iter().map(pack).collect());
+            self.windows.close(end.div_euclid(1000), sink)?;
+            (rest, start) = (later, end);
+        }
+        noted.clear();
+        if let Some(band) = self.bands.first_mut() {
+            band.events = noted;
+        }
+        Ok(())
+    }
+
+    /// The account of the run.
+    fn settle(&self) -> Account {
+        let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
+        for (tally, pixel) in self.tally.iter().zip(&self.pixels) {
+            account.on += u64::from(tally.on);
+            account.off += u64::from(tally.off);
+            account.active_pixels += u64::from(tally.on + tally.off > 0);
+            let share = self.law.imbalance(pixel, tally.on, tally.off).unwrap_or(0.0);
+            account.drift_worst = account.drift_worst.max(share);
+            account.drift_violations += u64::from(share > 1.0);
+        }
+        account.events = account.on + account.off;
+        account.same_us_same_pixel = self.windows.same_us_same_pixel;
+        for band in &self.bands {
+            account.capped += band.left_out;
+            account.max_per_pixel_frame = account.max_per_pixel_frame.max(u64::from(band.most));
+        }
+        account
+    }
+}
+
+impl<L: Law> Pixels for Pairs<L> {
+    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+        let before = self.before.take();
+        self.negative_luminance += input::admit(before.as_ref().map(|b| b.t), frame, self.size)?;
+        let luminance = frame.luminance.pixels();
+        let mut stored = match before {
+            None => {
+                self.begin(luminance);
+                Stored { index: 0, t: 0, luminance: Vec::new() }
+            }
+            Some(before) => {
+                self.cross(&before, frame)?;
+                self.hand_over(before.t, frame.t.0, sink)?;
+                before
+            }
+        };
+        (stored.index, stored.t) = (frame.index, frame.t.0);
+        stored.luminance.clear();
+        stored.luminance.extend_from_slice(luminance);
+        self.before = Some(stored);
+        Ok(())
+    }
+
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
+        let last = self.before.as_ref().map_or(0, |before| before.t);
+        self.windows.close(last.div_euclid(1000) + 1, sink)?;
+        Ok(self.settle())
+    }
+}

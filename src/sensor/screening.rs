@@ -1,0 +1,173 @@
+//! What a sensor will do, said before anything runs: contrast, leak and noise at a few greys; and the refusal of sensors
+//! that make no usable stream (numerics.md 1.1).
+
+use crate::units::Hertz;
+use serde::Serialize;
+use std::fmt;
+
+/// The grey whose noise is worth a word.
+const MIDDLE: f64 = 128.0;
+/// Greys of the table.
+const GREYS: [f64; 5] = [0.0, 16.0, 64.0, 128.0, 255.0];
+/// The darkest grey above black, where noise that goes as `1/sqrt(L)` is worst.
+const DARKEST: f64 = 1.0;
+/// Events a pixel may make from noise alone in one frame interval.
+const LIMIT_PER_FRAME: f64 = 50.0;
+/// Noise at grey 128 above this many Hz is worth a word.
+const NOISY_HZ: f64 = 20.0;
+/// A brightness change by more than this factor's logarithm for one event is worth a word.
+const INSENSITIVE: f64 = 1.0;
+
+/// What a pixel of constant brightness does.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Noise {
+    /// Grey, 0..255.
+    pub grey: f64,
+    /// Events per second that the drift alone would make; negative where they are OFF.
+    pub leak_hz: f64,
+    /// Events per second, of drift and noise together.
+    pub total_hz: f64,
+    /// Share of ON events; `None` where there are no events.
+    pub on_share: Option<f64>,
+}
+
+/// The table that every build prints.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Screening {
+    /// What the sensor compares, as a function of the grey `L`.
+    pub quantity: &'static str,
+    /// Its change for one ON and one OFF event.
+    pub contrast: [f64; 2],
+    /// Noise at greys 0, 16, 64, 128 and 255.
+    pub noise: [Noise; 5],
+    /// What a user should know.
+    pub warnings: Vec<Warning>,
+}
+
+/// Something unusual that stops nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Warning {
+    /// One event takes a large change of brightness.
+    Insensitive {
+        /// Change of the logarithm for one event, the larger of the two.
+        contrast: f64,
+    },
+    /// A grey pixel makes many events by itself.
+    Noisy {
+        /// Events per second at grey 128.
+        hz: f64,
+    },
+    /// The set printed in the GS2E paper, whose units are a guess.
+    UncertainUnits,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Insensitive { contrast } => {
+                let factor = libm::exp(*contrast);
+                write!(f, "one event takes a change of brightness by a factor of {factor:.3} (C = {contrast:.3})")
+            }
+            Self::Noisy { hz } => {
+                write!(f, "a static pixel of grey 128 makes {hz:.4} events per second, more than {NOISY_HZ}")
+            }
+            Self::UncertainUnits => f.write_str(
+                "the set printed in the GS2E paper has no units; read as seconds and brightness 0..1 it makes a far \
+                 sparser stream than a real sensor",
+            ),
+        }
+    }
+}
+
+/// Why a parameter set cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ScreenError {
+    /// A parameter outside its range.
+    #[error("{name} is {found}, not {wanted}")]
+    Parameter {
+        /// Which.
+        name: &'static str,
+        /// Its value.
+        found: f64,
+        /// What it may be.
+        wanted: &'static str,
+    },
+    /// Choices that exclude each other.
+    #[error("{0}")]
+    Combination(&'static str),
+    /// More noise than any stream can use.
+    #[error(
+        "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
+         frame interval at {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: are the units \
+         of k right?"
+    )]
+    Impossible {
+        /// Grey, 0..255.
+        grey: f64,
+        /// Events per second.
+        hz: f64,
+        /// Events per frame interval.
+        per_frame: f64,
+        /// Frame rate.
+        frames_per_second: f64,
+    },
+}
+
+/// Refuses a parameter that is not a finite number of at least 0.
+pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), ScreenError> {
+    if found >= 0.0 && found.is_finite() {
+        return Ok(());
+    }
+    Err(ScreenError::Parameter { name, found, wanted: "a finite number of at least 0" })
+}
+
+impl Screening {
+    /// The table of a sensor that does `noise` at each grey, with frames at this rate.
+    ///
+    /// # Errors
+    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64, 128 or 255.
+    pub(super) fn new(
+        quantity: &'static str,
+        contrast: [f64; 2],
+        rate: Hertz,
+        noise: impl Fn(f64) -> Noise,
+    ) -> Result<Self, ScreenError> {
+        let frames_per_second = rate.to_f64();
+        let at_greys = GREYS.map(&noise);
+        let worst = at_greys
+            .into_iter()
+            .fold(noise(DARKEST), |worst, noise| if noise.total_hz > worst.total_hz { noise } else { worst });
+        let per_frame = worst.total_hz / frames_per_second;
+        if per_frame > LIMIT_PER_FRAME {
+            let Noise { grey, total_hz: hz, .. } = worst;
+            return Err(ScreenError::Impossible { grey, hz, per_frame, frames_per_second });
+        }
+        let (largest, hz) = (contrast[0].max(contrast[1]), noise(MIDDLE).total_hz);
+        let insensitive = (largest > INSENSITIVE).then_some(Warning::Insensitive { contrast: largest });
+        let noisy = (hz > NOISY_HZ).then_some(Warning::Noisy { hz });
+        let warnings = insensitive.into_iter().chain(noisy).collect();
+        Ok(Self { quantity, contrast, noise: at_greys, warnings })
+    }
+}
+
+/// One line of contrast, then a table of leak, noise and ON share by grey.
+impl fmt::Display for Screening {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let factor = self.contrast.map(libm::exp);
+        writeln!(
+            f,
+            "contrast C: ON {:.4} (brightness x{:.3}), OFF {:.4} (x{:.3})",
+            self.contrast[0],
+            factor[0],
+            self.contrast[1],
+            1.0 / factor[1]
+        )?;
+        write!(f, "{:>5} {:>10} {:>10} {:>8}", "grey", "leak Hz", "noise Hz", "ON share")?;
+        for Noise { grey, leak_hz, total_hz, on_share } in self.noise {
+            let share = on_share.map_or_else(|| "-".to_owned(), |share| format!("{share:.3}"));
+            write!(f, "\n{grey:>5} {leak_hz:>10.4} {total_hz:>10.4} {share:>8}")?;
+        }
+        Ok(())
+    }
+}

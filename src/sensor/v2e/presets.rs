@@ -1,0 +1,61 @@
+//! Parameter sets by name, as the program's `--dvs_params`.
+
+use super::{Filter, Leak, V2e};
+use crate::sensor::noise::{HotPixels, Reference, Refractory, Threshold};
+
+/// A named parameter set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preset {
+    /// Nothing but a spread of thresholds of 0.02; the default.
+    Clean,
+    /// A spread of 0.05, a cutoff of 30 Hz, a leak of 0.1 Hz that varies by a tenth in time and a tenth of a decade over
+    /// the pixels, shot noise of 5 Hz. (Some versions of the program add a refractory period of 10 ms.)
+    Noisy,
+}
+
+impl Preset {
+    /// Every preset.
+    pub const ALL: [Self; 2] = [Self::Clean, Self::Noisy];
+
+    /// The preset of this name, as a recipe writes it.
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|preset| preset.name() == name)
+    }
+
+    /// Its name in recipes.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Clean => "clean",
+            Self::Noisy => "noisy",
+        }
+    }
+}
+
+impl From<Preset> for V2e {
+    /// Its parameters, with thresholds of 0.2, no dead time, no hot pixels and a cap of 1000.
+    fn from(preset: Preset) -> Self {
+        let clean = Self {
+            threshold: Threshold { on: 0.2, off: 0.2, spread: 0.02 },
+            cutoff: 0.0,
+            filter: Filter::Exact,
+            leak: Leak::default(),
+            shot: 0.0,
+            refractory: Refractory { period_us: 0.0, reference: Reference::AtEvent },
+            hot_pixels: HotPixels::default(),
+            max_events_per_pixel_frame: 1000,
+            allow_cap: false,
+        };
+        match preset {
+            Preset::Clean => clean,
+            Preset::Noisy => Self {
+                threshold: Threshold { spread: 0.05, ..clean.threshold },
+                cutoff: 30.0,
+                leak: Leak { rate: 0.1, jitter: 0.1, cov: 0.1 },
+                shot: 5.0,
+                ..clean
+            },
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! Studies: measurements over one scene, beside the building of it.
+
+pub mod thresholds;

@@ -1,0 +1,377 @@
+//! Contrast thresholds (the paper's appendix B, as a measurement): which of the events that a threshold lets through come
+//! from the scene's smooth motion, and which from jumps of the renderer.
+//!
+//! The same path is rendered twice: under the rules of the release, and under rules by which the picture is a continuous
+//! function of the view (`soft` with a blended order). The same sensor sees both with the same noise, so that the two
+//! streams differ by what the rules do. Of the first stream an event is
+//! - **smooth** where the second has one of the same pixel and polarity, each used once, within a frame interval;
+//! - else **near a jump** where, since its pixel's event before, the difference of the two renderings moved between two
+//!   neighbouring frames by more than [`JUMP`] of the threshold in `k1 ln(L + k2)`;
+//! - else **other**: it is late or early after such a jump, or under a difference that grew slowly.
+
+use crate::event::picture::Picture;
+use crate::event::{Event, EventSink};
+use crate::frames::{Frame, Frames};
+use crate::image::{Image, Size};
+use crate::seed::Seed;
+use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::{Account, Model as _, Pixels, SensorError, SimulateError};
+use serde::Serialize;
+use std::ops::ControlFlow;
+
+/// Change of the renderings' difference between two frames, in thresholds, from which it counts as a jump.
+pub const JUMP: f64 = 0.1;
+
+/// Share of smooth events from which a threshold is recommended.
+pub const ENOUGH: f64 = 0.95;
+
+/// What is swept.
+#[derive(Debug, Clone)]
+pub struct Sweep {
+    /// The sensor; its thresholds are replaced.
+    pub sensor: Voltmeter,
+    /// Thresholds of ON and OFF events, in the unit of the sensor, rising.
+    pub thresholds: Vec<f64>,
+    /// Seed of the noise.
+    pub seed: Seed,
+    /// A frame interval: how far apart events of the two streams may be, ns.
+    pub within_ns: i64,
+    /// Events of this time are in the pictures, us.
+    pub window_us: std::ops::Range<i64>,
+}
+
+/// What was found at one threshold.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// Threshold of ON and OFF events.
+    pub threshold: f64,
+    /// As a step of `ln(L + k2)`.
+    pub contrast: f64,
+    /// Events under the rules of the release.
+    pub events: u64,
+    /// Of these, brighter.
+    pub on: u64,
+    /// Events a pixel and second.
+    pub rate_ev_px_s: f64,
+    /// Events under the smooth rules.
+    pub smooth_stream: u64,
+    /// Events that the smooth stream has too.
+    pub smooth: u64,
+    /// Events near a jump of the renderer.
+    pub near_jump: u64,
+    /// The rest.
+    pub other: u64,
+}
+
+impl Row {
+    /// Share of the events that the scene's smooth motion explains; 1 where there are none.
+    #[must_use]
+    pub fn explained(&self) -> f64 {
+        if self.events == 0 { 1.0 } else { self.smooth as f64 / self.events as f64 }
+    }
+}
+
+/// What a sweep found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// A row a threshold.
+    pub rows: Vec<Row>,
+    /// The events of the window at each threshold, under the rules of the release.
+    pub pictures: Vec<Image<[u8; 3]>>,
+    /// Frames that were rendered, each by both rules.
+    pub frames: usize,
+    /// From the first of them to the last, seconds.
+    pub seconds: f64,
+}
+
+impl Found {
+    /// The lowest threshold of whose events enough are smooth, and why; `None` where there is none.
+    #[must_use]
+    pub fn recommended(&self) -> (Option<&Row>, String) {
+        let percent = |row: &Row| 100.0 * row.explained();
+        let enough = 100.0 * ENOUGH;
+        let Some(at) = self.rows.iter().position(|row| row.events > 0 && row.explained() >= ENOUGH) else {
+            let best = self.rows.iter().filter(|row| row.events > 0).map(percent).fold(0.0, f64::max);
+            let because = format!(
+                "at no threshold are {enough} % of the events those of smooth motion; the most is {best:.1} %: the rules \
+                 `soft` have fewer jumps"
+            );
+            return (None, because);
+        };
+        let row = &self.rows[at];
+        let before = at.checked_sub(1).map(|i| &self.rows[i]);
+        let below = before.map_or_else(String::new, |below| {
+            format!("; at {} it is {:.1} %", below.threshold, percent(below))
+        });
+        let because = format!(
+            "the lowest at which {enough} % of the events are those of smooth motion: {:.1} % of {}{below}",
+            percent(row),
+            row.events
+        );
+        (Some(row), because)
+    }
+}
+
+/// Sweeps over two renderings of one path, frame by frame in step: by the rules of the release, and by smooth ones. `tap`
+/// is called after each frame; it may break the sweep off.
+///
+/// # Errors
+/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+///
+/// # Panics
+/// If the two have other sizes or numbers of frames.
+pub fn sweep(
+    sweep: &Sweep,
+    (released, smooth): (&mut dyn Frames, &mut dyn Frames),
+    tap: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Result<Found, SimulateError> {
+    let size = released.size();
+    assert_eq!((size, released.len()), (smooth.size(), smooth.len()), "they are renderings of one path");
+    let mut pairs = sweep.pairs(size)?;
+    let mut jumps = Jumps::new(&sweep.sensor, sweep.thresholds.first().copied().unwrap_or(1.0));
+    let mut stamps = Vec::new();
+    while let (Some(a), Some(b)) = (released.next()?, smooth.next()?) {
+        for [first, second] in &mut pairs {
+            first.see(&a)?;
+            second.see(&b)?;
+        }
+        jumps.see(&a, &b);
+        stamps.push(a.t.0);
+        if tap(a.index).is_break() {
+            return Err(SimulateError::Interrupted);
+        }
+    }
+    let jumps = jumps.sorted();
+    let seconds = stamps.last().map_or(0.0, |t| *t as f64 * 1e-9);
+    let mut found = Found { rows: Vec::new(), pictures: Vec::new(), frames: stamps.len(), seconds };
+    for (&threshold, [first, second]) in sweep.thresholds.iter().zip(pairs) {
+        let ((events, account), (other, smooth)) = (first.end()?, second.end()?);
+        let mut picture = Picture::new(size, sweep.window_us.clone());
+        picture.append(&events).map_err(SensorError::from)?;
+        found.pictures.push(picture.image());
+        let [smooth_events, near_jump, rest] = Matching { sweep, threshold, jumps: &jumps, stamps: &stamps }
+            .sort(by_pixel(events, size), by_pixel(other, size));
+        let per_second = size.pixels() as f64 * seconds;
+        found.rows.push(Row {
+            threshold,
+            contrast: threshold / sweep.sensor.k[0],
+            events: account.events,
+            on: account.on,
+            rate_ev_px_s: if per_second > 0.0 { account.events as f64 / per_second } else { 0.0 },
+            smooth_stream: smooth.events,
+            smooth: smooth_events,
+            near_jump,
+            other: rest,
+        });
+    }
+    Ok(found)
+}
+
+/// A sensor and what it has seen.
+struct Seen {
+    pixels: Box<dyn Pixels>,
+    events: Vec<Event>,
+}
+
+impl Seen {
+    fn see(&mut self, frame: &Frame) -> Result<(), SensorError> {
+        self.pixels.advance(frame, &mut self.events)
+    }
+
+    fn end(mut self) -> Result<(Vec<Event>, Account), SensorError> {
+        let account = self.pixels.finish(&mut self.events)?;
+        Ok((self.events, account))
+    }
+}
+
+impl Sweep {
+    /// Two sensors for each threshold.
+    fn pairs(&self, size: Size) -> Result<Vec<[Seen; 2]>, SensorError> {
+        let seen = |threshold: f64| {
+            let sensor =
+                Voltmeter { threshold_on: threshold, threshold_off: threshold, ..self.sensor.clone() };
+            Ok::<_, SensorError>(Seen { pixels: sensor.start(size, [0, 0], self.seed)?, events: Vec::new() })
+        };
+        self.thresholds.iter().map(|&t| Ok([seen(t)?, seen(t)?])).collect()
+    }
+}
+
+/// Where the difference of two renderings moved quickly.
+struct Jumps {
+    k1: f64,
+    k2: f64,
+    /// Moves below this are not kept, in the voltage of the sensor.
+    least: f64,
+    /// `k1 ln(L + k2)` of the one less that of the other, at the last frame.
+    last: Vec<f64>,
+    found: Vec<JumpAt>,
+}
+
+/// One jump: its pixel, the later of the two frames, and how far.
+#[derive(Debug, Clone, Copy)]
+struct JumpAt {
+    pixel: usize,
+    frame: usize,
+    by: f64,
+}
+
+impl Jumps {
+    fn new(sensor: &Voltmeter, lowest_threshold: f64) -> Self {
+        let [k1, k2, ..] = sensor.k;
+        Self { k1, k2, least: JUMP * lowest_threshold, last: Vec::new(), found: Vec::new() }
+    }
+
+    fn see(&mut self, a: &Frame, b: &Frame) {
+        let voltage = |l: &f32| self.k1 * libm::log(f64::from(l.max(0.0)) + self.k2);
+        let pairs = a.luminance.pixels().iter().zip(b.luminance.pixels());
+        let now: Vec<f64> = pairs.map(|(a, b)| voltage(a) - voltage(b)).collect();
+        for (pixel, (now, last)) in now.iter().zip(&self.last).enumerate() {
+            let by = (now - last).abs();
+            if by > self.least {
+                self.found.push(JumpAt { pixel, frame: a.index, by });
+            }
+        }
+        self.last = now;
+    }
+
+    /// By pixel, then by time.
+    fn sorted(mut self) -> Vec<JumpAt> {
+        self.found.sort_by_key(|jump| (jump.pixel, jump.frame));
+        self.found
+    }
+}
+
+/// The events of each pixel in order of time, pixels row by row.
+fn by_pixel(events: Vec<Event>, size: Size) -> Vec<Vec<Event>> {
+    let mut pixels = vec![Vec::new(); size.pixels()];
+    for event in events {
+        pixels[usize::from(event.y) * size.width as usize + usize::from(event.x)].push(event);
+    }
+    pixels.iter_mut().for_each(|events: &mut Vec<Event>| events.sort_by_key(|event| event.t));
+    pixels
+}
+
+/// How events are told apart.
+struct Matching<'a> {
+    sweep: &'a Sweep,
+    threshold: f64,
+    jumps: &'a [JumpAt],
+    stamps: &'a [i64],
+}
+
+impl Matching<'_> {
+    /// Counts the events that are smooth, near a jump, and neither.
+    fn sort(&self, events: Vec<Vec<Event>>, smooth: Vec<Vec<Event>>) -> [u64; 3] {
+        let mut counts = [0; 3];
+        for (pixel, (events, smooth)) in events.into_iter().zip(smooth).enumerate() {
+            let mut used = vec![false; smooth.len()];
+            let mut before = i64::MIN;
+            for event in events {
+                let kind = if self.take(&event, &smooth, &mut used) {
+                    0
+                } else {
+                    usize::from(!self.is_near_jump(pixel, before, event.t.0)) + 1
+                };
+                counts[kind] += 1;
+                before = event.t.0;
+            }
+        }
+        counts
+    }
+
+    /// Uses up the first event of `smooth` that this one can be.
+    fn take(&self, event: &Event, smooth: &[Event], used: &mut [bool]) -> bool {
+        let from = smooth.partition_point(|other| other.t.0 < event.t.0 - self.sweep.within_ns);
+        let near = smooth[from..].iter().take_while(|other| other.t.0 <= event.t.0 + self.sweep.within_ns);
+        let found = near.zip(from..).find(|(other, i)| !used[*i] && other.polarity == event.polarity);
+        found.is_some_and(|(_, i)| {
+            used[i] = true;
+            true
+        })
+    }
+
+    /// Whether the pixel jumped after its event before and not after this one's frame.
+    fn is_near_jump(&self, pixel: usize, before: i64, at: i64) -> bool {
+        let from = self.jumps.partition_point(|jump| jump.pixel < pixel);
+        let of_pixel = self.jumps[from..].iter().take_while(|jump| jump.pixel == pixel);
+        let stamp = |frame: usize| self.stamps.get(frame).copied().unwrap_or(i64::MAX);
+        // A jump lies between two frames: the later is after the event before, the earlier before this event.
+        let mut within =
+            of_pixel.filter(|jump| stamp(jump.frame) > before && stamp(jump.frame.saturating_sub(1)) <= at);
+        within.any(|jump| jump.by > JUMP * self.threshold)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::array::{ArrayFrames, FullScale, Samples};
+    use crate::sensor::voltmeter::Preset;
+
+    const SIZE: Size = Size { width: 4, height: 1 };
+    const FRAME_US: i64 = 400;
+
+    fn frames(grey: impl Fn(usize, usize) -> f64) -> ArrayFrames {
+        let samples = (0..100).flat_map(|j| (0..4).map(move |x| (j, x)));
+        #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
+        let samples = samples.map(|(j, x)| grey(j, x) as f32).collect();
+        let stamps: Vec<i64> = (0..100).map(|j| FRAME_US * j).collect();
+        ArrayFrames::new(SIZE, Samples::Floats(samples, FullScale::Grey255), &stamps).unwrap()
+    }
+
+    fn swept(released: impl Fn(usize, usize) -> f64, smooth: impl Fn(usize, usize) -> f64) -> Found {
+        let [k1, k2, ..] = Preset::Dvs346.k();
+        let asked = Sweep {
+            sensor: Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]),
+            thresholds: vec![0.25, 0.5, 1.0, 2.0],
+            seed: Seed(1),
+            within_ns: 1000 * FRAME_US,
+            window_us: 0..1000,
+        };
+        let (mut a, mut b) = (frames(released), frames(smooth));
+        sweep(&asked, (&mut a, &mut b), &mut |_| ControlFlow::Continue(())).unwrap()
+    }
+
+    /// Brightness such that `k1 ln(L + k2)` rises by half a threshold a frame, or falls.
+    fn ramp(j: usize) -> f64 {
+        let way = 0.05 * if j < 50 { j as f64 } else { 100.0 - j as f64 };
+        libm::exp(3.5 + way / 5.265 * 10.0 * 0.5) - 20.0
+    }
+
+    #[test]
+    fn a_rendering_that_is_smooth_is_explained() {
+        let found = swept(|j, _| ramp(j), |j, _| ramp(j));
+        for row in &found.rows {
+            assert!(row.events > 0 && row.smooth == row.events && row.smooth_stream == row.events, "{row:?}");
+        }
+        assert_eq!(found.recommended().0.map(|row| row.threshold), Some(0.25));
+        assert_eq!((found.frames, found.pictures.len()), (100, 4));
+    }
+
+    /// One pixel flickers between two frames by 0.8 thresholds, as where a splat pops: the lowest thresholds see it.
+    #[test]
+    fn jumps_make_the_events_that_they_make_and_no_others() {
+        let pop = |j: usize, x: usize| {
+            let up = x == 2 && j % 2 == 1;
+            libm::exp(4.0 + if up { 0.8 / 5.265 } else { 0.0 }) - 20.0
+        };
+        let found = swept(pop, |_, _| libm::exp(4.0) - 20.0);
+        let counts: Vec<[u64; 3]> = found.rows.iter().map(|r| [r.smooth, r.near_jump, r.other]).collect();
+        assert!(counts[0][1] > 100 && counts[1][1] > 50, "{counts:?}");
+        assert!(counts[2..].iter().all(|c| *c == [0; 3]), "{counts:?}");
+        assert!(counts.iter().all(|c| c[0] == 0 && c[2] == 0), "{counts:?}");
+        let (row, because) = found.recommended();
+        assert!(row.is_none() && because.contains("at no threshold"), "{because}");
+    }
+
+    #[test]
+    fn a_threshold_is_recommended_once_jumps_are_below_it() {
+        let ramped = |j: usize, x: usize| {
+            let pops = x == 2 && j % 2 == 1;
+            (ramp(j) + 20.0) * if pops { libm::exp(0.8 / 5.265) } else { 1.0 } - 20.0
+        };
+        let found = swept(ramped, |j, _| ramp(j));
+        let shares: Vec<f64> = found.rows.iter().map(Row::explained).collect();
+        assert!(shares[0] < ENOUGH && shares[3] > shares[0], "{shares:?}");
+    }
+}

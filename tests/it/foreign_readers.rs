@@ -1,0 +1,105 @@
+//! Every format read back by the field's own programs, bit for bit: `../shared/tools/check_events.py` holds count, order,
+//! positions, polarities and times against the stream itself.
+//!
+//! Which readers are wanted of which format is the table below. Where Python lacks one, that is said on stderr; with
+//! `REQUIRE_READERS=1` it is a failure.
+
+use crate::support::shared;
+use crate::support::workspace::Workspace;
+use serde_json::Value;
+use std::io::Write as _;
+use std::process::{Command, Output};
+
+/// File, what is written of it, and its readers.
+const WANTED: [(&str, &str, &[&str]); 5] = [
+    ("e.h5", "", &["h5py", "evutils", "evlib", "eventcv"]),
+    ("evt2.raw", "--codec evt2", &["evutils", "expelliarmus", "faery", "evlib", "eventcv"]),
+    // expelliarmus gives times of EVT 3.0 that are off by multiples of 4,096 us, of anyone's files.
+    ("evt3.raw", "--codec evt3", &["evt3", "faery", "evlib", "eventcv"]),
+    ("e.aedat4", "", &["dv_processing", "aedat", "tonic", "eventcv", "faery"]),
+    ("e.npz", "", &["numpy", "evutils"]),
+];
+
+/// Files of filters that need a plug-in, which h5py is given.
+const FILTERS: [&str; 4] = ["none", "gzip:1", "zstd", "lz4"];
+
+const WIDTH: u32 = 320;
+const HEIGHT: u32 = 240;
+const EVENTS: u32 = 60_000;
+
+/// Said past the capture of the test's output: a test that was not run in full says so although it passes.
+fn say(text: &str) {
+    drop(writeln!(std::io::stderr(), "{text}"));
+}
+
+fn python(args: &[&str]) -> Option<Output> {
+    Command::new("python3").args(args).output().ok()
+}
+
+/// Events at places without pattern, several a microsecond and then none for long, in the order of files.
+fn stream() -> String {
+    let mut events: Vec<[u32; 4]> = (0..EVENTS)
+        .map(|i| {
+            let hash = i.wrapping_mul(2_654_435_769) >> 8;
+            let t = i / 3 + 70_000 * (i / 20_000);
+            [t, hash / WIDTH % HEIGHT, hash % WIDTH, hash >> 20 & 1]
+        })
+        .collect();
+    events.sort_unstable();
+    let mut text = format!("# t x y p in us; sensor {WIDTH}x{HEIGHT}\n");
+    events.iter().for_each(|[t, y, x, p]| text += &format!("{t} {x} {y} {p}\n"));
+    text
+}
+
+/// The verdicts of the readers of a file: name, verdict, and why.
+fn verdicts(place: &Workspace, name: &str, readers: &[&str]) -> Option<Vec<(String, String, String)>> {
+    let tool = shared::path("tools/check_events.py")?;
+    let path = |name: &str| place.path(name).display().to_string();
+    let (report, only) = (path("report.json"), readers.join(","));
+    let (width, height) = (WIDTH.to_string(), HEIGHT.to_string());
+    let (tool, file, reference) = (tool.display().to_string(), path(name), path("reference.npz"));
+    let sized = ["--size", &width, &height, "--only", &only, "--json", &report, "--timeout", "60"];
+    let args = [&[tool.as_str(), &file, "--ref", &reference], &sized[..]].concat();
+    let output = python(&args).expect("Python starts");
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    let report: Value = serde_json::from_slice(&std::fs::read(report).expect(&told)).unwrap();
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let of = |reader: &&str| {
+        let found = &report["readers"][reader];
+        let why = [&found["skip"], &found["error"]].map(text).concat();
+        (format!("{name} by {reader}"), text(&found["verdict"]), why)
+    };
+    Some(readers.iter().map(of).collect())
+}
+
+#[test]
+fn foreign_readers_read_what_was_written() {
+    if shared::path("tools/check_events.py").is_none() {
+        return;
+    }
+    let required = std::env::var_os("REQUIRE_READERS").is_some_and(|value| value == "1");
+    if !python(&["-c", "import numpy"]).is_some_and(|output| output.status.success()) {
+        assert!(!required, "python3 with numpy is absent");
+        return say("not run: python3 with numpy is absent");
+    }
+    let place = Workspace::new();
+    place.write("in.txt", stream());
+    place.ok("convert in.txt reference.npz --lossy");
+    let mut found = Vec::new();
+    for (name, options, readers) in WANTED {
+        place.ok(&format!("convert in.txt {name} --lossy {options}"));
+        found.extend(verdicts(&place, name, readers).unwrap());
+    }
+    for filter in FILTERS {
+        let name = format!("{}.h5", filter.replace(':', "-"));
+        place.ok(&format!("convert in.txt {name} --h5-filter {filter}"));
+        found.extend(verdicts(&place, &name, &["h5py"]).unwrap());
+    }
+    let (absent, tried): (Vec<_>, Vec<_>) = found.into_iter().partition(|(_, verdict, _)| verdict == "SKIP");
+    let wrong: Vec<_> = tried.iter().filter(|(_, verdict, _)| verdict != "OK").collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    for (what, _, why) in &absent {
+        say(&format!("not run: {what} ({why})"));
+    }
+    assert!(absent.is_empty() || !required, "absent: {absent:#?}");
+}

@@ -1,0 +1,94 @@
+//! Several sensors that see one rendering.
+
+use crate::support::workspace::{Ended, TINY, Workspace};
+use serde_json::Value;
+use std::fs;
+
+/// The recipe with these lines in place of its sensor.
+fn recipe(sensors: &str) -> String {
+    let (head, tail) = TINY
+        .split_once("sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n")
+        .unwrap();
+    format!("{head}{sensors}{tail}")
+}
+
+const THREE: &str = "sensors:
+  fine: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }
+  usual: { voltmeter: { preset: dvs346 } }
+  coarse: { voltmeter: { threshold: { on: 2.0, off: 2.0 } } }
+";
+
+fn json(place: &Workspace, path: &str) -> Value {
+    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
+}
+
+#[test]
+fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
+    let place = Workspace::new();
+    place.write("tiny.yaml", recipe(THREE));
+    let told = place.ok("release --to tree tiny.yaml").stderr;
+    for name in ["coarse", "fine", "usual"] {
+        assert!(told.contains(&format!("sensor of tiny/{name}: ")), "{told}");
+    }
+    place.ok("audit tree");
+    let scene = json(&place, "tree/tiny/scene.json");
+    let part = &scene["trajectories"][0];
+    assert_eq!((&part["sensor"], &part["statistics"]["events"]), (&Value::Null, &Value::Null));
+    let events = |name: &str| part["sensors"][name]["statistics"]["events"].as_u64().unwrap();
+    assert!(events("fine") > events("usual") && events("usual") > events("coarse"));
+    let card = fs::read_to_string(place.path("tree/README.md")).unwrap();
+    assert!(
+        ["coarse", "fine", "usual"].iter().all(|name| card.contains(&format!("| tiny/base/{name} |"))),
+        "{card}"
+    );
+    let checks = json(&place, "tree/tiny/base/checks.json");
+    let subjects = |check: &str| -> Vec<String> {
+        let of = checks.as_array().unwrap().iter().filter(|f| f["check"] == check);
+        of.map(|f| f["subject"].as_str().unwrap().to_owned()).collect()
+    };
+    let judged = |name: &str| {
+        let subject = format!("tiny/base/{name}");
+        subjects("event_rate")
+            .iter()
+            .filter(|s| **s == subject || s.starts_with(&format!("{subject}#")))
+            .count()
+    };
+    assert!(judged("fine") > 0 && judged("fine") == judged("usual") && judged("fine") == judged("coarse"));
+    assert_eq!(subjects("event_rate").len(), 3 * judged("fine"));
+    assert!(subjects("speed").iter().all(|s| s == "tiny/base" || s.starts_with("tiny/base#")));
+    // The canonical recipe is a recipe of the same sensors.
+    place.write("again.yaml", scene["recipe"].to_string());
+    assert!(place.stale("again.yaml").is_empty());
+    // One of them is gone, as a damaged mirror has it.
+    fs::remove_file(place.path("tree/tiny/base/events/fine.h5")).unwrap();
+    assert_eq!(place.gs2e("audit tree").code, 3);
+}
+
+#[test]
+fn what_one_of_several_sees_it_sees_alone() {
+    let place = Workspace::new();
+    place.write("tiny.yaml", recipe(THREE));
+    place.ok("release --to several tiny.yaml");
+    place.write("tiny.yaml", recipe("sensor: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }\n"));
+    place.ok("release --to one tiny.yaml");
+    let [several, one] = ["several/tiny/base/events/fine.h5", "one/tiny/base/events.h5"]
+        .map(|path| fs::read(place.path(path)).unwrap());
+    assert!(several == one);
+}
+
+#[test]
+fn sensors_that_cannot_be_told_apart_or_are_none_are_refused() {
+    let place = Workspace::new();
+    let refused = |sensors: &str, wanted: &str| {
+        place.write("tiny.yaml", recipe(sensors));
+        let Ended { code, stderr, .. } = place.gs2e("build tiny.yaml");
+        assert_eq!(code, 2, "{stderr}");
+        assert!(stderr.contains(wanted), "{sensors}: {stderr}");
+    };
+    refused("sensors: {}\n", "names no sensor");
+    refused("sensors: { a/b: { voltmeter: {} } }\n", "which has more than one part");
+    refused("sensors: { a: { voltmeter: {} }, A: { voltmeter: {} } }\n", "differs from \"A\" in case alone");
+    refused("sensors: { a: { voltmeter: { k: 1 } } }\n", "tiny.yaml");
+    refused("sensor: { voltmeter: {} }\nsensors: { a: { voltmeter: {} } }\n", "sensors exclude each other");
+    refused("sensors: { a: { voltmeter: {} }, a: { voltmeter: {} } }\n", "a");
+}

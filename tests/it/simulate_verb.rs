@@ -1,0 +1,318 @@
+//! `gs2e simulate`: events of the user's own frames, through the binary.
+
+mod mistakes;
+
+use crate::support::shared;
+use crate::support::workspace::Workspace;
+use gs2e::event::{Event, EventSource as _, h5};
+use gs2e::frames::Frame;
+use gs2e::frames::array::{ArrayFrames, Samples};
+use gs2e::image::{Image, Size, png};
+use gs2e::seed::Seed;
+use gs2e::sensor::simulate;
+use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use npyz::{AutoSerialize, WriterBuilder as _};
+use serde_json::Value;
+use std::fs::{self, File};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+const SIZE: Size = Size { width: 24, height: 16 };
+const COUNT: usize = 24;
+/// Far from even, as those of a camera.
+const STAMPS_US: [i64; COUNT] = [
+    0, 417, 833, 1250, 1667, 2083, 2500, 2917, 3333, 3750, 4167, 4583, 5200, 5900, 6000, 6001, 7100, 7900,
+    8300, 9100, 9500, 9900, 10_000, 12_345,
+];
+
+/// A grating that moves over a ramp, in whole greys.
+fn greys() -> Vec<u8> {
+    let grey = |i: usize| {
+        let (frame, x, y) = (i / SIZE.pixels(), i % 24, i / 24 % 16);
+        let wave = (0.6 * x as f64 - 0.9 * frame as f64 + 0.2 * y as f64).sin();
+        (128.0 + 100.0 * wave + y as f64).round() as u8
+    };
+    (0..COUNT * SIZE.pixels()).map(grey).collect()
+}
+
+/// Writes an array as numpy does.
+fn npy<T: AutoSerialize + Copy>(path: &Path, shape: &[u64], values: &[T]) {
+    let out = File::create(path).unwrap();
+    let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(out).begin_nd().unwrap();
+    writer.extend(values.iter().copied()).unwrap();
+    writer.finish().unwrap();
+}
+
+const SHAPE: [u64; 3] = [COUNT as u64, 16, 24];
+
+/// The clip as `frames.npy` and `stamps.npy`.
+fn workspace() -> Workspace {
+    let place = Workspace::new();
+    npy(&place.path("frames.npy"), &SHAPE, &greys());
+    npy(&place.path("stamps.npy"), &[COUNT as u64], &STAMPS_US);
+    place
+}
+
+const RIGHT: &str = "simulate --frames frames.npy --stamps stamps.npy --sensor dvs346 --seed 7 --out e.txt";
+
+/// The lines of a `.txt` after its comment, as numbers.
+fn lines(place: &Workspace, name: &str) -> Vec<[i64; 4]> {
+    let text = fs::read_to_string(place.path(name)).unwrap();
+    let numbers = |line: &str| {
+        let numbers: Vec<i64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
+        <[i64; 4]>::try_from(numbers).unwrap()
+    };
+    text.lines().skip(1).map(numbers).collect()
+}
+
+fn as_lines(events: &[Event]) -> Vec<[i64; 4]> {
+    let line = |e: &Event| [e.t.floor_micros(), e.x.into(), e.y.into(), i64::from(e.polarity as u8)];
+    events.iter().map(line).collect()
+}
+
+fn read_h5(path: &Path) -> (h5::Reader, Vec<Event>) {
+    let mut reader = h5::Reader::open(path).unwrap();
+    let (mut all, mut chunk) = (Vec::new(), Vec::new());
+    while reader.next_chunk(&mut chunk).unwrap() {
+        all.append(&mut chunk);
+    }
+    (reader, all)
+}
+
+/// What the library makes of the clip.
+fn by_library(sensor: &Voltmeter, seed: u64) -> Vec<[i64; 4]> {
+    let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(greys()), &STAMPS_US).unwrap();
+    let mut events = Vec::new();
+    let mut go_on = |_: &Frame| ControlFlow::Continue(());
+    simulate(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
+    as_lines(&events)
+}
+
+#[test]
+fn the_library_makes_the_same() {
+    let place = workspace();
+    let ended = place.ok(&format!("{RIGHT} --json"));
+    let wanted = by_library(&Voltmeter::new(Preset::Dvs346.k()), 7);
+    assert!(wanted.len() > 1000);
+    assert_eq!(lines(&place, "e.txt"), wanted);
+    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(told["account"]["events"], wanted.len());
+    assert_eq!(told["frames"]["count"], COUNT);
+    assert_eq!((&told["frames"]["first_us"], &told["frames"]["last_us"]), (&0.into(), &12_345.into()));
+    let seconds = 12_345e-6;
+    let rate = wanted.len() as f64 / SIZE.pixels() as f64 / seconds;
+    assert!((told["events_per_pixel_second"].as_f64().unwrap() - rate).abs() < 1e-9 * rate);
+    // the table of numerics.md 1.1
+    assert!((told["contrast"][0].as_f64().unwrap() - 0.19).abs() < 0.001);
+    assert!((told["noise"][3]["leak_hz"].as_f64().unwrap() - 0.74).abs() < 0.001);
+    assert!(ended.stderr.contains("at grey 128: leak 0.7400 Hz"), "{}", ended.stderr);
+    assert_eq!(place.ok(&format!("{RIGHT} -q")).stderr, "");
+}
+
+#[test]
+fn options_beat_the_file() {
+    let place = workspace();
+    let k = Preset::Dvs240.k();
+    place.write(
+        "s.yaml",
+        "voltmeter: { preset: dvs240, threshold: { on: 2.0 }, gain: midpoint, initial: stationary }\n",
+    );
+    place.ok(&RIGHT.replace("dvs346", "s.yaml --gain log --initial zero --law exact --between linear"));
+    let found = lines(&place, "e.txt");
+    assert_eq!(found, by_library(&Voltmeter { threshold_on: 2.0, ..Voltmeter::new(k) }, 7));
+    place.write(
+        "r.yaml",
+        "version: 1\nscene: a/b\nsensor:\n  voltmeter: { preset: dvs240, threshold: { on: 2.0 } }\n",
+    );
+    place.ok(&RIGHT.replace("dvs346", "r.yaml"));
+    assert_eq!(lines(&place, "e.txt"), found);
+    place.ok(&RIGHT.replace("--seed 7", "--seed 8"));
+    assert_ne!(lines(&place, "e.txt"), found);
+}
+
+/// The same frames as bytes, floats, images, and a sequence of DVS-Voltmeter.
+#[test]
+fn frames_are_the_same_however_they_come() {
+    let place = workspace();
+    place.ok(RIGHT);
+    let wanted = fs::read(place.path("e.txt")).unwrap();
+    let same = |args: &str| {
+        place.ok(args);
+        assert!(fs::read(place.path("e.txt")).unwrap() == wanted, "{args}");
+    };
+    let floats: Vec<f32> = greys().into_iter().map(f32::from).collect();
+    npy(&place.path("floats.npy"), &SHAPE, &floats);
+    same(&RIGHT.replace("frames.npy", "floats.npy"));
+    same(&RIGHT.replace("frames.npy", "floats.npy --full-scale 255"));
+    let mut info = String::new();
+    for (i, (grey, t)) in greys().chunks(SIZE.pixels()).zip(STAMPS_US).enumerate() {
+        for name in [format!("plain/{i}.png"), format!("clip/f/{i}.png")] {
+            fs::create_dir_all(place.path(&name).parent().unwrap()).unwrap();
+            let image = Image::from_vec(SIZE, grey.iter().map(|&v| [v; 3]).collect());
+            png::write(&image, File::create(place.path(&name)).unwrap()).unwrap();
+        }
+        info += &format!("f/{i}.png {t}\n");
+    }
+    place.write("clip/info.txt", info);
+    same(&RIGHT.replace("frames.npy", "plain"));
+    same(&RIGHT.replace("frames.npy --stamps stamps.npy", "clip"));
+}
+
+#[test]
+fn a_rate_stands_in_for_stamps() {
+    let place = workspace();
+    let stamps: Vec<i64> = (0..COUNT as i64).map(|i| (2 * i * 1_001_000_000 / 30_000 + 1) / 2).collect();
+    npy(&place.path("stamps.npy"), &[COUNT as u64], &stamps);
+    place.ok(RIGHT);
+    let wanted = fs::read(place.path("e.txt")).unwrap();
+    place.ok(&RIGHT.replace("--stamps stamps.npy", "--fps 30000/1001"));
+    assert!(fs::read(place.path("e.txt")).unwrap() == wanted);
+}
+
+/// A crop at its place draws the noise of the whole.
+#[test]
+fn a_crop_makes_the_events_of_the_whole() {
+    let place = workspace();
+    let ([left, top], [width, height]) = ([5, 3], [11, 9]);
+    let inside = |i: &usize| {
+        let (x, y) = (i % 24, i / 24 % 16);
+        (left..left + width).contains(&x) && (top..top + height).contains(&y)
+    };
+    let crop: Vec<u8> = greys().into_iter().enumerate().filter(|(i, _)| inside(i)).map(|(_, v)| v).collect();
+    npy(&place.path("crop.npy"), &[COUNT as u64, 9, 11], &crop);
+    // much noise, from a state that is drawn too
+    place.write(
+        "s.yaml",
+        "voltmeter: { k: [2, 0.1, 1, 1, 1, 0.1], units: { time: ms, brightness: 1 }, initial: stationary }\n",
+    );
+    let noisy = RIGHT.replace("dvs346", "s.yaml");
+    place.ok(&noisy);
+    let whole = lines(&place, "e.txt");
+    let within = |[t, x, y, p]: [i64; 4]| {
+        let (x, y) = (x - 5, y - 3);
+        ((0..11).contains(&x) && (0..9).contains(&y)).then_some([t, x, y, p])
+    };
+    let wanted: Vec<[i64; 4]> = whole.into_iter().filter_map(within).collect();
+    assert!(wanted.len() > 500, "{}", wanted.len());
+    place.ok(&noisy.replace("frames.npy", "crop.npy --origin 5,3"));
+    assert_eq!(lines(&place, "e.txt"), wanted);
+    place.ok(&noisy.replace("frames.npy", "crop.npy"));
+    assert_ne!(lines(&place, "e.txt"), wanted, "elsewhere on the sensor the noise is another");
+}
+
+/// Stamps far from zero, and before it, change nothing but the stamps.
+#[test]
+fn the_first_stamp_may_lie_anywhere() {
+    let place = workspace();
+    place.ok(RIGHT);
+    let near = lines(&place, "e.txt");
+    place.ok(&RIGHT.replace("e.txt", "near.h5"));
+    for by in [5_000, 1_000_000_000_000_000_i64] {
+        npy(&place.path("stamps.npy"), &[COUNT as u64], &STAMPS_US.map(|t| t + by));
+        place.ok(RIGHT);
+        let moved = |[t, x, y, p]: &[i64; 4]| [t + by, *x, *y, *p];
+        let wanted: Vec<[i64; 4]> = near.iter().map(moved).collect();
+        assert_eq!(lines(&place, "e.txt"), wanted);
+        place.ok(&RIGHT.replace("e.txt", "e.h5"));
+        let (reader, events) = read_h5(&place.path("e.h5"));
+        assert_eq!(as_lines(&events), wanted);
+        assert_eq!(reader.offset_us(), if by > 1 << 32 { by } else { 0 });
+        place.ok("convert e.h5 far.txt --lossy");
+        assert_eq!(lines(&place, "far.txt"), wanted);
+        place.ok("convert far.txt back.h5");
+        assert_eq!(as_lines(&read_h5(&place.path("back.h5")).1), wanted);
+    }
+    npy(&place.path("stamps.npy"), &[COUNT as u64], &STAMPS_US.map(|t| t - 9_000));
+    place.ok(&RIGHT.replace("e.txt", "e.h5"));
+    let (reader, events) = read_h5(&place.path("e.h5"));
+    assert_eq!(reader.offset_us(), -9_000);
+    assert_eq!(
+        as_lines(&events),
+        near.iter().map(|[t, x, y, p]| [t - 9_000, *x, *y, *p]).collect::<Vec<_>>()
+    );
+    assert_eq!(place.gs2e(RIGHT).code, 1, "a text has no time before 0");
+}
+
+#[test]
+fn every_format_and_every_filter_holds_the_stream() {
+    let place = workspace();
+    place.ok(RIGHT);
+    let wanted = lines(&place, "e.txt");
+    let mut sizes = Vec::new();
+    let options = [
+        "e.h5",
+        "e.h5 --h5-filter none",
+        "e.h5 --h5-filter gzip:1",
+        "e.h5 --h5-filter zstd",
+        "e.h5 --h5-filter lz4",
+        "e.npz",
+        "e.csv",
+        "e.aedat4",
+        "e.raw",
+        "e.raw --codec evt3",
+    ];
+    for option in options {
+        let name = option.split(' ').next().unwrap();
+        place.ok(&RIGHT.replace("e.txt", option));
+        sizes.push(fs::metadata(place.path(name)).unwrap().len());
+        let size = if name.ends_with("npz") || name.ends_with("csv") { "--size 24x16" } else { "" };
+        place.ok(&format!("convert {name} back.txt --lossy {size}"));
+        assert_eq!(lines(&place, "back.txt"), wanted, "{option}");
+    }
+    assert!(sizes[1] > sizes[0] && sizes[1] > sizes[3] && sizes[1] > sizes[4], "{sizes:?}");
+    let (reader, _) = read_h5(&place.path("e.h5"));
+    let law = reader.header().unwrap().law.unwrap();
+    assert!((law.c_on - 1.0 / 5.265).abs() < 1e-12, "the contrast is kept");
+}
+
+/// Numerics 1.2: a maximum of the first two frames above 16 means 255, from 2 to 16 is an error, else 1.
+#[test]
+fn the_scale_of_floats_is_decided_by_two_frames() {
+    let place = workspace();
+    let floats = |scale: f32| {
+        let values: Vec<f32> = greys().into_iter().map(|v| f32::from(v) / 255.0 * scale).collect();
+        npy(&place.path("frames.npy"), &SHAPE, &values);
+    };
+    floats(1.0);
+    let ended = place.ok(&format!("{RIGHT} --json"));
+    assert!(ended.stderr.contains("full scale: 1, since the brightest of the first two frames is 0.9"));
+    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(told["frames"]["full_scale"], 1);
+    floats(255.0);
+    assert!(place.ok(RIGHT).stderr.contains("full scale: 255, since"));
+    floats(8.0);
+    let ended = place.gs2e(RIGHT);
+    assert_eq!(ended.code, 2);
+    assert!(ended.stderr.contains("white is 1 or 255, and the brightest of the first two frames is 7."));
+    assert!(ended.stderr.contains("--full-scale 1 or --full-scale 255"));
+    place.ok(&format!("{RIGHT} --full-scale 1"));
+    // later frames say nothing
+    let mut values: Vec<f32> = greys().into_iter().map(|v| f32::from(v) / 255.0).collect();
+    values[2 * SIZE.pixels()..].iter_mut().for_each(|v| *v *= 100.0);
+    npy(&place.path("frames.npy"), &SHAPE, &values);
+    assert!(place.ok(&format!("{RIGHT} --law exact")).stderr.contains("full scale: 1"));
+}
+
+/// A crop of a real video. On the whole of such clips the sensors make 8.6 and 0.044 events a pixel and second
+/// (numerics.md 1.1), and this part moves as the rest does.
+#[test]
+fn a_real_clip_makes_as_many_events_as_such_clips_do() {
+    let Some(folder) = shared::path("data/heldout") else { return };
+    let place = Workspace::new();
+    let run = |sensor: &str| -> Value {
+        let args = format!("simulate --sensor {sensor} --out e.h5 --json --frames");
+        let mut command = place.command(&args);
+        command.arg(folder.join("real_frames.npy")).arg("--stamps").arg(folder.join("real_ts_us.npy"));
+        let ended = command.output().unwrap();
+        assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+        serde_json::from_slice(&ended.stdout).unwrap()
+    };
+    let rate = |told: &Value| told["events_per_pixel_second"].as_f64().unwrap();
+    let (dvs346, si) = (run("dvs346"), run("gs2e-si"));
+    eprintln!("dvs346 {}, gs2e-si {} events a pixel and second", rate(&dvs346), rate(&si));
+    assert!((2.0..40.0).contains(&rate(&dvs346)), "{dvs346}");
+    assert!(rate(&si) < 0.1 * rate(&dvs346), "{si}");
+    assert_eq!(dvs346["account"]["drift_violations"], 0);
+    let share = dvs346["account"]["on"].as_f64().unwrap() / dvs346["account"]["events"].as_f64().unwrap();
+    assert!((0.1..0.9).contains(&share), "{share}");
+}
