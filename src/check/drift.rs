@@ -153,4 +153,36 @@ mod tests {
         assert!((law.drift(logs, 0.0, 0.0) - 5.265 * 0.566_395).abs() < 1e-5);
         assert!((law.drift(0.0, 1e6, 128e6) - 0.74).abs() < 1e-12);
     }
+
+    #[test]
+    fn sensors_whose_noise_moves_the_level_balance_nothing() {
+        use crate::sensor::noise::Refractory;
+        use crate::sensor::v2e::{Preset, V2e};
+        let voltmeter = Voltmeter::new([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5]);
+        let official = Voltmeter { law: Law::Official, ..voltmeter.clone() };
+        let dead =
+            Esim { refractory: Refractory { period_us: 1.0, ..Refractory::default() }, ..Esim::default() };
+        let t = |sensor: Sensor, balance: bool, drift: bool| {
+            assert_eq!(
+                (balances(&sensor).is_ok(), DriftLaw::of(&sensor).is_ok()),
+                (balance, drift),
+                "{sensor:?}"
+            );
+        };
+        t(Sensor::Voltmeter(voltmeter), true, true);
+        t(Sensor::Voltmeter(official), false, false);
+        t(Sensor::Esim(Esim::default()), true, true);
+        t(Sensor::Esim(dead), false, false);
+        t(Sensor::V2e(V2e::from(Preset::Clean)), true, false);
+        t(Sensor::V2e(V2e::from(Preset::Noisy)), false, false);
+    }
+
+    #[test]
+    fn an_ideal_logarithm_drifts_by_its_own() {
+        let law = DriftLaw::of(&Sensor::Esim(Esim::default())).unwrap();
+        // ln(0.001 + 1) - ln(0.001), whatever adds a constant.
+        let logs = law.log_brightness(255.0) - law.log_brightness(0.0);
+        assert!((law.drift(logs, 5.0, 1e3) - 6.908_754_779_3).abs() < 1e-9);
+        assert_eq!(law.thresholds, [0.2, 0.2]);
+    }
 }

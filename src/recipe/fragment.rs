@@ -198,7 +198,7 @@ mod tests {
         };
         t("voltmeter: { presett: dvs346 }\n", "s.yaml:1:14: unknown field \"presett\"");
         t("voltmeter: { preset: dvs347 }\n", "s.yaml:1:22: unknown preset \"dvs347\"");
-        t("voltmeter:\n  k: [1, 1, 0, 0, 0, 0]\n", "missing field \"units\"");
+        t("voltmeter:\n  k: [1, 1, 0, 0, 0, 0]\n", "s.yaml:2:3: missing field \"sensor.voltmeter.units\"");
         t("voltmetr: {}\n", "s.yaml:1:1");
         t("sensor: { voltmeter: {} }\ncolour: red\n", "s.yaml:2:1: unknown field \"colour\"");
     }

@@ -49,6 +49,22 @@ fn high_water(child: &mut Child) -> f64 {
     }
 }
 
+/// The same of the user's own frames, which here would be 36 MB.
+#[test]
+fn a_longer_clip_takes_no_more() {
+    let place = Workspace::new();
+    let peak = |frames: usize| {
+        let (shape, pixels) = (format!("({frames}, 130, 173)"), vec![100u8; frames * 130 * 173]);
+        let head = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}, }}");
+        let head = [b"\x93NUMPY\x01\x00\x76\x00", format!("{head:117}\n").as_bytes()].concat();
+        place.write("frames.npy", [head, pixels].concat());
+        let args = "simulate --frames frames.npy --fps 1000 --sensor dvs346 --out e.npz -q -j 1";
+        high_water(&mut place.command(args).spawn().unwrap())
+    };
+    let (short, long) = (peak(100), peak(1600));
+    assert!(long - short < 6e6, "{short} bytes for 100 frames, {long} for 1600");
+}
+
 /// Frames are never all in memory, events never at all.
 #[test]
 fn a_longer_sequence_takes_no_more() {

@@ -4,18 +4,26 @@ mod mistakes;
 
 use crate::support::shared;
 use crate::support::workspace::Workspace;
+use gs2e::camera::Camera;
 use gs2e::event::{Event, EventSource as _, h5};
-use gs2e::frames::Frame;
 use gs2e::frames::array::{ArrayFrames, Samples};
+use gs2e::frames::rendered::RenderedFrames;
+use gs2e::frames::{Frame, Frames as _};
 use gs2e::image::{Image, Size, png};
+use gs2e::render::backend::Backend;
+use gs2e::render::{Antialiased, Layering, RenderChoice, Rules};
+use gs2e::scene;
 use gs2e::seed::Seed;
 use gs2e::sensor::simulate;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::trajectory::Trajectory;
 use npyz::{AutoSerialize, WriterBuilder as _};
 use serde_json::Value;
 use std::fs::{self, File};
+use std::io::BufReader;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
 const SIZE: Size = Size { width: 24, height: 16 };
 const COUNT: usize = 24;
@@ -26,6 +34,7 @@ const STAMPS_US: [i64; COUNT] = [
 ];
 
 /// A grating that moves over a ramp, in whole greys.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 28 to 243")]
 fn greys() -> Vec<u8> {
     let grey = |i: usize| {
         let (frame, x, y) = (i / SIZE.pixels(), i % 24, i / 24 % 16);
@@ -80,19 +89,19 @@ fn read_h5(path: &Path) -> (h5::Reader, Vec<Event>) {
 }
 
 /// What the library makes of the clip.
-fn by_library(sensor: &Voltmeter, seed: u64) -> Vec<[i64; 4]> {
+fn by_library(sensor: &Voltmeter, seed: u64) -> Vec<Event> {
     let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(greys()), &STAMPS_US).unwrap();
     let mut events = Vec::new();
     let mut go_on = |_: &Frame| ControlFlow::Continue(());
     simulate(&mut frames, sensor, Seed(seed), &mut events, &mut go_on).unwrap();
-    as_lines(&events)
+    events
 }
 
 #[test]
 fn the_library_makes_the_same() {
     let place = workspace();
     let ended = place.ok(&format!("{RIGHT} --json"));
-    let wanted = by_library(&Voltmeter::new(Preset::Dvs346.k()), 7);
+    let wanted = as_lines(&by_library(&Voltmeter::new(Preset::Dvs346.k()), 7));
     assert!(wanted.len() > 1000);
     assert_eq!(lines(&place, "e.txt"), wanted);
     let told: Value = serde_json::from_str(&ended.stdout).unwrap();
@@ -119,7 +128,7 @@ fn options_beat_the_file() {
     );
     place.ok(&RIGHT.replace("dvs346", "s.yaml --gain log --initial zero --law exact --between linear"));
     let found = lines(&place, "e.txt");
-    assert_eq!(found, by_library(&Voltmeter { threshold_on: 2.0, ..Voltmeter::new(k) }, 7));
+    assert_eq!(found, as_lines(&by_library(&Voltmeter { threshold_on: 2.0, ..Voltmeter::new(k) }, 7)));
     place.write(
         "r.yaml",
         "version: 1\nscene: a/b\nsensor:\n  voltmeter: { preset: dvs240, threshold: { on: 2.0 } }\n",
@@ -315,4 +324,40 @@ fn a_real_clip_makes_as_many_events_as_such_clips_do() {
     assert_eq!(dvs346["account"]["drift_violations"], 0);
     let share = dvs346["account"]["on"].as_f64().unwrap() / dvs346["account"]["events"].as_f64().unwrap();
     assert!((0.1..0.9).contains(&share), "{share}");
+}
+
+/// A build renders its frames and shows them to the sensor; the same frames out of a file make the same file.
+#[test]
+fn frames_that_were_rendered_make_what_a_build_made() {
+    let place = Workspace::with_tiny();
+    place.build("tiny.yaml");
+    let steps: Value = serde_json::from_str(&place.ok("plan --json tiny.yaml").stdout).unwrap();
+    let outputs = || steps.as_array().unwrap().iter().flat_map(|step| step["outputs"].as_array().unwrap());
+    let built = |role: &str| {
+        let output = outputs().find(|output| output["role"] == role).unwrap();
+        place.path(output["path"].as_str().unwrap())
+    };
+    let poses = BufReader::new(File::open(built("poses.txt")).unwrap());
+    let trajectory = Trajectory::read_poses(poses).unwrap();
+    let simulation: Value = serde_json::from_slice(&fs::read(built("simulation.json")).unwrap()).unwrap();
+    let camera: Camera = serde_json::from_value(simulation["camera"].clone()).unwrap();
+    let scene = scene::read(&built("scene.ply")).unwrap();
+    let (rules, order, antialiased) = (Rules::Official, Layering::Depth, Antialiased::Auto);
+    let style = RenderChoice { rules, order, antialiased, background: [0.0; 3] }.resolve(scene.antialiased);
+    let renderer = Backend::Cpu.renderer(Arc::new(scene), style).unwrap();
+    let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
+    let mut greys = Vec::new();
+    while let Some(frame) = frames.next().unwrap() {
+        greys.extend(frame.luminance.into_pixels());
+    }
+    let count = trajectory.stamps_us.len() as u64;
+    let shape = [count, camera.size.height.into(), camera.size.width.into()];
+    npy(&place.path("frames.npy"), &shape, &greys);
+    npy(&place.path("stamps.npy"), &[count], &trajectory.stamps_us);
+    place.write("s.yaml", "voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n");
+    let seed = simulation["seed"].as_u64().unwrap();
+    let frames = "--frames frames.npy --stamps stamps.npy --full-scale 255";
+    place.ok(&format!("simulate {frames} --sensor s.yaml --seed {seed} --out e.h5"));
+    assert!(!read_h5(&place.path("e.h5")).1.is_empty());
+    assert!(fs::read(place.path("e.h5")).unwrap() == fs::read(built("events.h5")).unwrap());
 }

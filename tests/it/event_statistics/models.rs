@@ -102,7 +102,7 @@ fn dead_times(reference: Reference) -> Vec<i64> {
         refractory,
         ..Esim::default()
     };
-    let clip = frames(SMALL, &every(500, 10_000), |_, _, t| 0.0255 * t as f64);
+    let clip = frames(SMALL, &every(470, 9870), |_, _, t| 0.0255 * t as f64);
     by_pixel(SMALL, &run(&esim, &clip, 1).0)[0].iter().map(|event| event.0).collect()
 }
 
@@ -110,7 +110,7 @@ fn dead_times(reference: Reference) -> Vec<i64> {
 fn dead_times_end_with_the_reference_that_is_asked_for() {
     let t = |reference, interval: i64| {
         let times = dead_times(reference);
-        assert_eq!(times.len(), (10_000_000 - 100_000) as usize / interval as usize + 1, "{reference:?}");
+        assert_eq!(times.len(), (9_870_000 - 100_000) as usize / interval as usize + 1, "{reference:?}");
         for (j, t) in times.iter().enumerate() {
             // Greys of 24 bits are off by 6e-8 of at most 1; a threshold is 0.01 in 1e5 ns.
             assert!((t - 100_000 - interval * j as i64).abs() < 3 + j as i64, "{reference:?} {j}: {t}");
@@ -186,8 +186,8 @@ fn leaks_spread_by_decades_and_jitter_from_frame_to_frame() {
         z.sort_unstable_by(f64::total_cmp);
         ks(&z, normal)
     };
-    let [found, defect] = [decades(0.1), decades(0.12)];
-    println!("leak spread: KS {found:.2}, of a spread 20 % off {defect:.2} (limit {KS_LIMIT})");
+    let [found, defect] = [decades(0.1), decades(0.15)];
+    println!("leak spread: KS {found:.2}, of a spread half as large again {defect:.2} (limit {KS_LIMIT})");
     assert!(found < KS_LIMIT && defect > KS_LIMIT);
     // The level falls by `rate dt (1 - j z)` a frame: after n frames by a normal of mean n and deviation j sqrt(n).
     let jitter = first(Leak { rate: 20.0, jitter: 0.3, cov: 0.0 }, 1000);
@@ -330,11 +330,12 @@ fn extremes_neither_lose_nor_disorder_events() {
             }
         }
     }
-    let noisy = V2e { max_events_per_pixel_frame: 100_000, ..V2e::from(Preset::Noisy) };
+    let leak = Leak { rate: 0.1, ..Leak::default() };
+    let noisy = V2e { max_events_per_pixel_frame: 100_000, leak, shot: 5.0, ..ideal_v2e(0.2, 0.2) };
     let (events, account) = run(&noisy, &frames(SMALL, &[0, hour], |_, _, _| 100.0), 1);
-    // Shot noise of 5 Hz at 0.67 for an hour: 24,000 events, with a deviation of 155.
     let expected = 2.0 * 3600.0 * noisy.noise(100.0).total_hz;
-    assert!((account.events as f64 - expected).abs() < 0.05 * expected, "{account:?}, wanted {expected}");
+    let z = (account.events as f64 - expected) / expected.sqrt();
+    assert!(expected > 20_000.0 && z.abs() < Z_LIMIT, "{account:?}, wanted {expected}");
     assert!(events.is_sorted_by_key(Event::file_order));
 }
 

@@ -3,7 +3,10 @@
 use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{Output, Reconstruct, Source};
 use gs2e::render::Rules;
-use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use gs2e::sensor::esim::{Esim, Intensity};
+use gs2e::sensor::noise::{HotPixels, Redraw, Reference, Refractory, Threshold};
+use gs2e::sensor::v2e::{self, Filter, Leak, V2e};
+use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
 use gs2e::sensor::{Sensor, Sensors};
 use gs2e::trajectory::path::Path;
 use gs2e::trajectory::refine::{Refine, Scale};
@@ -177,6 +180,53 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
             .unwrap_or_else(|faults| panic!("{}", faults.render_text()));
         assert_eq!(said(again), said(first));
     }
+}
+
+#[test]
+fn all_sensors_are_read() {
+    let t = |yaml: &str, wanted: Sensor| {
+        let found = sound(&format!("sensor: {yaml}"));
+        assert_eq!(found.sensors, Sensors::One(wanted), "{yaml}");
+        let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
+        assert_eq!(said(again), said(found), "{yaml}");
+    };
+    let dvs346 = Voltmeter::new(Preset::Dvs346.k());
+    let hot_pixels = HotPixels { share: 0.001, rate: 20.0 };
+    let official = Voltmeter { law: Law::Official, ..dvs346 };
+    t("{ voltmeter: { law: official } }", Sensor::Voltmeter(official.clone()));
+    t(
+        "{ voltmeter: { law: official, threshold: { spread: 0.1 }, hot_pixels: { share: 1e-3, rate: 20 }, allow_cap: true } }",
+        Sensor::Voltmeter(Voltmeter { threshold_spread: 0.1, hot_pixels, allow_cap: true, ..official }),
+    );
+    t("{ esim: {} }", Sensor::Esim(Esim::default()));
+    t(
+        "{ esim: { threshold: { on: 0.3, spread: 0.02 }, mismatch: per-frame, intensity: linear, eps: 0.01, \
+         refractory: { period_us: 100, reference: at-end }, hot_pixels: { share: 0.001, rate: 20 }, \
+         max_events_per_pixel_frame: 7, allow_cap: true } }",
+        Sensor::Esim(Esim {
+            threshold: Threshold { on: 0.3, off: 0.2, spread: 0.02 },
+            mismatch: Redraw::PerFrame,
+            intensity: Intensity::Linear,
+            eps: 0.01,
+            refractory: Refractory { period_us: 100.0, reference: Reference::AtEnd },
+            hot_pixels,
+            max_events_per_pixel_frame: 7,
+            allow_cap: true,
+        }),
+    );
+    t("{ v2e: {} }", Sensor::V2e(V2e::from(v2e::Preset::Clean)));
+    let noisy = V2e::from(v2e::Preset::Noisy);
+    t("{ v2e: { preset: noisy } }", Sensor::V2e(noisy.clone()));
+    t(
+        "{ v2e: { preset: noisy, cutoff: 100, filter: euler, leak: { rate: 0.5 }, refractory: { period_us: 10 } } }",
+        Sensor::V2e(V2e {
+            cutoff: 100.0,
+            filter: Filter::Euler,
+            leak: Leak { rate: 0.5, ..noisy.leak },
+            refractory: Refractory { period_us: 10.0, ..noisy.refractory },
+            ..noisy
+        }),
+    );
 }
 
 #[test]

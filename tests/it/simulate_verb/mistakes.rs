@@ -1,8 +1,10 @@
 //! Every mistake ends with its exit code, says what it is, and leaves all files as they were.
 
-use super::{COUNT, RIGHT, SHAPE, STAMPS_US, greys, lines, npy, workspace};
+use super::{COUNT, RIGHT, SHAPE, STAMPS_US, as_lines, by_library, greys, lines, npy, workspace};
 use crate::support::workspace::{Workspace, tree};
+use gs2e::event::Event;
 use gs2e::image::{Image, Size, png};
+use gs2e::sensor::voltmeter::{Preset, Voltmeter};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -42,8 +44,8 @@ fn wrong() -> Workspace {
     place.write("gone/info.txt", "a.png 0\nb.png 10\n");
     place.write("fraction/info.txt", "a.png 0.0\n");
     for (folder, names) in [("info", &["a.png"][..]), ("gone", &["a.png"]), ("two", &["1.png", "2.png"])] {
-        for (i, name) in names.iter().enumerate() {
-            let size = Size { width: 4 + i as u32, height: 3 };
+        for (i, name) in (0..).zip(names) {
+            let size = Size { width: 4 + i, height: 3 };
             fs::create_dir_all(place.path(folder)).unwrap();
             let file = File::create(place.path(folder).join(name)).unwrap();
             png::write(&Image::filled(size, 9u8), file).unwrap();
@@ -88,7 +90,7 @@ fn mistakes_are_named_and_nothing_is_written() {
     t(["dvs346", "dvs347"], 2, "dvs347 is neither a file nor a preset: dvs346, dvs240, gs2e-si");
     t(["dvs346", "text.yaml"], 2, "unknown field \"presett\"");
     t(["dvs346", "loud.yaml"], 2, "events per second from noise alone");
-    t(["dvs346", "unitless.yaml"], 2, "missing field \"units\"");
+    t(["dvs346", "unitless.yaml"], 2, "missing field \"sensor.voltmeter.units\"");
     t(["dvs346", "capped.yaml"], 1, "fires more than 1 events between frames");
     t(["dvs346", "dvs346 --law other"], 2, "unknown variant `other`");
     t(["dvs346", "dvs346 --origin 5"], 2, "`5` is not X,Y");
@@ -109,23 +111,21 @@ fn mistakes_are_named_and_nothing_is_written() {
 #[test]
 fn what_exceeds_the_cap_is_left_out_where_that_is_allowed() {
     let place = workspace();
-    place.ok(RIGHT);
-    let whole = lines(&place, "e.txt");
+    let whole = by_library(&Voltmeter::new(Preset::Dvs346.k()), 7);
     place.write("s.yaml", "voltmeter: { max_events_per_pixel_frame: 2 }\n");
     let args = format!("{} --allow-cap --json", RIGHT.replace("dvs346", "s.yaml"));
     let told: Value = serde_json::from_str(&place.ok(&args).stdout).unwrap();
-    // An event within a microsecond of a stamp may be on either side of it: none is here.
-    let interval = |t: i64| STAMPS_US.partition_point(|&stamp| stamp <= t);
+    // An event at a stamp belongs to the frames before it.
+    let interval = |event: &Event| STAMPS_US.partition_point(|&stamp| 1000 * stamp < event.t.0);
     let mut seen = BTreeMap::new();
-    let mut first = |[t, x, y, _]: &[i64; 4]| {
-        let count = seen.entry((interval(*t), *x, *y)).or_insert(0);
+    let mut first = |event: &&Event| {
+        let count = seen.entry((interval(event), event.x, event.y)).or_insert(0);
         *count += 1;
         *count <= 2
     };
-    let wanted: Vec<[i64; 4]> = whole.iter().filter(|line| first(line)).copied().collect();
-    assert!(whole.iter().all(|[t, ..]| !STAMPS_US.contains(t)), "none is near a stamp");
+    let wanted: Vec<Event> = whole.iter().filter(|event| first(event)).copied().collect();
     assert!(wanted.len() < whole.len());
-    assert_eq!(lines(&place, "e.txt"), wanted);
+    assert_eq!(lines(&place, "e.txt"), as_lines(&wanted));
     assert_eq!(told["capped"], whole.len() - wanted.len());
     assert_eq!(told["account"]["events"], wanted.len());
 }
