@@ -9,8 +9,8 @@
 //! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
 //! time, no mismatch between pixels, no bandwidth. The published program takes the drift at the midpoint of two frames
 //! (`gain: midpoint`) and draws times as if there were one threshold (law `official`, `official.rs`); the law `exact`
-//! draws first passages of this process, whatever the frames (`exact.rs`, `tree.rs`,
-//! `leaf.rs`). Both terms of sigma add as standard deviations, as published.
+//! draws first passages of this process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). Both terms of sigma add
+//! as standard deviations, as published.
 
 mod band;
 mod bridge;

@@ -278,11 +278,11 @@ impl Window<'_> {
         band: &mut Band,
     ) {
         let Band { block, events, most, capped, .. } = band;
-        let Slice { first, tally, voltage, .. } = slice;
+        let Slice { first, seats, tally, voltage, .. } = slice;
         let mut writer = Writer { window: self, first: *first, tally, events, most, capped };
         for lane in lanes {
             let curves = block.pieces.iter().map(|[_, curve @ ..]| curve.each_ref().map(|c| c[lane]));
-            let mut emit = writer.of(pixel + lane);
+            let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
             // It ends early where the step has failed.
             if let ControlFlow::Continue(y) = noiseless::cross::<C>(self, x[lane], curves, &mut emit) {
                 voltage[pixel + lane] = y;

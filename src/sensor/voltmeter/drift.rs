@@ -39,9 +39,22 @@ impl Process {
         luminance.sqrt() * self.k3 / (luminance + self.k2) + self.k6
     }
 
+    /// The same at one grey.
+    pub(super) fn sigma_of_one(&self, luminance: f64) -> f64 {
+        self.k3 * luminance.sqrt() / (luminance + self.k2) + self.k6
+    }
+
+    /// Drift per nanosecond between two greys so far apart, by the midpoint form.
+    pub(super) fn midpoint_drift(&self, greys: [f64; 2], length: f64) -> f64 {
+        let [from, to] = greys.map(|grey| grey + self.k2);
+        let middle = 0.5 * (from + to);
+        let signal = self.k1 * (to - from) / middle * (1.0 / length);
+        signal + self.k4 + self.k5 * (middle - self.k2)
+    }
+
     /// What a pixel of constant grey does, per nanosecond.
     pub(super) fn at_rest(&self, luminance: f64, barriers: Barriers) -> Renewal {
-        let sigma = self.k3 * luminance.sqrt() / (luminance + self.k2) + self.k6;
+        let sigma = self.sigma_of_one(luminance);
         let Barriers { up, down } = barriers;
         Renewal { drift: self.k4 + self.k5 * luminance, variance: sigma * sigma, up, down }
     }

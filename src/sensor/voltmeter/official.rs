@@ -16,9 +16,8 @@
 //! microseconds; each draw belongs to seed, pixel and frame; events of one microsecond have one order. To lengthen
 //! either list is another law: raise `VERSION`.
 
-use super::bridge::Barriers;
+use super::Voltmeter;
 use super::drift::Process;
-use super::{Gain, Voltmeter};
 use crate::event::Polarity;
 use crate::seed::{Draws, Space, normal};
 use crate::sensor::noise::poisson::{Rates, Train};
@@ -52,9 +51,8 @@ pub(super) struct Pixel {
 
 impl Official {
     pub(super) fn new(sensor: &Voltmeter) -> Self {
-        let midpoint = Voltmeter { gain: Gain::Midpoint, ..sensor.clone() };
         Self {
-            process: Process::new(&midpoint),
+            process: Process::new(sensor),
             thresholds: [sensor.threshold_on, sensor.threshold_off],
             spread: sensor.threshold_spread,
             hot: sensor.hot_pixels,
@@ -64,11 +62,7 @@ impl Official {
     /// Drift and standard deviation of the noise between two frames, per ns and per square root of a ns.
     fn motion(&self, pair: &Pair) -> [f64; 2] {
         let [from, to] = pair.luminance;
-        let middle = 0.5 * (from + to);
-        let [up, down] = self.thresholds;
-        let rest = self.process.at_rest(middle, Barriers { up, down });
-        let signal = self.process.k1 * (to - from) / (middle + self.process.k2) / pair.length;
-        [signal + rest.drift, rest.variance.sqrt()]
+        [self.process.midpoint_drift([from, to], pair.length), self.process.sigma_of_one(0.5 * (from + to))]
     }
 
     /// Moves the voltage from frame to frame.

@@ -336,7 +336,13 @@ impl Walk<'_> {
             for lane in places(!live & known) {
                 self.walkers.voltage[members[lane]] = y[lane];
             }
-            let leaf = if node.length() <= LEAF { self.leaves::<C>(node, &members, live & known) } else { 0 };
+            let mut leaf = 0;
+            if node.length() <= LEAF {
+                // No curve strays farther from its chord than 2.03 times what its curvature allows a parabola.
+                let sure = if knots.is_empty() { bits((straying * 2.1).simd_le(STRAIGHT)) } else { 0 };
+                leaf = live & known & sure;
+                leaf |= self.leaves::<C>(node, &members, live & known & !sure);
+            }
             let all = u64x8::from_slice(simd, &crowd.members[i..i + 8]);
             leaves.extend(leaf, all, [increment, from, to]);
             next.extend(live & known & !leaf, all, [increment, from, to]);
@@ -433,7 +439,7 @@ impl Walk<'_> {
                 let mut leaf = Leaf { barriers: law.barriers, variance, draws, time: begin };
                 let x = walkers.voltage[member];
                 let whole = Span { end: x + drift + sigma * list.increment[i + lane], until: end };
-                let mut emit = writer.of(walkers.pixels[member]);
+                let mut emit = writer.of(walkers.pixels[member], walkers.seats[member]);
                 walkers.voltage[member] = leaf.cross(x, whole, &mut walkers.spans, &mut emit)?;
             }
         }

@@ -20,6 +20,8 @@ pub(super) struct Window<'a> {
     pub(super) widest: f64,
     /// ns since the first stamp.
     pub(super) start: i64,
+    /// ns between the microsecond that the window begins in and its start.
+    pub(super) into_microsecond: u64,
     /// ns
     pub(super) length: f64,
     /// Later events, in ns since `start`, are dropped.
@@ -66,8 +68,20 @@ impl<'a> Window<'a> {
         let holding = before(middle);
         let middle = (holding - legs[0].frame, (middle - frames[holding].t) as f64);
         let last = last.saturating_sub(start) as f64;
+        let into_microsecond = start.rem_euclid(1000).cast_unsigned();
         let widest = legs.iter().map(|leg: &Leg| leg.to - leg.from).fold(0.0, f64::max);
-        Self { law, legs, knots, middle, widest, start, length: since_start(end), last, frames }
+        Self {
+            law,
+            legs,
+            knots,
+            middle,
+            widest,
+            start,
+            into_microsecond,
+            length: since_start(end),
+            last,
+            frames,
+        }
     }
 
     /// The leg that holds `t`, ns since the window's start; at a stamp, the later one.

@@ -2,7 +2,7 @@
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "frames are below 2^32; times within a window are below 2^31 ns"
+    reason = "pixels have 16 bits a side; frames are below 2^32; times within a window are below 2^31 ns"
 )]
 
 use super::bridge::Barriers;
@@ -62,10 +62,11 @@ pub(super) struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// Writes down the events of one of the band's pixels.
+    /// Writes down the events of one of the band's pixels, which is at this place on the sensor (`y << 16 | x`).
     #[inline(always)]
-    pub(super) fn of(&mut self, pixel: usize) -> impl Emit {
-        Pen { at: self.window.law.at(self.first + pixel), pixel, writer: self }
+    pub(super) fn of(&mut self, pixel: usize, seat: u64) -> impl Emit {
+        let [left, top] = self.window.law.origin;
+        Pen { at: [seat as u16 - left, (seat >> 16) as u16 - top], pixel, writer: self }
     }
 }
 
@@ -94,7 +95,7 @@ impl Emit for Pen<'_, '_> {
             }
             return ControlFlow::Break(());
         }
-        let ns = t as u64 + window.start.rem_euclid(1000).cast_unsigned();
+        let ns = t as u64 + window.into_microsecond;
         writer.events.push(Packed::new(ns, *at, polarity));
         ControlFlow::Continue(())
     }
