@@ -106,7 +106,8 @@ mod tests {
                 [0, 1].map(|block| cells.pair(pixels, block).map(Into::into))
             });
             for (i, pixel) in pixels.into_iter().enumerate() {
-                let cell = Cell { x: (pixel & 0xffff) as u16, y: (pixel >> 16) as u16, level, index };
+                let cell =
+                    Cell { x: (pixel & 0xffff) as u16, y: (pixel >> 16 & 0xffff) as u16, level, index };
                 let mut draws = cells.seed.draws(cell, space);
                 let first = pairs.as_flattened().iter().map(|draw| draw[i]).collect::<Vec<_>>();
                 let mut going_on = cells.go_on(pixel, first.clone().try_into().unwrap());

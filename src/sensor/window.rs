@@ -60,6 +60,7 @@ impl Windows {
     }
 
     /// Sorts by counting the events of each microsecond; within one there are few, and often in order.
+    #[expect(clippy::cast_possible_truncation, reason = "an event's microsecond has 21 bits")]
     fn sort(&mut self) {
         let Self { events, sorted, places, .. } = self;
         let last = events.iter().max().map_or(0, |event| event.micros().cast_unsigned() as usize);
