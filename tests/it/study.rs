@@ -13,7 +13,7 @@ fn thresholds_are_swept_over_a_built_scene() {
     place.ok("build tiny.yaml");
     let sweep = "study thresholds tiny.yaml --span 0,5 --csv t.csv --picture t.png";
     let told = place.ok(sweep).stdout;
-    assert!(told.starts_with("tiny/base: 13 frames, 5.0 ms, rendered by two rules"), "{told}");
+    assert!(told.starts_with("tiny/base: 12 frames, 4.6 ms, rendered by two rules"), "{told}");
     assert!(told.lines().last().unwrap().starts_with("recommended: "), "{told}");
     let table = fs::read_to_string(place.path("t.csv")).unwrap();
     let rows: Vec<Vec<f64>> =
@@ -22,7 +22,7 @@ fn thresholds_are_swept_over_a_built_scene() {
     assert_eq!(thresholds, [0.25, 0.5, 0.75, 1.0, 1.25, 1.5]);
     for row in &rows {
         let [events, smooth, near, other] = [row[2], row[6], row[7], row[8]];
-        assert_eq!(smooth + near + other, events, "{row:?}");
+        assert!((smooth + near + other - events).abs() < 0.5, "{row:?}");
     }
     assert!(rows.windows(2).all(|pair| pair[0][2] > pair[1][2]), "the lower the more");
     assert!(fs::read(place.path("t.png")).unwrap().starts_with(b"\x89PNG"));

@@ -95,7 +95,7 @@ impl Thresholds {
             window_us: middle - PICTURE_US / 2..middle + PICTURE_US / 2,
         };
         let style = asked.resolve(built.gaussians.antialiased);
-        let found = built.sweep(&sweep, trajectory, (backend, style))?;
+        let found = built.sweep(&sweep, &trajectory, (backend, style))?;
         self.write(&sweep, &found)?;
         self.tell(&scene, &found, console);
         Ok(Exit::Done)
@@ -259,7 +259,7 @@ impl Built {
     fn sweep(
         &self,
         asked: &Sweep,
-        trajectory: Trajectory,
+        trajectory: &Trajectory,
         (backend, style): (Backend, Style),
     ) -> Result<Found, Problem> {
         let cancel = on_interrupt()?;

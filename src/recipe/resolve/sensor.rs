@@ -139,8 +139,7 @@ impl Resolver<'_> {
     /// The law `exact` has none of what other laws may have.
     fn equal_pixels(&self, raw: &schema::Voltmeter) -> Option<()> {
         let spread = raw.threshold.given().and_then(|(threshold, _)| threshold.spread.place());
-        let places: Vec<Place> =
-            [spread, raw.hot_pixels.place(), raw.allow_cap.place()].into_iter().flatten().collect();
+        let places: Vec<Place> = [spread, raw.hot_pixels.place()].into_iter().flatten().collect();
         for place in &places {
             self.report(Problem::of_key("is not built yet").help(EQUAL).at(*place));
         }

@@ -56,9 +56,6 @@ impl Voltmeter {
         let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
         at_least_zero("threshold.spread", *spread)?;
         hot.validate()?;
-        if self.law == Law::Official && self.between != Between::Linear {
-            return Err(ScreenError::Combination("the law official goes with `between: linear` only"));
-        }
         if self.law == Law::Official && self.initial == Initial::Stationary {
             return Err(ScreenError::Combination("the law official begins with all voltages at zero"));
         }
