@@ -6,16 +6,21 @@
 use crate::camera::Camera;
 use crate::check::Finding;
 use crate::frames::anchors::Anchors;
+use crate::render::Velocity;
 use crate::render::Work;
 use crate::render::flow::Quantiles;
 use crate::scene::{Gaussians, Screening};
+use crate::se3::{Se3, Twist};
 use crate::seed::Seed;
 use crate::sensor::{Account, Sensor};
 use crate::source::Capture;
+use crate::speed::Meaning;
 use crate::store::Store;
 use crate::store::record::Output;
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
+use crate::trajectory::twist::twists;
+use crate::units::Ratio;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -144,6 +149,32 @@ pub struct Motion {
     pub trajectory: Trajectory,
     /// Its `speed.json`.
     pub report: Report,
+}
+
+impl Motion {
+    /// When each pose is, s: at its number over the frame rate, exactly, or at its stamp where the rate varies.
+    #[must_use]
+    pub fn seconds(&self) -> Vec<f64> {
+        let stamps = &self.trajectory.stamps_us;
+        match self.report.rate.parse::<Ratio>() {
+            Ok(rate) if self.report.meaning != Meaning::FrameRate => {
+                let [p, q] = [rate.numerator(), rate.denominator()].map(|n| n as f64);
+                (0..stamps.len()).map(|j| j as f64 * q / p).collect()
+            }
+            _ => stamps.iter().map(|t| *t as f64 * 1e-6).collect(),
+        }
+    }
+
+    /// How the camera moves at each pose, in its own axes.
+    #[must_use]
+    pub fn velocities(&self) -> Vec<Velocity> {
+        let poses = &self.trajectory.world_from_camera;
+        let own = |(pose, twist): (&Se3, Twist)| Velocity {
+            linear: pose.rotation.conjugate() * twist.linear,
+            angular: twist.angular,
+        };
+        poses.iter().zip(twists(poses, &self.seconds())).map(own).collect()
+    }
 }
 
 impl Artifact for Motion {

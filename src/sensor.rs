@@ -24,6 +24,7 @@ use screening::{ScreenError, Screening};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
+use voltmeter::Between;
 
 /// A sensor of the recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -55,6 +56,15 @@ impl Sensor {
             Self::Voltmeter(_) => "voltmeter",
             Self::Esim(_) => "esim",
             Self::V2e(_) => "v2e",
+        }
+    }
+
+    /// How it takes brightness between frames.
+    #[must_use]
+    pub fn between(&self) -> Between {
+        match self {
+            Self::Voltmeter(sensor) => sensor.between,
+            Self::Esim(_) | Self::V2e(_) => Between::Linear,
         }
     }
 

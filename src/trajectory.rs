@@ -27,6 +27,7 @@ pub mod sample;
 pub mod smooth;
 pub mod text;
 pub mod travel;
+pub mod twist;
 
 pub use course::Kind;
 pub use error::{TrajectoryError, Warning};

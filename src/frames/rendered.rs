@@ -2,8 +2,8 @@
 
 use super::{Frame, FrameError, Frames};
 use crate::camera::Camera;
-use crate::image::Size;
-use crate::render::{Channels, Rendered, Renderer, View, Work};
+use crate::image::{Image, Size};
+use crate::render::{Channels, Rendered, Renderer, Velocity, View, Work};
 use crate::trajectory::Trajectory;
 use crate::units::Timestamp;
 
@@ -14,7 +14,7 @@ const GREY_SCALE: f32 = 255.0;
 /// it waits.
 const AHEAD: usize = 2;
 
-/// What is rendered of each.
+/// What is rendered of each, but for its rate of change.
 const WANT: Channels = Channels {
     luminance: true,
     rgb: false,
@@ -31,6 +31,8 @@ pub struct RenderedFrames {
     renderer: Box<dyn Renderer>,
     camera: Camera,
     trajectory: Trajectory,
+    /// Of the camera at each pose, where the luminance's rate of change is wanted.
+    velocities: Vec<Velocity>,
     done: usize,
     /// Frames that the renderer was told of.
     expected: usize,
@@ -61,11 +63,40 @@ impl RenderedFrames {
         assert_eq!(poses, stamps, "a trajectory has one stamp a pose");
         renderer.keep_to(&camera, &trajectory.world_from_camera);
         let (rendered, work) = (Rendered::default(), Work::default());
-        Self { renderer, camera, trajectory, done: 0, expected: 0, rendered, work }
+        Self { renderer, camera, trajectory, velocities: Vec::new(), done: 0, expected: 0, rendered, work }
+    }
+
+    /// The same with the luminance's rate of change in every frame, for a camera that moves like this at each pose.
+    ///
+    /// # Panics
+    /// If there is not one velocity a pose.
+    #[must_use]
+    pub fn with_rates(self, velocities: Vec<Velocity>) -> Self {
+        assert_eq!(velocities.len(), self.len(), "one velocity a pose");
+        Self { velocities, ..self }
     }
 
     fn view(&self, index: usize) -> Option<View> {
-        self.trajectory.world_from_camera.get(index).map(|pose| View::still(self.camera, *pose))
+        let pose = self.trajectory.world_from_camera.get(index)?;
+        let still = View::still(self.camera, *pose);
+        Some(self.velocities.get(index).map_or(still, |velocity| View { velocity: *velocity, ..still }))
+    }
+
+    fn want(&self) -> Channels {
+        Channels { luminance_rate: !self.velocities.is_empty(), ..WANT }
+    }
+
+    /// An image on the grey scale.
+    fn grey(image: Option<Image<f32>>, what: &str, index: usize) -> Result<Image<f32>, FrameError> {
+        let mut image = image.expect("a renderer renders what it is asked for");
+        image.pixels_mut().iter_mut().for_each(|v| *v *= GREY_SCALE);
+        match image.pixels().iter().position(|v| !v.is_finite()) {
+            None => Ok(image),
+            Some(i) => {
+                let because = format!("{what} of pixel {i} is {}, wanted a finite one", image.pixels()[i]);
+                Err(FrameError::Invalid { index, because })
+            }
+        }
     }
 
     /// What rendering the frames so far took, summed.
@@ -87,23 +118,23 @@ impl Frames for RenderedFrames {
     fn next(&mut self) -> Result<Option<Frame>, FrameError> {
         let index = self.done;
         let Some(view) = self.view(index) else { return Ok(None) };
+        let want = self.want();
         while let Some(next) = self.view(self.expected).filter(|_| self.expected <= index + AHEAD) {
-            self.renderer.expect(&next, WANT);
+            self.renderer.expect(&next, want);
             self.expected += 1;
         }
         self.work += self
             .renderer
-            .render(&view, WANT, &mut self.rendered)
+            .render(&view, want, &mut self.rendered)
             .map_err(|source| FrameError::Render { index, source })?;
-        let mut luminance = self.rendered.luminance.take().expect("a renderer renders what it is asked for");
-        luminance.pixels_mut().iter_mut().for_each(|v| *v *= GREY_SCALE);
-        if let Some(i) = luminance.pixels().iter().position(|v| !v.is_finite()) {
-            let because = format!("luminance of pixel {i} is {}, wanted a finite one", luminance.pixels()[i]);
-            return Err(FrameError::Invalid { index, because });
-        }
+        let luminance = Self::grey(self.rendered.luminance.take(), "luminance", index)?;
+        let rate = want
+            .luminance_rate
+            .then(|| Self::grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
+            .transpose()?;
         self.done += 1;
         let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
-        Ok(Some(Frame { index, t, luminance, rate: None }))
+        Ok(Some(Frame { index, t, luminance, rate }))
     }
 }
 
@@ -134,7 +165,10 @@ mod tests {
 
         #[expect(clippy::cast_possible_truncation, reason = "the test's values are small")]
         fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
-            assert_eq!(want, Channels { luminance: true, ..Channels::default() }, "one channel is blended");
+            let rated = Channels { luminance: true, luminance_rate: true, ..Channels::default() };
+            assert!(want == WANT || want == rated, "one channel is blended");
+            out.luminance_rate =
+                want.luminance_rate.then(|| Image::filled(view.camera.size, view.velocity.linear.x as f32));
             let x = view.world_from_camera.translation.x;
             if !x.is_nan() {
                 assert_eq!(self.expected.pop_front(), Some(*view));
@@ -169,6 +203,16 @@ mod tests {
         }
         assert!(frames.next().unwrap().is_none());
         assert_eq!(frames.work(), Work { gaussians: 15, blended: 21, ..Work::default() });
+    }
+
+    #[test]
+    fn a_moving_camera_gives_the_rate_of_each_frame_on_the_grey_scale() {
+        let velocity = |x| Velocity { linear: DVec3::new(x, 0.0, 0.0), angular: DVec3::ZERO };
+        let mut frames = frames(&[0.0, 0.5]).with_rates([2.0, -1.0].map(velocity).to_vec());
+        for grey in [510.0, -255.0] {
+            let rate = frames.next().unwrap().unwrap().rate.unwrap();
+            assert!(rate.pixels().iter().all(|v| (v - grey).abs() < 1e-4), "{grey}");
+        }
     }
 
     #[test]

@@ -7,19 +7,15 @@ use super::resolve::Resolved;
 use super::{Output, Reconstruct, Source, schema};
 use crate::render::Antialiased;
 use crate::sensor::noise::HotPixels;
-use crate::sensor::voltmeter::{Between, Preset, Voltmeter};
+use crate::sensor::voltmeter::{Preset, Voltmeter};
 use crate::sensor::{Sensor, Sensors};
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
 /// The canonical form of a recipe: `raw` gives what is shown as it was written (paths, formulae, a literal `k`).
 pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
-    let between = |(_, sensor): (_, &Sensor)| match sensor {
-        Sensor::Voltmeter(voltmeter) => voltmeter.between,
-        Sensor::Esim(_) | Sensor::V2e(_) => Between::Linear,
-    };
     // It is one for all.
-    let between = recipe.sensors.iter().map(between).next();
+    let between = recipe.sensors.iter().map(|(_, sensor)| sensor.between()).next();
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,

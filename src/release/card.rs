@@ -6,6 +6,8 @@ use crate::artifact::Stream;
 use crate::check::Verdict;
 use crate::licence::Composed;
 use crate::recipe::ReleaseInfo;
+use crate::sensor::Sensor;
+use crate::sensor::voltmeter::Between;
 use std::fmt::Write as _;
 
 /// Composes the card.
@@ -123,9 +125,15 @@ fn making(scenes: &[BuiltScene<'_>]) -> String {
     for (kind, what) in PATHS.iter().filter(|(kind, _)| kinds.contains(kind)) {
         let _ = writeln!(text, "- `{kind}`: {what}");
     }
-    text.push_str(
+    let mut between: Vec<&str> =
+        scenes.iter().flat_map(|s| s.recipe.sensors.iter()).map(|(_, s)| word(s)).collect();
+    between.sort_unstable();
+    between.dedup();
+    let between = between.join(" or ");
+    let _ = write!(
+        text,
         "\nPaths were measured by rotation and translation, and sampled densely at the prescribed speed; every pose \
-         was rendered; the sensor saw the renderings as brightness that is linear in time between poses in ln(L + k2). \
+         was rendered; the sensor saw the renderings as brightness that is {between} in time between poses in ln(L + k2). \
          Thresholds, sensor parameters and seeds are in `scene.json`.\n\n\
          | scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
@@ -138,6 +146,15 @@ fn making(scenes: &[BuiltScene<'_>]) -> String {
         }
     }
     text
+}
+
+/// How a sensor takes brightness between poses.
+fn word(sensor: &Sensor) -> &'static str {
+    match sensor.between() {
+        Between::Linear => "linear",
+        Between::Catmull => "cubic (Catmull-Rom)",
+        Between::Hermite => "cubic (Hermite, with rendered rates of change)",
+    }
 }
 
 /// A row for each stream, and one where there is none.

@@ -13,6 +13,7 @@ use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
+use crate::sensor::voltmeter::Between;
 use crate::sensor::{Account, Channel, Sensor, Sensors, SimulateError, simulate_all};
 use crate::source::Capture;
 use crate::trajectory::Trajectory;
@@ -76,9 +77,13 @@ impl Stage for Simulating {
         let gaussians = Arc::new(gaussians);
         let new_renderer =
             || self.backend.renderer(gaussians.clone(), style).map_err(StageError::work("render"));
+        let velocities = motion.velocities();
         let trajectory = motion.trajectory;
         let sampled = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
         let mut frames = RenderedFrames::new(new_renderer()?, camera, trajectory.clone());
+        if self.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
+            frames = frames.with_rates(velocities);
+        }
         let (streams, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
         cx.remark = Some(amount(streams.iter().map(|stream| stream.account.events).sum(), "ev"));
         let simulation = Simulation {

@@ -4,6 +4,7 @@
 mod audit;
 mod bad_input;
 mod behaviour;
+mod between_frames;
 mod checks;
 mod cli;
 mod codecs;

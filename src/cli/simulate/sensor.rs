@@ -51,16 +51,13 @@ fn read(name: &str) -> Result<Sensor, Problem> {
 
 /// Cubics with given slopes need them.
 pub(super) fn check_rates(sensor: &Sensor, given: bool) -> Result<(), Problem> {
-    let between = match sensor {
-        Sensor::Voltmeter(voltmeter) => name(&voltmeter.between),
-        Sensor::Esim(_) | Sensor::V2e(_) => name(&Between::Linear),
-    };
-    if between == "hermite" && !given {
+    let between = sensor.between();
+    if between == Between::Hermite && !given {
         let what = "hermite goes by the luminance's change per second, and none is given".to_owned();
         return Err(Problem::usage("rates-missing", what).help("--rates: a .npy of float32, one a pixel"));
     }
-    if between != "hermite" && given {
-        let what = format!("--rates is for hermite, and between the frames it is {between}");
+    if between != Between::Hermite && given {
+        let what = format!("--rates is for hermite, and between the frames it is {}", name(&between));
         return Err(Problem::usage("rates-unused", what).help("--between hermite with it, or leave it out"));
     }
     Ok(())

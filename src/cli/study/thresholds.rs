@@ -18,7 +18,7 @@ use crate::render::backend::Backend;
 use crate::render::{Layering, RenderError, Rules, Style};
 use crate::scene::Gaussians;
 use crate::seed::{Purpose, Seed};
-use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::voltmeter::{Between, Voltmeter};
 use crate::sensor::{Sensor, Sensors, SimulateError};
 use crate::source::Capture;
 use crate::store::{Access, Store};
@@ -85,7 +85,8 @@ impl Thresholds {
         let scene = format!("{}/{name}", recipe.scene);
         let asked = recipe.render;
         let built = Built::open(recipe, &name, common)?;
-        let trajectory = self.part(&built.motion.trajectory)?;
+        let range = self.range(&built.motion.trajectory)?;
+        let trajectory = part(&built.motion.trajectory, range.clone());
         let middle = trajectory.stamps_us.last().map_or(0, |last| last / 2);
         let sweep = Sweep {
             sensor,
@@ -95,7 +96,7 @@ impl Thresholds {
             window_us: middle - PICTURE_US / 2..middle + PICTURE_US / 2,
         };
         let style = asked.resolve(built.gaussians.antialiased);
-        let found = built.sweep(&sweep, &trajectory, (backend, style))?;
+        let found = built.sweep(&sweep, (&trajectory, range), (backend, style))?;
         self.write(&sweep, &found)?;
         self.tell(&scene, &found, console);
         Ok(Exit::Done)
@@ -134,8 +135,8 @@ impl Thresholds {
         Err(Problem::usage("no-trajectory", what))
     }
 
-    /// The poses of the time that is asked for, from 0.
-    fn part(&self, whole: &Trajectory) -> Result<Trajectory, Problem> {
+    /// The poses of the time that is asked for.
+    fn range(&self, whole: &Trajectory) -> Result<Range<usize>, Problem> {
         let end_us = whole.stamps_us.last().copied().unwrap_or(0);
         let middle_ms = end_us as f64 * 0.5e-3;
         let Span(begin, end) =
@@ -146,11 +147,7 @@ impl Thresholds {
             let what = format!("{} poses lie from {begin} to {end} ms, wanted 3", range.len());
             return Err(Problem::usage("span", what).help(&format!("the trajectory ends at {} us", end_us)));
         }
-        let first = whole.stamps_us[range.start];
-        Ok(Trajectory {
-            world_from_camera: whole.world_from_camera[range.clone()].to_vec(),
-            stamps_us: whole.stamps_us[range].iter().map(|t| t - first).collect(),
-        })
+        Ok(range)
     }
 
     fn write(&self, sweep: &Sweep, found: &Found) -> Result<(), Problem> {
@@ -195,6 +192,15 @@ impl Thresholds {
         }
         let recommended = recommended.map_or_else(|| "none".to_owned(), |threshold| threshold.to_string());
         console.print(&format!("recommended: {recommended}: {because}"));
+    }
+}
+
+/// A part of a trajectory, its first stamp at 0.
+fn part(whole: &Trajectory, range: Range<usize>) -> Trajectory {
+    let first = whole.stamps_us[range.start];
+    Trajectory {
+        world_from_camera: whole.world_from_camera[range.clone()].to_vec(),
+        stamps_us: whole.stamps_us[range].iter().map(|t| t - first).collect(),
     }
 }
 
@@ -259,7 +265,7 @@ impl Built {
     fn sweep(
         &self,
         asked: &Sweep,
-        trajectory: &Trajectory,
+        (trajectory, range): (&Trajectory, Range<usize>),
         (backend, style): (Backend, Style),
     ) -> Result<Found, Problem> {
         let cancel = on_interrupt()?;
@@ -269,9 +275,14 @@ impl Built {
         };
         // The picture as a continuous function of the view, which no GPU renders yet.
         let smooth = Style { rules: Rules::Soft, order: Layering::Blended, ..style };
+        let velocities = self.motion.velocities();
         let frames = |backend: &Backend, style| {
             let renderer = backend.renderer(self.gaussians.clone(), style)?;
-            Ok::<_, RenderError>(RenderedFrames::new(renderer, self.camera, trajectory.clone()))
+            let frames = RenderedFrames::new(renderer, self.camera, trajectory.clone());
+            Ok::<_, RenderError>(match asked.sensor.between {
+                Between::Hermite => frames.with_rates(velocities[range.clone()].to_vec()),
+                Between::Linear | Between::Catmull => frames,
+            })
         };
         let failed =
             |e: &dyn std::error::Error| Problem::failed("step-failed", format!("failed to render: {e}"));

@@ -31,11 +31,10 @@ const K: [Range; 6] = [
 impl Resolver<'_> {
     pub(super) fn between(&self, field: &Field<schema::Sampling>) -> Option<Between> {
         let absent = schema::Sampling::default();
-        let help = "this gs2e renders no rates of change: linear and catmull do without";
         match &self.section(field, &absent)?.between {
             Field::Absent | Field::Given(schema::Between::Linear, _) => Some(Between::Linear),
             Field::Given(schema::Between::Catmull, _) => Some(Between::Catmull),
-            Field::Given(schema::Between::Hermite, place) => self.word_later("hermite", *place, help),
+            Field::Given(schema::Between::Hermite, _) => Some(Between::Hermite),
             Field::Bad => None,
         }
     }

@@ -23,13 +23,18 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
         poses: stamps.len(),
         duration_us: stamps.last().copied().unwrap_or(0),
         rate: recipe.rate.0.to_string(),
-        sampling: json!({ "rate": recipe.rate.0.to_string(), "between": "linear" }),
+        sampling: json!({ "rate": recipe.rate.0.to_string(), "between": between(recipe) }),
         render_rules: render_rules(recipe.render, built.simulation()),
         sensor: the_one(built).map(|(simulation, stream)| sensor(simulation, stream)),
         sensors: sensors(built),
         blur: None,
         statistics: statistics(built),
     }
+}
+
+/// How brightness was taken between frames, as the recipe says in full.
+fn between(recipe: &Recipe) -> Value {
+    recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default()
 }
 
 /// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would

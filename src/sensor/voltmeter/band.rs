@@ -12,7 +12,7 @@ use crate::seed::eight::{self, Cells};
 use crate::sensor::SensorError;
 use crate::sensor::window::Packed;
 use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 /// What a thread needs to cross bands, and what it counts.
 #[derive(Debug, Default)]
@@ -35,9 +35,14 @@ pub(super) struct Slice<'a> {
     pub(super) voltage: &'a mut [f64],
     pub(super) drift: &'a mut [f64],
     pub(super) variance: &'a mut [f64],
+    /// Logarithms of the window's last knots before this one, the last first.
+    pub(super) logs: [&'a mut [f64]; KEPT_LOGS],
     /// One for each pixel that has a meaning.
     pub(super) tally: &'a mut [Tally],
 }
+
+/// Knots of a window whose logarithms the next window finds: those that it may share.
+pub(super) const KEPT_LOGS: usize = 2;
 
 /// Pixels that go through a window together, one piece of arithmetic after the other: short loops over many pixels keep
 /// a processor busier than one long one over few.
@@ -87,7 +92,7 @@ impl Window<'_> {
                 || {
                     let mut noise = ZEROS;
                     self.draw(simd, &slice.seats[start..end], &mut noise);
-                    self.fill(simd, slice.first + start, end - start, &mut band.block);
+                    self.fill(simd, start..end, &mut slice, &mut band.block);
                     for i in (start..end).step_by(8) {
                         let increment = load(simd, &noise, i - start);
                         let crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
@@ -121,23 +126,32 @@ impl Window<'_> {
         }
     }
 
-    /// Knots of the `count` pixels from `first` on.
+    /// Knots of the pixels at these places of a band.
     #[inline(always)]
-    fn fill<S: Simd>(&self, simd: S, first: usize, count: usize, block: &mut Block) {
+    fn fill<S: Simd>(&self, simd: S, at: Range<usize>, slice: &mut Slice<'_>, block: &mut Block) {
         let Block { knots, pieces } = block;
         pieces.resize(self.legs.len(), [[0.0; 8]; 5]);
         knots.resize(self.knots.len(), [ZEROS; 3]);
+        let (count, first) = (at.len(), slice.first + at.start);
         for ([level, log, slope], frame) in knots.iter_mut().zip(&self.frames[self.knots.clone()]) {
             let luminance = &frame.luminance[first..first + count];
             for (i, luminance) in (0..).step_by(8).zip(luminance.chunks_exact(8)) {
                 let here = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
                 store(here, level, i);
-                store(ln(here), log, i);
                 if self.law.between == Between::Hermite {
                     let rate = f64x8::from_fn(simd, |lane| frame.rate[first + i + lane].into());
                     store(rate * SECONDS / here, slope, i);
                 }
             }
+            match self.logged.iter().position(|stamp| *stamp == Some(frame.t)) {
+                Some(known) => log[..count].copy_from_slice(&slice.logs[known][at.clone()]),
+                None => {
+                    (0..count).step_by(8).for_each(|i| store(ln(load(simd, &level[..], i)), log, i));
+                }
+            }
+        }
+        for (kept, [_, log, _]) in slice.logs.iter_mut().zip(knots.iter().rev()).take(self.law.logs_kept()) {
+            kept[at.clone()].copy_from_slice(&log[..count]);
         }
         if self.law.between == Between::Catmull {
             self.slopes(simd, count, knots);

@@ -5,7 +5,7 @@
 //! luminance, so neither the bands nor their order can show.
 #![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
-use super::band::{Band, Slice};
+use super::band::{Band, KEPT_LOGS, Slice};
 use super::bridge::Barriers;
 use super::cubic::Cubic;
 use super::drift::Process;
@@ -84,6 +84,9 @@ struct State {
     drift: Vec<f64>,
     /// Of the noise since the first frame.
     variance: Vec<f64>,
+    /// Logarithms of the last knots, and their stamps: the next window begins with them.
+    logs: [Vec<f64>; KEPT_LOGS],
+    logged: [Option<i64>; KEPT_LOGS],
     tally: Vec<Tally>,
 }
 
@@ -111,6 +114,8 @@ impl Exact {
                 voltage: vec![0.0; padded],
                 drift: vec![0.0; padded],
                 variance: vec![0.0; padded],
+                logs: std::array::from_fn(|_| vec![0.0; padded]),
+                logged: [None; KEPT_LOGS],
                 tally: vec![Tally::default(); n],
             },
             bands: std::iter::repeat_with(Band::default).take(n.div_ceil(BAND)).collect(),
@@ -149,26 +154,33 @@ impl Exact {
     }
 
     fn cross_window(&mut self, end: i64, last: i64) -> Result<(), SensorError> {
+        let State { seats, voltage, drift, variance, logs: [last_log, log_before], logged, tally } =
+            &mut self.state;
         let window = Window::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
-        let State { seats, voltage, drift, variance, tally } = &mut self.state;
+        let window = window.knowing(*logged);
         let chunks = (
             seats.par_chunks(BAND),
             voltage.par_chunks_mut(BAND),
             drift.par_chunks_mut(BAND),
             variance.par_chunks_mut(BAND),
+            last_log.par_chunks_mut(BAND).zip(log_before.par_chunks_mut(BAND)),
             tally.par_chunks_mut(BAND),
             self.bands.par_iter_mut(),
         );
         let level = self.level;
-        chunks.into_par_iter().enumerate().for_each(|(i, (seats, voltage, drift, variance, tally, band))| {
-            let slice = Slice { first: i * BAND, seats, voltage, drift, variance, tally };
-            match window.law.between {
-                Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
-                Between::Catmull | Between::Hermite => {
-                    dispatch!(level, simd => window.cross::<Cubic, _>(simd, slice, band));
+        chunks.into_par_iter().enumerate().for_each(
+            |(i, (seats, voltage, drift, variance, logs, tally, band))| {
+                let logs = logs.into();
+                let slice = Slice { first: i * BAND, seats, voltage, drift, variance, logs, tally };
+                match window.law.between {
+                    Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
+                    Between::Catmull | Between::Hermite => {
+                        dispatch!(level, simd => window.cross::<Cubic, _>(simd, slice, band));
+                    }
                 }
-            }
-        });
+            },
+        );
+        *logged = window.leaves();
         for band in &mut self.bands {
             if let Some(error) = band.capped.take() {
                 return Err(error);
@@ -253,6 +265,12 @@ impl Law {
     /// How many frames up to a place a curve that begins there goes by. It goes by as many from its end on.
     fn kept(&self) -> usize {
         if self.between == Between::Catmull { 2 } else { 1 }
+    }
+
+    /// Knots whose logarithms a window leaves to the next: without noise a window ends at a frame, where the next begins;
+    /// with noise the next begins before that frame.
+    pub(super) fn logs_kept(&self) -> usize {
+        if self.process.is_noiseless() { 1 } else { KEPT_LOGS }
     }
 
     /// Coordinates of a pixel in the frame.

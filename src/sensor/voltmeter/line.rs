@@ -58,7 +58,7 @@ impl Curve for Line {
     }
 
     fn rise_of_one([slope, bend, growth, _]: &One, t: f64) -> f64 {
-        (slope + bend * mean_growth_of_one(growth * t)) * t
+        if *bend == 0.0 { slope * t } else { (slope + bend * mean_growth_of_one(growth * t)) * t }
     }
 
     fn rate_of_one([slope, bend, growth, _]: &One, t: f64) -> f64 {

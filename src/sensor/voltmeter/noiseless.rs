@@ -62,6 +62,7 @@ impl<C: Curve> Run<'_, C> {
         let (side, polarity) =
             if rise >= 0.0 { (Side::Up, Polarity::On) } else { (Side::Down, Polarity::Off) };
         let (first, step) = (side.step(barriers) - x, side.step(barriers));
+        let pace = (to - start) / rise;
         let mut crossed = 0.0;
         let mut from = start;
         loop {
@@ -69,7 +70,7 @@ impl<C: Curve> Run<'_, C> {
             if target.abs() > rise.abs() {
                 return ControlFlow::Continue(x + rise - crossed * step);
             }
-            let guess = start + (to - start) * (target / rise);
+            let guess = start + target * pace;
             from = solve::<C>(self.curve, base + target, guess, ([from, to], rise >= 0.0));
             emit.event(self.stamp + from, polarity)?;
             crossed += 1.0;
