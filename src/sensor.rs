@@ -8,6 +8,7 @@ mod detector;
 pub mod esim;
 mod input;
 pub mod noise;
+mod own_events;
 mod pairs;
 pub mod screening;
 pub mod statistics;

@@ -34,6 +34,7 @@ pub use units::Units;
 
 use super::cap::Capped;
 use super::noise::HotPixels;
+use super::own_events::WithHot;
 use super::pairs::{Cap, Pairs};
 use super::{Model, Pixels, SensorError, check_extent};
 use crate::image::Size;
@@ -133,6 +134,23 @@ impl Voltmeter {
     }
 }
 
+impl Voltmeter {
+    /// Pixels by the law `exact`, the hot ones and the cap around it.
+    fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
+        let cap = self.max_events_per_pixel_frame;
+        let mut pixels: Box<dyn Pixels> = if self.allow_cap {
+            let free = Self { max_events_per_pixel_frame: u32::MAX, ..self.clone() };
+            Box::new(Capped::new(Box::new(exact::Exact::new(&free, size, origin, seed)), cap, size))
+        } else {
+            Box::new(exact::Exact::new(self, size, origin, seed))
+        };
+        if !self.hot_pixels.is_absent() {
+            pixels = Box::new(WithHot::new(pixels, &self.hot_pixels, size, origin, seed));
+        }
+        pixels
+    }
+}
+
 impl Model for Voltmeter {
     fn law_version(&self) -> u32 {
         match self.law {
@@ -150,12 +168,7 @@ impl Model for Voltmeter {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         match self.law {
-            Law::Exact if self.allow_cap => {
-                let free = Self { max_events_per_pixel_frame: u32::MAX, ..self.clone() };
-                let pixels = Box::new(exact::Exact::new(&free, size, origin, seed));
-                Ok(Box::new(Capped::new(pixels, self.max_events_per_pixel_frame, size)))
-            }
-            Law::Exact => Ok(Box::new(exact::Exact::new(self, size, origin, seed))),
+            Law::Exact => Ok(self.exact(size, origin, seed)),
             Law::Official => {
                 let cap = Cap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
                 Ok(Box::new(Pairs::new(official::Official::new(self), cap, size, origin, seed)))

@@ -3,7 +3,7 @@
 
 use crate::support::gaussians::{crowd, scene};
 use crate::support::steps::{recipe, steps};
-use crate::support::workspace::Workspace;
+use crate::support::workspace::{Workspace, hidden_gpus};
 use gs2e::scene::{Gaussians, ply};
 use serde_json::{Value, json};
 use std::process::{Child, Command, Stdio};
@@ -22,7 +22,7 @@ fn peak(output: &str, gaussians: u32, [width, height]: [u32; 2], factor: u32) ->
     place.ok("build tiny.yaml");
     value["outputs"] = json!([output]);
     place.write("tiny.yaml", value.to_string());
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
+    let mut command = hidden_gpus(Command::new(env!("CARGO_BIN_EXE_gs2e")));
     command.args(["build", "-q", "-j", "1", "tiny.yaml"]).current_dir(place.path("")).stdout(Stdio::null());
     let found = high_water(&mut command.spawn().unwrap());
     let key = steps(&place, "tiny.yaml")[&format!("tiny/base/{output}")].key.clone().unwrap();
@@ -106,7 +106,7 @@ fn rendering(scene: &Gaussians, edge: u32) -> (f64, f64) {
     let camera = json!({ "W": edge, "H": edge, "fx": edge, "fy": edge, "cx": edge / 2, "cy": edge / 2,
         "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 1] });
     place.write("camera.json", camera.to_string());
-    let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
+    let mut command = hidden_gpus(Command::new(env!("CARGO_BIN_EXE_gs2e")));
     let args = "render -q --scene scene.ply --view camera.json --channel luminance --out picture.npy";
     let child = command.args(args.split(' ')).current_dir(place.path("")).stdout(Stdio::null()).spawn();
     let found = high_water(&mut child.unwrap());

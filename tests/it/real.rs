@@ -47,7 +47,7 @@ fn a_real_scene_at_a_small_size() {
 
     let outputs = &steps(&place, "playbot.yaml")["playbot/base/events"].outputs;
     let simulation: Value = serde_json::from_slice(&fs::read(&outputs["simulation.json"]).unwrap()).unwrap();
-    let account = &simulation["account"];
+    let account = &simulation["streams"][0]["account"];
     let [on, off] = ["on", "off"].map(|side| account[side].as_f64().unwrap());
     eprintln!("playbot at 160x90, 60 poses: {} events, ON share {:.3}", on + off, on / (on + off));
     assert!(on + off > 10_000.0, "{account}");

@@ -15,8 +15,7 @@ use crate::units::Hertz;
 use std::collections::BTreeMap;
 
 const IDEAL: &str = "this gs2e feeds sensors encoded luminance, and labels no events";
-const EQUAL: &str =
-    "under law exact this gs2e simulates equal pixels; official, esim and v2e have unequal ones";
+const EQUAL: &str = "under law exact all pixels have one threshold; official, esim and v2e have unequal ones";
 
 /// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
 const K: [Range; 6] = [
@@ -135,14 +134,12 @@ impl Resolver<'_> {
         Some(Sensor::Voltmeter(voltmeter))
     }
 
-    /// The law `exact` has none of what other laws may have.
+    /// The law `exact` has one threshold for all pixels.
     fn equal_pixels(&self, raw: &schema::Voltmeter) -> Option<()> {
-        let spread = raw.threshold.given().and_then(|(threshold, _)| threshold.spread.place());
-        let places: Vec<Place> = [spread, raw.hot_pixels.place()].into_iter().flatten().collect();
-        for place in &places {
-            self.report(Problem::of_key("is not built yet").help(EQUAL).at(*place));
+        match raw.threshold.given().and_then(|(threshold, _)| threshold.spread.place()) {
+            None => Some(()),
+            Some(place) => self.refuse(Problem::of_key("is not built yet").help(EQUAL).at(place)),
         }
-        places.is_empty().then_some(())
     }
 
     /// Whether the sensor makes a stream that can be used (numerics 1.1); if not, that is reported.

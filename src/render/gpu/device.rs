@@ -105,6 +105,9 @@ impl Device {
     /// # Errors
     /// When there is none, none of that name or place, or it lacks what WebGPU promises.
     pub fn open(choice: &Choice) -> Result<Self, GpuError> {
+        if *choice == Choice::Hardware && !may_have_hardware() {
+            return Err(GpuError::None("this system shows no device of one".to_owned()));
+        }
         let mut adapters = adapters()?;
         let found = adapters.iter().map(|a| called(&a.get_info())).collect::<Vec<_>>().join(", ");
         let fits = |a: &Adapter, i: usize| match choice {
@@ -220,6 +223,17 @@ impl Device {
     pub(super) fn too_small(&self, what: &'static str) -> GpuError {
         GpuError::Tile { adapter: self.name.clone(), what, limit: self.limit }
     }
+}
+
+/// Whether a GPU of hardware may be there, as far as that can be known without loading drivers: one in software is a
+/// library of 60 MB.
+fn may_have_hardware() -> bool {
+    if !cfg!(target_os = "linux") {
+        return true;
+    }
+    // Render nodes of the kernel's drivers, NVIDIA's own, and that of Linux under Windows.
+    let nodes = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg"];
+    nodes.iter().any(|node| std::path::Path::new(node).exists())
 }
 
 /// All GPUs, the most capable kind first; one that several interfaces offer comes first through the fastest of them.

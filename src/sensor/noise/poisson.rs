@@ -65,6 +65,11 @@ impl Train {
         Some(rates.reached(start, self.left).clamp(start, rates.length))
     }
 
+    /// Time from the event before to the next at a rate that stays the same, events per ns; `None` of no events.
+    pub(in crate::sensor) fn gap(&self, rate: f64) -> Option<f64> {
+        (self.left < f64::INFINITY && rate > 0.0).then(|| self.left / rate)
+    }
+
     /// Begins to wait for the next event after one; a uniform draw that belongs to the one that has happened.
     pub(in crate::sensor) fn wait(&mut self, site: Site, space: Space) -> f64 {
         let mut happened = site.draws(space, self.next);

@@ -62,9 +62,8 @@ impl Voltmeter {
         if self.law == Law::Official && self.between != Between::Linear {
             return Err(ScreenError::Combination("the law official goes linearly between frames"));
         }
-        let imperfect = *spread > 0.0 || !hot.is_absent();
-        if self.law == Law::Exact && imperfect {
-            return Err(ScreenError::Combination("the law exact has no spread and no hot pixels"));
+        if self.law == Law::Exact && *spread > 0.0 {
+            return Err(ScreenError::Combination("the law exact has no spread of thresholds"));
         }
         Ok(())
     }

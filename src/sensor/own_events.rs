@@ -1,0 +1,282 @@
+//! Events that hot pixels make by themselves, merged into the stream of a law that knows nothing of them.
+//!
+//! The two do not meet in the pixel: its voltage goes on as if the own event were not there.
+
+use super::noise::poisson::Train;
+use super::noise::{HotPixels, Site};
+use super::{Account, Pixels, SensorError};
+use crate::event::{Event, EventSink, Polarity};
+use crate::frames::Frame;
+use crate::image::Size;
+use crate::seed::{Seed, Space};
+use crate::units::Timestamp;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Pixels some of which fire by themselves.
+pub(super) struct WithHot {
+    pixels: Box<dyn Pixels>,
+    hot: Hot,
+}
+
+impl WithHot {
+    /// `pixels` with the hot ones among them, whose top-left one is at `origin` on the sensor.
+    pub(super) fn new(
+        pixels: Box<dyn Pixels>,
+        hot: &HotPixels,
+        size: Size,
+        origin: [u16; 2],
+        seed: Seed,
+    ) -> Self {
+        Self { pixels, hot: Hot::new(hot, size, origin, seed) }
+    }
+}
+
+impl Pixels for WithHot {
+    fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+        self.hot.last = frame.t;
+        self.pixels.advance(frame, &mut Merged { sink, hot: &mut self.hot })
+    }
+
+    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
+        let account = self.pixels.finish(&mut Merged { sink, hot: &mut self.hot })?;
+        self.hot.append_rest(sink)?;
+        let Hot { made, pairs, fired, .. } = &self.hot;
+        let alone = fired.iter().filter(|fired| **fired == Fired { by_law: false, by_itself: true }).count();
+        Ok(Account {
+            events: account.events + made,
+            on: account.on + made,
+            same_us_same_pixel: account.same_us_same_pixel + pairs,
+            active_pixels: account.active_pixels + alone as u64,
+            ..account
+        })
+    }
+}
+
+/// Whether a pixel fired, and why.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Fired {
+    by_law: bool,
+    by_itself: bool,
+}
+
+/// The next event of a hot pixel; ordered as files are.
+struct Next {
+    event: Event,
+    /// When, ns.
+    at: f64,
+    site: Site,
+    train: Train,
+}
+
+impl PartialEq for Next {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Next {}
+
+impl PartialOrd for Next {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Next {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        let key = |next: &Self| (next.event.file_order(), next.event.t);
+        key(self).cmp(&key(other))
+    }
+}
+
+/// Events of one pixel in one microsecond, the last that were handed on.
+#[derive(Default)]
+struct Together {
+    place: Option<(i64, u16, u16)>,
+    all: u64,
+    own: u64,
+}
+
+/// The hot pixels.
+struct Hot {
+    /// Events per ns of each.
+    rate: f64,
+    waiting: BinaryHeap<Reverse<Next>>,
+    width: usize,
+    fired: Vec<Fired>,
+    /// Stamp of the last frame.
+    last: Timestamp,
+    made: u64,
+    together: Together,
+    /// Pairs in the same pixel and microsecond of which one at least is its own.
+    pairs: u64,
+    out: Vec<Event>,
+}
+
+impl Hot {
+    fn new(hot: &HotPixels, size: Size, [left, top]: [u16; 2], seed: Seed) -> Self {
+        let mut all = Self {
+            rate: hot.per_ns(),
+            waiting: BinaryHeap::new(),
+            width: size.width as usize,
+            fired: vec![Fired::default(); size.pixels()],
+            last: Timestamp(0),
+            made: 0,
+            together: Together::default(),
+            pairs: 0,
+            out: Vec::new(),
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
+        let places = (0..size.height as u16).flat_map(|y| (0..size.width as u16).map(move |x| (x, y)));
+        for (x, y) in places {
+            let site = Site { seed, x: x + left, y: y + top };
+            all.wait(x, y, 0.0, site, hot.train(site));
+        }
+        all
+    }
+
+    /// Lets a pixel wait for its next event after `from`.
+    fn wait(&mut self, x: u16, y: u16, from: f64, site: Site, train: Train) {
+        let Some(gap) = train.gap(self.rate) else { return };
+        let at = from + gap;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "nanoseconds; what is beyond 64 bits is beyond any stamp"
+        )]
+        let event = Event { t: Timestamp(at as i64), x, y, polarity: Polarity::On };
+        self.waiting.push(Reverse(Next { event, at, site, train }));
+    }
+
+    /// Adds the own events up to this place in the file's order to what goes out.
+    fn take_until(&mut self, holds: impl Fn(&Event) -> bool) {
+        while let Some(Reverse(next)) = self.waiting.peek() {
+            if !holds(&next.event) {
+                break;
+            }
+            let Some(Reverse(Next { event, at, site, mut train })) = self.waiting.pop() else { break };
+            self.take(event, true);
+            self.made += 1;
+            train.wait(site, Space::Hot);
+            self.wait(event.x, event.y, at, site, train);
+        }
+    }
+
+    fn take(&mut self, event: Event, own: bool) {
+        let place = Some((event.t.floor_micros(), event.y, event.x));
+        if self.together.place != place {
+            self.together = Together { place, ..Together::default() };
+        }
+        self.pairs += if own { self.together.all } else { self.together.own };
+        self.together.all += 1;
+        self.together.own += u64::from(own);
+        let fired = &mut self.fired[usize::from(event.y) * self.width + usize::from(event.x)];
+        fired.by_itself |= own;
+        fired.by_law |= !own;
+        self.out.push(event);
+    }
+
+    /// Hands on what is left up to the last stamp.
+    fn append_rest(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
+        let last = self.last;
+        self.out.clear();
+        self.take_until(|own| own.t <= last);
+        sink.append(&self.out)
+    }
+}
+
+/// Merges the own events into what a law hands on.
+struct Merged<'a> {
+    sink: &'a mut dyn EventSink,
+    hot: &'a mut Hot,
+}
+
+impl EventSink for Merged<'_> {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        self.hot.out.clear();
+        for event in events {
+            let until = event.file_order();
+            self.hot.take_until(|own| own.file_order() <= until);
+            self.hot.take(*event, false);
+        }
+        self.sink.append(&self.hot.out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::array::{ArrayFrames, FullScale, Samples};
+    use crate::sensor::simulate;
+    use crate::sensor::voltmeter::{Preset, Voltmeter};
+    use std::ops::ControlFlow;
+
+    const SIZE: Size = Size { width: 40, height: 30 };
+    const FRAMES: usize = 50;
+    const STEP_US: i64 = 1000;
+
+    fn run(sensor: &Voltmeter, grey: impl Fn(usize, usize) -> f32) -> (Vec<Event>, Account) {
+        let samples = (0..FRAMES).flat_map(|j| (0..SIZE.pixels()).map(move |p| (j, p)));
+        let samples = Samples::Floats(samples.map(|(j, p)| grey(j, p)).collect(), FullScale::Grey255);
+        let stamps: Vec<i64> = (0..).map(|j| STEP_US * j).take(FRAMES).collect();
+        let mut frames = ArrayFrames::new(SIZE, samples, &stamps).unwrap();
+        let mut events = Vec::new();
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let account = simulate(&mut frames, sensor, Seed(5), &mut events, &mut go_on).unwrap();
+        (events, account)
+    }
+
+    fn quiet(hot_pixels: HotPixels) -> Voltmeter {
+        let [k1, k2, ..] = Preset::Dvs346.k();
+        Voltmeter { hot_pixels, ..Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) }
+    }
+
+    fn wave(j: usize, p: usize) -> f32 {
+        128.0 + 100.0 * libm::sinf(p as f32 + 0.7 * j as f32)
+    }
+
+    #[test]
+    fn in_constant_light_only_hot_pixels_fire_as_often_as_stated() {
+        let hot = HotPixels { share: 0.2, rate: 5000.0 };
+        let (events, account) = run(&quiet(hot), |_, _| 90.0);
+        // 1200 pixels, 49 ms: the share's binomial spread times 245 events each, and Poisson's.
+        let (pixels, each) = (0.2 * SIZE.pixels() as f64, 5000.0 * 0.049);
+        let spread = (pixels * 0.8 * each * each + pixels * each).sqrt();
+        let z = (events.len() as f64 - pixels * each) / spread;
+        println!("{} events, z {z:.2} (limit 4.5)", events.len());
+        assert!(z.abs() < 4.5);
+        assert!(events.iter().all(|e| e.polarity == Polarity::On && e.t.0 > 0 && e.t.0 <= 49_000_000));
+        let mut places: Vec<(u16, u16)> = events.iter().map(|e| (e.x, e.y)).collect();
+        places.sort_unstable();
+        let same_us: Vec<_> = events.iter().map(|e| (e.t.floor_micros(), e.y, e.x)).collect();
+        let pairs = same_us.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        places.dedup();
+        assert_eq!(account.active_pixels, places.len() as u64);
+        assert_eq!((account.events, account.on, account.off), (events.len() as u64, events.len() as u64, 0));
+        assert!(account.same_us_same_pixel >= pairs as u64 && pairs > 0);
+    }
+
+    #[test]
+    fn the_law_goes_on_beside_them_and_all_is_in_order() {
+        let hot = HotPixels { share: 0.1, rate: 3000.0 };
+        let (alone, without) = run(&quiet(HotPixels::default()), wave);
+        let (merged, with) = run(&quiet(hot), wave);
+        assert!(merged.is_sorted_by_key(Event::file_order));
+        assert!(with.events > without.events && with.events == merged.len() as u64);
+        assert_eq!((with.off, with.drift_violations), (without.off, 0));
+        // What the law makes is all there: taking its events out of the merged ones leaves the own ones.
+        let key = |e: &Event| (e.file_order(), e.t);
+        let mut own = merged.clone();
+        own.sort_by_key(key);
+        for event in &alone {
+            let at = own.binary_search_by_key(&key(event), key).expect("it is there");
+            own.remove(at);
+        }
+        assert_eq!(own.len() as u64, with.events - without.events);
+        assert!(own.iter().all(|e| e.polarity == Polarity::On));
+        // They are the same that fire in constant light.
+        let (mut dark, _) = run(&quiet(hot), |_, _| 90.0);
+        dark.sort_by_key(key);
+        assert_eq!(own, dark);
+    }
+}
