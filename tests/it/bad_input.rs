@@ -57,7 +57,7 @@ fn a_recipe_that_says_what_is_not_understood() {
     t("0.25*sin(t) + 1.1", "sin(t)", &["speed", "positive"]);
     t("0.25*sin(t) + 1.1", "0.25*sin(t", &["speed"]);
     t("outputs: [events, sharp]", "outputs: [events, blur]", &["blur"]);
-    t("between: linear", "between: hermite", &["hermite"]);
+    t("between: linear", "between: quintic", &["quintic"]);
     t("version: 1", "version: 2", &["version", "2"]);
 }
 

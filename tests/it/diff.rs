@@ -159,7 +159,7 @@ fn revisions_classes_and_steps_that_differ_are_told() {
     let class = json!([{ "code": "class", "old": gs2e::render::cpu::FINGERPRINT, "new": "other/1" }]);
     t(&|m| rekeyed(m, "class", json!("other/1")), ("base/events", true, class));
     let untold = json!([{ "code": "untold" }]);
-    t(&|m| rekeyed(m, "revision", json!(2)), ("base/events", true, untold.clone()));
+    t(&|m| rekeyed(m, "revision", json!(Simulating::REVISION)), ("base/events", true, untold.clone()));
     t(
         &|m| {
             step(m, "base/sharp")["key"] = json!(zeros);
