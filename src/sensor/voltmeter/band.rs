@@ -145,8 +145,11 @@ impl Window<'_> {
             }
             match self.logged.iter().position(|stamp| *stamp == Some(frame.t)) {
                 Some(known) => log[..count].copy_from_slice(&slice.logs[known][at.clone()]),
+                // A loop, since a closure would not be compiled for the instruction set that is in use.
                 None => {
-                    (0..count).step_by(8).for_each(|i| store(ln(load(simd, &level[..], i)), log, i));
+                    for i in (0..count).step_by(8) {
+                        store(ln(load(simd, &level[..], i)), log, i);
+                    }
                 }
             }
         }
