@@ -1,4 +1,4 @@
-//! How fast each part is on this machine: `cargo xtask bench [--json] [--runs N] [PART]…`.
+//! How fast each part is on this machine: `cargo xtask bench [--json] [--runs N] [--only TEXT] [PART]…`.
 //!
 //! Nothing here passes or fails. Rates are given at the median and at the fastest of several runs, with the workload;
 //! `RAYON_NUM_THREADS=1` gives them for one core.
@@ -14,18 +14,22 @@ struct Options {
     runs: usize,
     /// Names of parts; empty for all.
     parts: Vec<String>,
+    /// Each stands in the name of every workload that is run.
+    only: Vec<String>,
 }
 
 fn main() -> ExitCode {
     let options = match parse(std::env::args().skip(1)) {
         Ok(options) => options,
         Err(why) => {
-            eprintln!("error: {why}\nusage: cargo xtask bench [--json] [--runs N] [PART]...");
+            eprintln!("error: {why}\nusage: cargo xtask bench [--json] [--runs N] [--only TEXT] [PART]...");
             return ExitCode::from(2);
         }
     };
     let wanted = |part: &str| options.parts.is_empty() || options.parts.iter().any(|name| name == part);
-    let timings = measure::measure(workloads::all(&wanted), options.runs);
+    let mut all = workloads::all(&wanted);
+    all.retain(|work| options.only.iter().all(|text| work.what.contains(text)));
+    let timings = measure::measure(all, options.runs);
     let threads = rayon::current_num_threads();
     if options.json {
         let parts: Vec<_> = timings.iter().map(measure::Timing::json).collect();
@@ -49,7 +53,7 @@ fn main() -> ExitCode {
 }
 
 fn parse(args: impl Iterator<Item = String>) -> Result<Options, String> {
-    let mut options = Options { json: false, runs: 7, parts: Vec::new() };
+    let mut options = Options { json: false, runs: 7, parts: Vec::new(), only: Vec::new() };
     let mut args = args;
     while let Some(arg) = args.next() {
         match arg.as_str() {
@@ -57,6 +61,7 @@ fn parse(args: impl Iterator<Item = String>) -> Result<Options, String> {
             // What cargo adds for every benchmark.
             "--bench" => {}
             "--runs" => options.runs = count(args.next().as_deref())?,
+            "--only" => options.only.push(args.next().ok_or("found nothing after --only, wanted a text")?),
             part if workloads::PARTS.contains(&part) => options.parts.push(arg),
             _ => {
                 return Err(format!(

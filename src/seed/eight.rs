@@ -53,24 +53,27 @@ pub(crate) fn normals<S: Simd>(simd: S, values: &mut [f64]) {
 /// The middle of the distribution costs no logarithm: the tails, a seventh of all, are done apart.
 #[inline(always)]
 fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
-    let (mut tail_places, mut tails, mut count) = ([0; CHUNK], [0.5; CHUNK], 0);
+    let (mut tail_places, mut tails, mut count) = ([0; CHUNK + 8], [0.5; CHUNK + 8], 0);
+    let lanes = u64x8::from_fn(simd, |lane| lane as u64);
     for start in (0..values.len()).step_by(8) {
         let p = load(simd, values, start);
         let q = p - 0.5;
-        for i in places(bits(q.abs().simd_gt(normal::CENTRE))) {
-            tail_places[count % CHUNK] = start + i;
-            tails[count % CHUNK] = p[i];
-            count += 1;
-        }
+        let far = q.abs().simd_gt(normal::CENTRE);
+        // Without a branch, which a processor would mispredict most of the time.
+        simd.compress_u64x8(lanes + start as u64, far).store_slice(&mut tail_places[count..count + 8]);
+        store(simd.compress_f64x8(p, far), &mut tails, count);
+        count += bits(far).count_ones() as usize;
         let r = f64x8::splat(simd, normal::CENTRE_SQUARE) - q * q;
         let z =
             q * normal::eight(&normal::CENTRE_NUMERATOR, r) / normal::eight(&normal::CENTRE_DENOMINATOR, r);
         store(z, values, start);
     }
+    // Beyond the last tail lies what is none, and which no branch is to be taken for.
+    store(f64x8::splat(simd, 0.5), &mut tails, count);
     for start in (0..count).step_by(8) {
         let z = tail(load(simd, &tails, start));
-        for i in 0..8.min(count - start) {
-            values[tail_places[start + i]] = z[i];
+        for i in start..count.min(start + 8) {
+            values[tail_places[i] as usize] = z[i - start];
         }
     }
 }

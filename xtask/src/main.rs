@@ -18,7 +18,7 @@ usage: cargo xtask <task>
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--minutes N`, `--only NAME`, `--seed N`)
   fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`, `--jobs N`)
-  bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, names of workloads)
+  bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, `--only TEXT`, names of parts)
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
   manifest           builds the demo release and rewrites manifests/demo.json from it

@@ -51,6 +51,10 @@ const BLOCK: usize = 64;
 /// One number of each pixel of a block.
 type Lane = [f64; BLOCK];
 
+/// So many pixels go down the clock together at least, if there are: what a cell costs beside them is then small, and
+/// what is known of them still fits a cache.
+const CROWD: usize = 2048;
+
 /// What is known of a block's pixels in a window.
 #[derive(Debug, Default)]
 struct Block {
@@ -100,13 +104,22 @@ impl Window<'_> {
                     }
                 },
             );
+            if band.walkers.len() >= CROWD {
+                self.walk::<C, S>(simd, &mut slice, band);
+            }
         }
+        self.walk::<C, S>(simd, &mut slice, band);
+    }
+
+    /// Takes those that have left the straight way across the window.
+    fn walk<C: Curve, S: Simd>(&self, simd: S, slice: &mut Slice<'_>, band: &mut Band) {
         let Band { walkers, events, most, capped, .. } = band;
         let Slice { first, voltage, tally, .. } = slice;
-        let writer = Writer { window: self, first, tally, events, most, capped };
-        // A walk ends early where the step has failed.
+        let writer = Writer { window: self, first: *first, tally, events, most, capped };
+        // It ends early where the step has failed.
         let _ = Walk { window: self, walkers, writer }.cross::<C, S>(simd);
         walkers.settled().for_each(|(pixel, x)| voltage[pixel] = x);
+        walkers.clear();
     }
 
     /// The root noise of pixels: draw 0 of the tree.

@@ -29,8 +29,11 @@ pub(super) const VERSION: u32 = 2;
 
 /// Stamps end here, so that the number of a cell fits the counter of the draws: 2.3 years.
 const LAST_STAMP: i64 = 1 << 56;
-/// Pixels that one thread takes at a time, about.
-const BAND: usize = 4096;
+/// Bands for each thread: enough for threads that get the quiet parts of the image to take over from others. Few, since
+/// what a walk down the clock costs beside its pixels is then shared by more of them.
+const BANDS_A_THREAD: usize = 4;
+/// Fewer pixels than these are not worth a band.
+const LEAST_BAND: usize = 4096;
 
 /// State of the exact law.
 #[derive(Debug)]
@@ -42,6 +45,8 @@ pub(super) struct Exact {
     /// Frames that are no longer needed, for their memory.
     spare: Vec<Stored>,
     state: State,
+    /// Pixels that one thread takes at a time, a multiple of 8.
+    band: usize,
     bands: Vec<Band>,
     /// Windows are crossed up to here, ns.
     crossed: i64,
@@ -104,6 +109,8 @@ impl Exact {
         };
         let mut seats: Vec<u32> = (0..n).map(seat).collect();
         seats.resize(padded, 0);
+        let bands = BANDS_A_THREAD * rayon::current_num_threads();
+        let band = n.div_ceil(bands).max(LEAST_BAND).next_multiple_of(8);
         Self {
             law,
             level: Level::new(),
@@ -118,7 +125,8 @@ impl Exact {
                 logged: [None; KEPT_LOGS],
                 tally: vec![Tally::default(); n],
             },
-            bands: std::iter::repeat_with(Band::default).take(n.div_ceil(BAND)).collect(),
+            band,
+            bands: std::iter::repeat_with(Band::default).take(n.div_ceil(band)).collect(),
             crossed: 0,
             windows: Windows::default(),
             negative_luminance: 0,
@@ -158,20 +166,21 @@ impl Exact {
             &mut self.state;
         let window = Window::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
         let window = window.knowing(*logged);
+        let size = self.band;
         let chunks = (
-            seats.par_chunks(BAND),
-            voltage.par_chunks_mut(BAND),
-            drift.par_chunks_mut(BAND),
-            variance.par_chunks_mut(BAND),
-            last_log.par_chunks_mut(BAND).zip(log_before.par_chunks_mut(BAND)),
-            tally.par_chunks_mut(BAND),
+            seats.par_chunks(size),
+            voltage.par_chunks_mut(size),
+            drift.par_chunks_mut(size),
+            variance.par_chunks_mut(size),
+            last_log.par_chunks_mut(size).zip(log_before.par_chunks_mut(size)),
+            tally.par_chunks_mut(size),
             self.bands.par_iter_mut(),
         );
         let level = self.level;
         chunks.into_par_iter().enumerate().for_each(
             |(i, (seats, voltage, drift, variance, logs, tally, band))| {
                 let logs = logs.into();
-                let slice = Slice { first: i * BAND, seats, voltage, drift, variance, logs, tally };
+                let slice = Slice { first: i * size, seats, voltage, drift, variance, logs, tally };
                 match window.law.between {
                     Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
                     Between::Catmull | Between::Hermite => {

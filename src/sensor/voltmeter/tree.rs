@@ -163,6 +163,10 @@ impl Walkers {
         self.lists[0].len = 0;
     }
 
+    pub(super) fn len(&self) -> usize {
+        self.pixels.len()
+    }
+
     #[inline(always)]
     pub(super) fn push(&mut self, walker: Walker, pieces: impl Iterator<Item = [f64; 5]>) {
         let Walker { pixel, seat, voltage, sigma, curvature, increment, drift } = walker;
@@ -371,11 +375,14 @@ impl Walk<'_> {
         let Self { window, walkers, .. } = self;
         let slope = (to - from) * (1.0 / f64::from(node.length()));
         let legs = window.legs.len();
-        knots.fold(f64x8::splat(simd, 0.0), |farthest, leg| {
+        let mut farthest = f64x8::splat(simd, 0.0);
+        // A loop: a closure given to `fold` would not be compiled for the instruction set in use.
+        for leg in knots {
             let at = f64x8::from_fn(simd, |lane| walkers.pieces[members[lane] * legs + leg][0]);
             let since = window.legs[leg].stamp - f64::from(node.start);
-            farthest.max((at - from - slope * since).abs())
-        })
+            farthest = farthest.max((at - from - slope * since).abs());
+        }
+        farthest
     }
 
     /// Those of eight walkers for whom a short cell is a leaf: in which the drift is straight.
