@@ -49,6 +49,25 @@ pub(crate) fn ln<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     s * (half_square + (odd + even)) + exponent * LN2_LOW - half_square + f + exponent * LN2_HIGH
 }
 
+/// Where `ln` of a ratio is a series: `(b - a)/(b + a)` below this. It ends below `NEAR^14/15` of its first term, 1e-18.
+const NEAR: f64 = 1.0 / 16.0;
+/// Coefficients of `atanh(q)/q` in powers of `q^2`.
+const ATANH: [f64; 7] = [1.0, 1.0 / 3.0, 1.0 / 5.0, 1.0 / 7.0, 1.0 / 9.0, 1.0 / 11.0, 1.0 / 13.0];
+
+/// `ln(b/a)` of positive finite numbers, as `2 atanh((b - a)/(b + a))` where they are near each other: a few ulp of the
+/// result there, and of the larger logarithm elsewhere.
+#[inline(always)]
+pub(crate) fn ln_ratio<S: Simd>([a, b]: [f64x8<S>; 2]) -> f64x8<S> {
+    let q = (b - a) / (b + a);
+    let z = q * q;
+    let w = z * z;
+    let [c0, c1, c2, c3, c4, c5, c6] = ATANH;
+    let low = (z * c1 + c0) + (z * c3 + c2) * w;
+    let series = (q + q) * (low + ((z * c5 + c4) + w * c6) * (w * w));
+    let near = q.abs().simd_lt(NEAR);
+    if near.all_true() { series } else { near.select(series, ln(b) - ln(a)) }
+}
+
 const TWO_52: f64 = 4_503_599_627_370_496.0;
 const TWO_54: f64 = 18_014_398_509_481_984.0;
 

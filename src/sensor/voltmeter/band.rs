@@ -1,12 +1,12 @@
 //! A band of pixels in one window of time: most of them cross it in one step, the rest go down the tree.
 
 use super::Between;
-use super::curve::{Curve, Knot, Wide};
-use super::noiseless;
+use super::curve::{Curve, Ends, Wide};
+use super::noiseless::{self, Straight};
 use super::tree::{ROOT_DEVIATION, Walk, Walker, Walkers};
 use super::window::{Leg, Window};
 use super::writer::{Tally, Writer};
-use crate::elementary::{bits, ln, load, places, store};
+use crate::elementary::{bits, ln_ratio, load, places, store};
 use crate::seed::Space;
 use crate::seed::eight::{self, Cells};
 use crate::sensor::SensorError;
@@ -35,14 +35,9 @@ pub(super) struct Slice<'a> {
     pub(super) voltage: &'a mut [f64],
     pub(super) drift: &'a mut [f64],
     pub(super) variance: &'a mut [f64],
-    /// Logarithms of the window's last knots before this one, the last first.
-    pub(super) logs: [&'a mut [f64]; KEPT_LOGS],
     /// One for each pixel that has a meaning.
     pub(super) tally: &'a mut [Tally],
 }
-
-/// Knots of a window whose logarithms the next window finds: those that it may share.
-pub(super) const KEPT_LOGS: usize = 2;
 
 /// Pixels that go through a window together, one piece of arithmetic after the other: short loops over many pixels keep
 /// a processor busier than one long one over few.
@@ -58,7 +53,7 @@ const CROWD: usize = 2048;
 /// What is known of a block's pixels in a window.
 #[derive(Debug, Default)]
 struct Block {
-    /// `L + k2`, its logarithm and the slope of that, for each of the window's knots.
+    /// `L + k2`, what its logarithm changes by up to the next knot, and the slope of that, for each of the window's knots.
     knots: Vec<[Lane; 3]>,
     /// Of eight pixels: the drift since the window's start at a leg's earlier frame, and the leg's curve.
     pieces: Vec<[[f64; 8]; 5]>,
@@ -96,7 +91,7 @@ impl Window<'_> {
                 || {
                     let mut noise = ZEROS;
                     self.draw(simd, &slice.seats[start..end], &mut noise);
-                    self.fill(simd, start..end, &mut slice, &mut band.block);
+                    self.fill(simd, slice.first + start, end - start, &mut band.block);
                     for i in (start..end).step_by(8) {
                         let increment = load(simd, &noise, i - start);
                         let crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
@@ -139,14 +134,13 @@ impl Window<'_> {
         }
     }
 
-    /// Knots of the pixels at these places of a band.
+    /// Knots of the pixels from `first` on.
     #[inline(always)]
-    fn fill<S: Simd>(&self, simd: S, at: Range<usize>, slice: &mut Slice<'_>, block: &mut Block) {
+    fn fill<S: Simd>(&self, simd: S, first: usize, count: usize, block: &mut Block) {
         let Block { knots, pieces } = block;
         pieces.resize(self.legs.len(), [[0.0; 8]; 5]);
         knots.resize(self.knots.len(), [ZEROS; 3]);
-        let (count, first) = (at.len(), slice.first + at.start);
-        for ([level, log, slope], frame) in knots.iter_mut().zip(&self.frames[self.knots.clone()]) {
+        for ([level, _, slope], frame) in knots.iter_mut().zip(&self.frames[self.knots.clone()]) {
             let luminance = &frame.luminance[first..first + count];
             for (i, luminance) in (0..).step_by(8).zip(luminance.chunks_exact(8)) {
                 let here = f64x8::from_fn(simd, |lane| luminance[lane].into()) + self.law.process.k2;
@@ -156,18 +150,12 @@ impl Window<'_> {
                     store(rate * SECONDS / here, slope, i);
                 }
             }
-            match self.logged.iter().position(|stamp| *stamp == Some(frame.t)) {
-                Some(known) => log[..count].copy_from_slice(&slice.logs[known][at.clone()]),
-                // A loop, since a closure would not be compiled for the instruction set that is in use.
-                None => {
-                    for i in (0..count).step_by(8) {
-                        store(ln(load(simd, &level[..], i)), log, i);
-                    }
-                }
-            }
         }
-        for (kept, [_, log, _]) in slice.logs.iter_mut().zip(knots.iter().rev()).take(self.law.logs_kept()) {
-            kept[at.clone()].copy_from_slice(&log[..count]);
+        for at in 1..knots.len() {
+            let [[before, step, _], [after, ..]] = &mut knots[at - 1..=at] else { unreachable!("they are two") };
+            for i in (0..count).step_by(8) {
+                store(ln_ratio([load(simd, before, i), load(simd, after, i)]), step, i);
+            }
         }
         if self.law.between == Between::Catmull {
             self.slopes(simd, count, knots);
@@ -192,29 +180,26 @@ impl Window<'_> {
                 (false, false) => [0.0, 0.0],
             };
             for i in (0..count).step_by(8) {
-                let [v0, v1, v2] = [before, at, after].map(|knot| load(simd, &knots[knot][1], i));
-                store((v1 - v0) * left + (v2 - v1) * right, &mut knots[at][2], i);
+                let [in_step, out_step] = [before, at].map(|knot| load(simd, &knots[knot][1], i));
+                store(in_step * left + out_step * right, &mut knots[at][2], i);
             }
         }
     }
 
-    /// The curve of a leg for eight pixels of a block, and its knots.
+    /// The curve of a leg for eight pixels of a block, and what it goes by.
     #[inline(always)]
-    fn curve<C: Curve, S: Simd>(
-        &self,
-        simd: S,
-        leg: usize,
-        i: usize,
-        block: &Block,
-    ) -> (Wide<S>, [Knot<S>; 2]) {
+    fn curve<C: Curve, S: Simd>(&self, simd: S, leg: usize, i: usize, block: &Block) -> (Wide<S>, Ends<S>) {
         let Leg { inverse, frame, .. } = self.legs[leg];
         let at = frame - self.knots.start;
-        let here = knot(simd, &block.knots[at], i);
-        if inverse == 0.0 {
-            return ([f64x8::splat(simd, 0.0); 4], [here; 2]);
-        }
-        let ends = [here, knot(simd, &block.knots[at + 1], i)];
-        (C::between(&self.law.process, ends, inverse), ends)
+        let next = if inverse == 0.0 { at } else { at + 1 };
+        let ends = [at, next].map(|knot| &block.knots[knot]);
+        let ends = Ends {
+            levels: ends.map(|[level, ..]| load(simd, level, i)),
+            step: load(simd, &ends[0][1], i),
+            slopes: ends.map(|[.., slope]| load(simd, slope, i)),
+            inverse,
+        };
+        if inverse == 0.0 { ([f64x8::splat(simd, 0.0); 4], ends) } else { (C::between(&self.law.process, &ends), ends) }
     }
 
     /// The way of eight pixels of a block, the `i`-th and on. Leaves behind where their pieces begin.
@@ -231,7 +216,7 @@ impl Window<'_> {
             drift = here + C::rise(process, &curve, to);
             curvature = curvature.max(C::curvature(&curve, [from, to]));
             if at == self.middle.0 && !process.is_noiseless() {
-                level = C::level(process, ends, leg.inverse, self.middle.1);
+                level = C::level(process, &ends, self.middle.1);
             }
         }
         let slope = drift * (1.0 / self.length);
@@ -270,14 +255,17 @@ impl Window<'_> {
         if live == 0 {
             return;
         }
+        // Beyond the image's last pixel there is no tally.
+        let pixels = slice.tally.len();
+        let live = places(live).take_while(|lane| pixel + lane < pixels);
+        if self.law.process.is_noiseless() && C::are_straight(&self.law.process) {
+            return self.run_straight(live, pixel, [x, drift], slice, band);
+        }
         for at in 0..self.legs.len() {
             let (curve, _) = self.curve::<C, S>(simd, at, i, &band.block);
             let [_, to @ ..] = &mut band.block.pieces[at];
             to.iter_mut().zip(curve).for_each(|(to, c)| c.store_slice(to));
         }
-        // Beyond the image's last pixel there is no tally.
-        let pixels = slice.tally.len();
-        let live = places(live).take_while(|lane| pixel + lane < pixels);
         if self.law.process.is_noiseless() {
             return self.run::<C>(live, (pixel, *x), slice, band);
         }
@@ -298,6 +286,30 @@ impl Window<'_> {
 }
 
 impl Window<'_> {
+    /// Takes pixels across by the law without noise whose drift is straight: lanes of eight from `pixel` on, with their
+    /// voltages and drifts. Where the voltages go to without events is known already.
+    #[inline(always)]
+    fn run_straight<S: Simd>(
+        &self,
+        lanes: impl Iterator<Item = usize>,
+        pixel: usize,
+        way: [f64x8<S>; 2],
+        slice: &mut Slice<'_>,
+        band: &mut Band,
+    ) {
+        let Band { events, most, capped, .. } = band;
+        let Slice { first, seats, tally, voltage, .. } = slice;
+        let straight = Straight::new(self.law.barriers, way, self.length);
+        let mut writer = Writer { window: self, first: *first, tally, events, most, capped };
+        for lane in lanes {
+            let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
+            // It ends early where the step has failed.
+            if let ControlFlow::Continue(taken) = straight.cross(lane, &mut emit) {
+                voltage[pixel + lane] -= taken;
+            }
+        }
+    }
+
     /// Takes pixels across by the law without noise: lanes of eight from `pixel` on, with their voltages.
     #[inline(always)]
     fn run<C: Curve>(
@@ -319,10 +331,4 @@ impl Window<'_> {
             }
         }
     }
-}
-
-/// Eight of a block's knots at a frame.
-#[inline(always)]
-fn knot<S: Simd>(simd: S, [level, log, slope]: &[Lane; 3], i: usize) -> Knot<S> {
-    Knot { level: load(simd, level, i), log: load(simd, log, i), slope: load(simd, slope, i) }
 }

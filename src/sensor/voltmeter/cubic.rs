@@ -3,7 +3,7 @@
 //! The signal's part of the drift is `k1` times that cubic, so between frames it is exact. The leak's is the integral of
 //! the parabola through the brightness at both frames and in the middle, which is a cubic too. Slopes are not limited.
 
-use super::curve::{Curve, Knot, One, Wide};
+use super::curve::{Curve, Ends, One, Wide};
 use super::drift::Process;
 use crate::elementary;
 use fearless_simd::{Simd, SimdBase as _, f64x8};
@@ -14,9 +14,9 @@ pub(super) struct Cubic;
 
 /// `V - V0` in powers of `s`, from 1 on.
 #[inline(always)]
-fn log<S: Simd>([from, to]: [Knot<S>; 2], inverse: f64) -> [f64x8<S>; 3] {
-    let step = to.log - from.log;
-    let [a, b] = [from.slope, to.slope].map(|slope| slope * (1.0 / inverse));
+fn log<S: Simd>(ends: &Ends<S>) -> [f64x8<S>; 3] {
+    let Ends { step, slopes, inverse, .. } = *ends;
+    let [a, b] = slopes.map(|slope| slope * (1.0 / inverse));
     [a, step * 3.0 - a * 2.0 - b, a + b - step * 2.0]
 }
 
@@ -27,14 +27,15 @@ fn horner<S: Simd>([c1, c2, c3]: [f64x8<S>; 3], s: f64) -> f64x8<S> {
 
 impl Curve for Cubic {
     #[inline(always)]
-    fn between<S: Simd>(process: &Process, knots: [Knot<S>; 2], inverse: f64) -> Wide<S> {
+    fn between<S: Simd>(process: &Process, ends: &Ends<S>) -> Wide<S> {
         let Process { k1, k2, k4, k5, .. } = *process;
+        let inverse = ends.inverse;
         let length = 1.0 / inverse;
-        let signal = log(knots, inverse).map(|c| c * k1);
+        let signal = log(ends).map(|c| c * k1);
         let mut leak = [f64x8::splat(signal[0].simd, 0.0); 3];
         if k5 != 0.0 {
-            let middle = Self::level(process, knots, inverse, 0.5 * length) - k2;
-            let [first, last] = knots.map(|knot| knot.level - k2);
+            let middle = Self::level(process, ends, 0.5 * length) - k2;
+            let [first, last] = ends.levels.map(|level| level - k2);
             leak = [
                 first,
                 (middle * 4.0 - first * 3.0 - last) * 0.5,
@@ -47,11 +48,12 @@ impl Curve for Cubic {
     }
 
     #[inline(always)]
-    fn level<S: Simd>(_: &Process, knots: [Knot<S>; 2], inverse: f64, t: f64) -> f64x8<S> {
-        if inverse == 0.0 {
-            return knots[0].level;
+    fn level<S: Simd>(_: &Process, ends: &Ends<S>, t: f64) -> f64x8<S> {
+        let start = ends.levels[0];
+        if ends.inverse == 0.0 {
+            return start;
         }
-        elementary::exp(knots[0].log + horner(log(knots, inverse), t * inverse))
+        start * elementary::exp(horner(log(ends), t * ends.inverse))
     }
 
     #[inline(always)]
@@ -97,6 +99,10 @@ impl Curve for Cubic {
     fn is_straight([_, c2, c3, _]: &One) -> bool {
         *c2 == 0.0 && *c3 == 0.0
     }
+
+    fn are_straight(_: &Process) -> bool {
+        false
+    }
 }
 
 #[cfg(test)]
@@ -121,7 +127,7 @@ mod tests {
     fn piece(process: &Process, [from, to]: [f64; 2]) -> One {
         let knot = |s: f64| {
             let [log, slope] = signal(s);
-            [libm::exp(log), log, slope / LENGTH]
+            [libm::exp(log), slope / LENGTH]
         };
         of_one::<Cubic>(process, [knot(from), knot(to)], LENGTH * (to - from))
     }

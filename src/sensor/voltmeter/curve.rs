@@ -11,24 +11,26 @@ pub(super) type Wide<S> = [f64x8<S>; 4];
 /// The curve of one pixel.
 pub(super) type One = [f64; 4];
 
-/// Eight pixels at a frame.
+/// Eight pixels at two frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Knot<S: Simd> {
+pub(super) struct Ends<S: Simd> {
     /// `L + k2`.
-    pub(super) level: f64x8<S>,
-    /// Its logarithm, `V`.
-    pub(super) log: f64x8<S>,
+    pub(super) levels: [f64x8<S>; 2],
+    /// What its logarithm `V` changes by.
+    pub(super) step: f64x8<S>,
     /// `dV/dt`, per ns, where the interpolation goes by it.
-    pub(super) slope: f64x8<S>,
+    pub(super) slopes: [f64x8<S>; 2],
+    /// One over the time between the frames, per ns.
+    pub(super) inverse: f64,
 }
 
 /// What a family of curves can do. Times are ns since the earlier frame.
 pub(super) trait Curve {
-    /// Between frames `1/inverse` ns apart.
-    fn between<S: Simd>(process: &Process, knots: [Knot<S>; 2], inverse: f64) -> Wide<S>;
+    /// Between two frames.
+    fn between<S: Simd>(process: &Process, ends: &Ends<S>) -> Wide<S>;
 
     /// `L + k2` at `t`.
-    fn level<S: Simd>(process: &Process, knots: [Knot<S>; 2], inverse: f64, t: f64) -> f64x8<S>;
+    fn level<S: Simd>(process: &Process, ends: &Ends<S>, t: f64) -> f64x8<S>;
 
     /// `D(t) - D(0)`.
     fn rise<S: Simd>(process: &Process, curve: &Wide<S>, t: f64) -> f64x8<S>;
@@ -50,18 +52,20 @@ pub(super) trait Curve {
 
     /// Whether the drift is proportional to the time.
     fn is_straight(curve: &One) -> bool;
+
+    /// Whether every curve of the process is straight.
+    fn are_straight(process: &Process) -> bool;
 }
 
-/// The curve of one pixel, for tests: `L + k2`, its logarithm and the slope of that at two frames, `length` ns apart.
+/// The curve of one pixel, for tests: `L + k2` and the slope of its logarithm at two frames, `length` ns apart.
 #[cfg(test)]
-pub(super) fn of_one<C: Curve>(process: &Process, knots: [[f64; 3]; 2], length: f64) -> One {
+pub(super) fn of_one<C: Curve>(process: &Process, knots: [[f64; 2]; 2], length: f64) -> One {
     use fearless_simd::{Level, SimdBase as _, dispatch};
     dispatch!(Level::new(), simd => {
-        let knots = knots.map(|[level, log, slope]| {
-            let [level, log, slope] = [level, log, slope].map(|v| f64x8::splat(simd, v));
-            Knot { level, log, slope }
-        });
-        C::between(process, knots, 1.0 / length).map(|c| c[5])
+        let levels = knots.map(|[level, _]| f64x8::splat(simd, level));
+        let slopes = knots.map(|[_, slope]| f64x8::splat(simd, slope));
+        let step = crate::elementary::ln_ratio(levels);
+        C::between(process, &Ends { levels, step, slopes, inverse: 1.0 / length }).map(|c| c[5])
     })
 }
 

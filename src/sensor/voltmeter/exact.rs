@@ -5,7 +5,7 @@
 //! luminance, so neither the bands nor their order can show.
 #![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
-use super::band::{Band, KEPT_LOGS, Slice};
+use super::band::{Band, Slice};
 use super::bridge::Barriers;
 use super::cubic::Cubic;
 use super::drift::Process;
@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Version of the law: raised when a clock, a constant or a draw changes.
-pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 
 /// Stamps end here, so that the number of a cell fits the counter of the draws: 2.3 years.
 const LAST_STAMP: i64 = 1 << 56;
@@ -89,9 +89,6 @@ struct State {
     drift: Vec<f64>,
     /// Of the noise since the first frame.
     variance: Vec<f64>,
-    /// Logarithms of the last knots, and their stamps: the next window begins with them.
-    logs: [Vec<f64>; KEPT_LOGS],
-    logged: [Option<i64>; KEPT_LOGS],
     tally: Vec<Tally>,
 }
 
@@ -121,8 +118,6 @@ impl Exact {
                 voltage: vec![0.0; padded],
                 drift: vec![0.0; padded],
                 variance: vec![0.0; padded],
-                logs: std::array::from_fn(|_| vec![0.0; padded]),
-                logged: [None; KEPT_LOGS],
                 tally: vec![Tally::default(); n],
             },
             band,
@@ -162,25 +157,21 @@ impl Exact {
     }
 
     fn cross_window(&mut self, end: i64, last: i64) -> Result<(), SensorError> {
-        let State { seats, voltage, drift, variance, logs: [last_log, log_before], logged, tally } =
-            &mut self.state;
+        let State { seats, voltage, drift, variance, tally } = &mut self.state;
         let window = Window::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
-        let window = window.knowing(*logged);
         let size = self.band;
         let chunks = (
             seats.par_chunks(size),
             voltage.par_chunks_mut(size),
             drift.par_chunks_mut(size),
             variance.par_chunks_mut(size),
-            last_log.par_chunks_mut(size).zip(log_before.par_chunks_mut(size)),
             tally.par_chunks_mut(size),
             self.bands.par_iter_mut(),
         );
         let level = self.level;
         chunks.into_par_iter().enumerate().for_each(
-            |(i, (seats, voltage, drift, variance, logs, tally, band))| {
-                let logs = logs.into();
-                let slice = Slice { first: i * size, seats, voltage, drift, variance, logs, tally };
+            |(i, (seats, voltage, drift, variance, tally, band))| {
+                let slice = Slice { first: i * size, seats, voltage, drift, variance, tally };
                 match window.law.between {
                     Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
                     Between::Catmull | Between::Hermite => {
@@ -189,7 +180,6 @@ impl Exact {
                 }
             },
         );
-        *logged = window.leaves();
         for band in &mut self.bands {
             if let Some(error) = band.capped.take() {
                 return Err(error);
@@ -274,12 +264,6 @@ impl Law {
     /// How many frames up to a place a curve that begins there goes by. It goes by as many from its end on.
     fn kept(&self) -> usize {
         if self.between == Between::Catmull { 2 } else { 1 }
-    }
-
-    /// Knots whose logarithms a window leaves to the next: without noise a window ends at a frame, where the next begins;
-    /// with noise the next begins before that frame.
-    pub(super) fn logs_kept(&self) -> usize {
-        if self.process.is_noiseless() { 1 } else { KEPT_LOGS }
     }
 
     /// Coordinates of a pixel in the frame.

@@ -5,7 +5,7 @@
 //! published program is the case `g = 0`.
 
 use super::Gain;
-use super::curve::{Curve, Knot, One, Wide};
+use super::curve::{Curve, Ends, One, Wide};
 use super::drift::Process;
 use crate::elementary;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdMask as _, f64x8};
@@ -16,28 +16,30 @@ pub(super) struct Line;
 
 impl Curve for Line {
     #[inline(always)]
-    fn between<S: Simd>(process: &Process, [from, to]: [Knot<S>; 2], inverse: f64) -> Wide<S> {
-        let zero = f64x8::splat(from.level.simd, 0.0);
+    fn between<S: Simd>(process: &Process, ends: &Ends<S>) -> Wide<S> {
+        let Ends { levels: [from, to], step, inverse, .. } = *ends;
+        let zero = f64x8::splat(step.simd, 0.0);
         let Process { k1, k2, k4, k5, .. } = *process;
         match process.gain {
             Gain::Log => {
-                let growth = (to.log - from.log) * inverse;
+                let growth = step * inverse;
                 let slope = growth * k1 + (k4 - k5 * k2);
-                [slope, from.level * k5, growth, (growth * k5).abs() * from.level.max(to.level)]
+                [slope, from * k5, growth, (growth * k5).abs() * from.max(to)]
             }
             Gain::Midpoint => {
-                let middle = (from.level + to.level) * 0.5;
-                let signal = (to.level - from.level) * k1 / middle * inverse;
+                let middle = (from + to) * 0.5;
+                let signal = (to - from) * k1 / middle * inverse;
                 [signal + k4 + (middle - k2) * k5, zero, zero, zero]
             }
         }
     }
 
     #[inline(always)]
-    fn level<S: Simd>(process: &Process, [from, to]: [Knot<S>; 2], inverse: f64, t: f64) -> f64x8<S> {
+    fn level<S: Simd>(process: &Process, ends: &Ends<S>, t: f64) -> f64x8<S> {
+        let Ends { levels: [from, to], step, inverse, .. } = *ends;
         match process.gain {
-            Gain::Log => from.level * exp((to.log - from.log) * inverse * t),
-            Gain::Midpoint => (from.level + to.level) * 0.5,
+            Gain::Log => from * exp(step * inverse * t),
+            Gain::Midpoint => (from + to) * 0.5,
         }
     }
 
@@ -77,6 +79,10 @@ impl Curve for Line {
 
     fn is_straight([_, bend, growth, _]: &One) -> bool {
         bend * growth == 0.0
+    }
+
+    fn are_straight(process: &Process) -> bool {
+        process.k5 == 0.0 || process.gain == Gain::Midpoint
     }
 }
 
@@ -140,7 +146,7 @@ mod tests {
     }
 
     fn between(process: &Process, greys: [f64; 2], length: f64) -> One {
-        of_one::<Line>(process, greys.map(|l| [l + process.k2, libm::log(l + process.k2), 0.0]), length)
+        of_one::<Line>(process, greys.map(|l| [l + process.k2, 0.0]), length)
     }
 
     /// `D` over `[0, t]` of a piece by Simpson's rule on the drift's definition.

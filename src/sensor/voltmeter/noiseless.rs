@@ -5,6 +5,7 @@ use super::curve::{Curve, One};
 use super::leaf::Emit;
 use super::window::Window;
 use crate::event::Polarity;
+use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
 use std::marker::PhantomData;
 use std::ops::ControlFlow;
 
@@ -22,6 +23,47 @@ pub(super) fn cross<C: Curve>(
         x = run.cross(window.law.barriers, x, span, emit)?;
     }
     ControlFlow::Continue(x)
+}
+
+/// Eight pixels whose drift is proportional to the time.
+#[derive(Debug)]
+pub(super) struct Straight<S: Simd> {
+    /// Drift over the window.
+    rise: f64x8<S>,
+    /// Drift up to the first event, and between events.
+    first: f64x8<S>,
+    step: f64x8<S>,
+    /// Time over drift.
+    pace: f64x8<S>,
+    /// Of the window, ns.
+    length: f64,
+}
+
+impl<S: Simd> Straight<S> {
+    /// From the voltages `x` up by `rise`, in so many ns.
+    #[inline(always)]
+    pub(super) fn new(barriers: Barriers, [x, rise]: [f64x8<S>; 2], length: f64) -> Self {
+        let [up, down] = [barriers.up, -barriers.down].map(|step| f64x8::splat(x.simd, step));
+        let step = rise.simd_ge(0.0).select(up, down);
+        Self { rise, first: step - x, step, pace: f64x8::splat(x.simd, length) / rise, length }
+    }
+
+    /// Emits the events of one of the pixels; how many thresholds they take from its voltage.
+    #[inline(always)]
+    pub(super) fn cross(&self, lane: usize, emit: &mut impl Emit) -> ControlFlow<(), f64> {
+        let Self { rise, first, step, pace, length } = self;
+        let [rise, first, step, pace] = [rise, first, step, pace].map(|eight| eight[lane]);
+        let polarity = if rise >= 0.0 { Polarity::On } else { Polarity::Off };
+        let mut crossed = 0.0;
+        loop {
+            let target = first + crossed * step;
+            if target.abs() > rise.abs() {
+                return ControlFlow::Continue(crossed * step);
+            }
+            emit.event((target * pace).clamp(0.0, *length), polarity)?;
+            crossed += 1.0;
+        }
+    }
 }
 
 /// A pixel's drift along a leg.

@@ -1,7 +1,6 @@
 //! One window of time, and the legs between frames that it crosses.
 
 use super::Between;
-use super::band::KEPT_LOGS;
 use super::exact::{Law, Stored};
 use super::tree::LEVELS;
 use std::ops::Range;
@@ -15,8 +14,6 @@ pub(super) struct Window<'a> {
     pub(super) legs: Vec<Leg>,
     /// Frames whose brightness the legs' curves go by.
     pub(super) knots: Range<usize>,
-    /// Stamps of the knots whose logarithms are known.
-    pub(super) logged: [Option<i64>; KEPT_LOGS],
     /// The leg that holds the middle, the later one at a stamp, and the time since its start.
     pub(super) middle: (usize, f64),
     /// Longest part of a leg in the window, ns.
@@ -77,7 +74,6 @@ impl<'a> Window<'a> {
             law,
             legs,
             knots,
-            logged: [None; KEPT_LOGS],
             middle,
             widest,
             start,
@@ -86,17 +82,6 @@ impl<'a> Window<'a> {
             last,
             frames,
         }
-    }
-
-    /// The same where the logarithms of the knots at these stamps are known.
-    pub(super) fn knowing(self, logged: [Option<i64>; KEPT_LOGS]) -> Self {
-        Self { logged, ..self }
-    }
-
-    /// Stamps of the last knots, whose logarithms it leaves behind, the last first.
-    pub(super) fn leaves(&self) -> [Option<i64>; KEPT_LOGS] {
-        let mut last = self.frames[self.knots.clone()].iter().rev().take(self.law.logs_kept());
-        std::array::from_fn(|_| last.next().map(|frame| frame.t))
     }
 
     /// The leg that holds `t`, ns since the window's start; at a stamp, the later one.
