@@ -7,7 +7,7 @@
 //! ```
 //!
 //! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
-//! time, no mismatch between pixels, no bandwidth. The published program takes the drift at the midpoint of two frames
+//! time, no bandwidth; thresholds may differ between pixels (`thresholds.rs`). The published program takes the drift at the midpoint of two frames
 //! (`gain: midpoint`) and draws times as if there were one threshold (law `official`, `official.rs`); the law `exact`
 //! draws first passages of this process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). Both terms of sigma add
 //! as standard deviations, as published.
@@ -24,6 +24,7 @@ mod noiseless;
 mod official;
 pub mod presets;
 mod screen;
+mod thresholds;
 mod tree;
 pub mod units;
 mod window;

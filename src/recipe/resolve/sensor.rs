@@ -15,7 +15,6 @@ use crate::units::Hertz;
 use std::collections::BTreeMap;
 
 const IDEAL: &str = "this gs2e feeds sensors encoded luminance, and labels no events";
-const EQUAL: &str = "under law exact all pixels have one threshold; official, esim and v2e have unequal ones";
 
 /// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
 const K: [Range; 6] = [
@@ -127,19 +126,10 @@ impl Resolver<'_> {
         let (raw, place) = field.given()?;
         let found = self.voltmeter(raw, place);
         let voltmeter = Voltmeter { between: between?, ..found? };
-        match raw.law.place().filter(|_| voltmeter.law == Law::Official) {
-            Some(at) => self.only_linear(between, "the law official", at)?,
-            None => self.equal_pixels(raw)?,
+        if let Some(at) = raw.law.place().filter(|_| voltmeter.law == Law::Official) {
+            self.only_linear(between, "the law official", at)?;
         }
         Some(Sensor::Voltmeter(voltmeter))
-    }
-
-    /// The law `exact` has one threshold for all pixels.
-    fn equal_pixels(&self, raw: &schema::Voltmeter) -> Option<()> {
-        match raw.threshold.given().and_then(|(threshold, _)| threshold.spread.place()) {
-            None => Some(()),
-            Some(place) => self.refuse(Problem::of_key("is not built yet").help(EQUAL).at(place)),
-        }
     }
 
     /// Whether the sensor makes a stream that can be used (numerics 1.1); if not, that is reported.

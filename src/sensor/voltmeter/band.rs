@@ -12,7 +12,7 @@ use crate::seed::eight::{self, Cells};
 use crate::sensor::SensorError;
 use crate::sensor::window::Packed;
 use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 
 /// What a thread needs to cross bands, and what it counts.
 #[derive(Debug, Default)]
@@ -152,7 +152,9 @@ impl Window<'_> {
             }
         }
         for at in 1..knots.len() {
-            let [[before, step, _], [after, ..]] = &mut knots[at - 1..=at] else { unreachable!("they are two") };
+            let [[before, step, _], [after, ..]] = &mut knots[at - 1..=at] else {
+                unreachable!("they are two")
+            };
             for i in (0..count).step_by(8) {
                 store(ln_ratio([load(simd, before, i), load(simd, after, i)]), step, i);
             }
@@ -199,7 +201,11 @@ impl Window<'_> {
             slopes: ends.map(|[.., slope]| load(simd, slope, i)),
             inverse,
         };
-        if inverse == 0.0 { ([f64x8::splat(simd, 0.0); 4], ends) } else { (C::between(&self.law.process, &ends), ends) }
+        if inverse == 0.0 {
+            ([f64x8::splat(simd, 0.0); 4], ends)
+        } else {
+            (C::between(&self.law.process, &ends), ends)
+        }
     }
 
     /// The way of eight pixels of a block, the `i`-th and on. Leaves behind where their pieces begin.
@@ -251,7 +257,8 @@ impl Window<'_> {
             let observed = self.length.min(self.last);
             store(load(simd, slice.variance, pixel) + square * observed, slice.variance, pixel);
         }
-        let live = bits(self.law.barriers.reached([x, y], square * self.length, straying));
+        let barriers = self.law.thresholds.eight(simd, slice.first + pixel);
+        let live = bits(barriers.reached([x, y], square * self.length, straying));
         if live == 0 {
             return;
         }
@@ -259,7 +266,8 @@ impl Window<'_> {
         let pixels = slice.tally.len();
         let live = places(live).take_while(|lane| pixel + lane < pixels);
         if self.law.process.is_noiseless() && C::are_straight(&self.law.process) {
-            return self.run_straight(live, pixel, [x, drift], slice, band);
+            let straight = Straight::new(barriers, [x, drift], self.length);
+            return self.run_straight(live, pixel, &straight, slice, band);
         }
         for at in 0..self.legs.len() {
             let (curve, _) = self.curve::<C, S>(simd, at, i, &band.block);
@@ -286,20 +294,19 @@ impl Window<'_> {
 }
 
 impl Window<'_> {
-    /// Takes pixels across by the law without noise whose drift is straight: lanes of eight from `pixel` on, with their
-    /// voltages and drifts. Where the voltages go to without events is known already.
+    /// Takes pixels across by the law without noise whose drift is straight: lanes of eight from `pixel` on. Where their
+    /// voltages come to without events is known already.
     #[inline(always)]
     fn run_straight<S: Simd>(
         &self,
         lanes: impl Iterator<Item = usize>,
         pixel: usize,
-        way: [f64x8<S>; 2],
+        straight: &Straight<S>,
         slice: &mut Slice<'_>,
         band: &mut Band,
     ) {
         let Band { events, most, capped, .. } = band;
         let Slice { first, seats, tally, voltage, .. } = slice;
-        let straight = Straight::new(self.law.barriers, way, self.length);
         let mut writer = Writer { window: self, first: *first, tally, events, most, capped };
         for lane in lanes {
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
@@ -324,9 +331,12 @@ impl Window<'_> {
         let mut writer = Writer { window: self, first: *first, tally, events, most, capped };
         for lane in lanes {
             let curves = block.pieces.iter().map(|[_, curve @ ..]| curve.each_ref().map(|c| c[lane]));
+            let barriers = self.law.thresholds.of(*first + pixel + lane);
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
             // It ends early where the step has failed.
-            if let ControlFlow::Continue(y) = noiseless::cross::<C>(self, x[lane], curves, &mut emit) {
+            if let ControlFlow::Continue(y) =
+                noiseless::cross::<C>(self, barriers, x[lane], curves, &mut emit)
+            {
                 voltage[pixel + lane] = y;
             }
         }

@@ -36,25 +36,35 @@ impl Barriers {
         }
     }
 
+    /// The one of the two that a path from `x` to `y` touches with the larger probability.
+    pub(super) fn likelier(self, x: f64, y: f64) -> Side {
+        if (self.up - x) * (self.up - y) <= (self.down + x) * (self.down + y) { Side::Up } else { Side::Down }
+    }
+}
+
+/// The thresholds of eight pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wide<S: Simd> {
+    pub(super) up: f64x8<S>,
+    pub(super) down: f64x8<S>,
+}
+
+impl<S: Simd> Wide<S> {
+    /// The same for all eight.
+    #[inline(always)]
+    pub(super) fn splat(simd: S, Barriers { up, down }: Barriers) -> Self {
+        Self { up: f64x8::splat(simd, up), down: f64x8::splat(simd, down) }
+    }
+
     /// Whether any barrier is within reach of paths from `x` to `y` with variance `v` that may stray so far from the
     /// straight line: [`Barriers::live`] of eight pixels, with barriers nearer by `straying`.
     #[inline(always)]
-    pub(super) fn reached<S: Simd>(
-        self,
-        [x, y]: [f64x8<S>; 2],
-        v: f64x8<S>,
-        straying: f64x8<S>,
-    ) -> mask64x8<S> {
-        let (up, down) = (-straying + self.up, -straying + self.down);
+    pub(super) fn reached(self, [x, y]: [f64x8<S>; 2], v: f64x8<S>, straying: f64x8<S>) -> mask64x8<S> {
+        let (up, down) = (self.up - straying, self.down - straying);
         let reached = |a: f64x8<S>, g: f64x8<S>| {
             a.simd_le(0.0) | g.simd_le(0.0) | (a * g * 2.0).simd_lt(v * NEGLIGIBLE)
         };
         reached(up - x, up - y) | reached(down + x, down + y)
-    }
-
-    /// The one of the two that a path from `x` to `y` touches with the larger probability.
-    pub(super) fn likelier(self, x: f64, y: f64) -> Side {
-        if (self.up - x) * (self.up - y) <= (self.down + x) * (self.down + y) { Side::Up } else { Side::Down }
     }
 }
 

@@ -10,6 +10,7 @@ use super::bridge::Barriers;
 use super::cubic::Cubic;
 use super::drift::Process;
 use super::line::Line;
+use super::thresholds::Thresholds;
 use super::tree::ROOT;
 use super::window::Window;
 use super::writer::Tally;
@@ -58,7 +59,7 @@ pub(super) struct Exact {
 #[derive(Debug)]
 pub(super) struct Law {
     pub(super) process: Process,
-    pub(super) barriers: Barriers,
+    pub(super) thresholds: Thresholds,
     pub(super) initial: Initial,
     pub(super) between: Between,
     pub(super) cap: u32,
@@ -94,11 +95,11 @@ struct State {
 
 impl Exact {
     pub(super) fn new(sensor: &Voltmeter, size: Size, origin: [u16; 2], seed: Seed) -> Self {
-        let barriers = Barriers { up: sensor.threshold_on, down: sensor.threshold_off };
+        let thresholds = Thresholds::new(sensor, size, origin, seed);
         let (process, initial) = (Process::new(sensor), sensor.initial);
         let cap = sensor.max_events_per_pixel_frame;
         let between = sensor.between;
-        let law = Law { process, barriers, initial, between, cap, size, origin, seed };
+        let law = Law { process, thresholds, initial, between, cap, size, origin, seed };
         let (n, padded) = (size.pixels(), size.pixels().next_multiple_of(8));
         let seat = |pixel| {
             let [x, y] = law.at_sensor(pixel);
@@ -169,17 +170,15 @@ impl Exact {
             self.bands.par_iter_mut(),
         );
         let level = self.level;
-        chunks.into_par_iter().enumerate().for_each(
-            |(i, (seats, voltage, drift, variance, tally, band))| {
-                let slice = Slice { first: i * size, seats, voltage, drift, variance, tally };
-                match window.law.between {
-                    Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
-                    Between::Catmull | Between::Hermite => {
-                        dispatch!(level, simd => window.cross::<Cubic, _>(simd, slice, band));
-                    }
+        chunks.into_par_iter().enumerate().for_each(|(i, (seats, voltage, drift, variance, tally, band))| {
+            let slice = Slice { first: i * size, seats, voltage, drift, variance, tally };
+            match window.law.between {
+                Between::Linear => dispatch!(level, simd => window.cross::<Line, _>(simd, slice, band)),
+                Between::Catmull | Between::Hermite => {
+                    dispatch!(level, simd => window.cross::<Cubic, _>(simd, slice, band));
                 }
-            },
-        );
+            }
+        });
         for band in &mut self.bands {
             if let Some(error) = band.capped.take() {
                 return Err(error);
@@ -221,11 +220,11 @@ impl Exact {
     /// The account of the run.
     fn settle(&self) -> Account {
         let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
-        let left_over = self.law.left_over();
         let State { drift, variance, tally, .. } = &self.state;
-        for ((tally, drift), variance) in tally.iter().zip(drift).zip(variance) {
-            let bound = left_over + 6.0 * variance.sqrt();
-            tally.settle(self.law.barriers, *drift, bound, &mut account);
+        for (pixel, ((tally, drift), variance)) in tally.iter().zip(drift).zip(variance).enumerate() {
+            let barriers = self.law.thresholds.of(pixel);
+            let bound = self.law.left_over(barriers) + 6.0 * variance.sqrt();
+            tally.settle(barriers, *drift, bound, &mut account);
         }
         account.events = account.on + account.off;
         account.same_us_same_pixel = self.windows.same_us_same_pixel;
@@ -244,17 +243,19 @@ impl Law {
         if self.initial == Initial::Zero {
             return;
         }
-        voltage.par_iter_mut().zip(luminance).enumerate().for_each(|(pixel, (voltage, luminance))| {
-            let [x, y] = self.at_sensor(pixel);
-            let cell = Cell { x, y, level: 0, index: 0 };
-            let share = self.seed.draws(cell, Space::Initial).uniform();
-            *voltage = self.process.at_rest(f64::from(*luminance), self.barriers).residual(share);
-        });
+        voltage.par_iter_mut().take(self.size.pixels()).zip(luminance).enumerate().for_each(
+            |(pixel, (voltage, luminance))| {
+                let [x, y] = self.at_sensor(pixel);
+                let cell = Cell { x, y, level: 0, index: 0 };
+                let share = self.seed.draws(cell, Space::Initial).uniform();
+                let barriers = self.thresholds.of(pixel);
+                *voltage = self.process.at_rest(f64::from(*luminance), barriers).residual(share);
+            },
+        );
     }
 
     /// What the voltages at the first and at the last frame can differ by.
-    fn left_over(&self) -> f64 {
-        let Barriers { up, down } = self.barriers;
+    fn left_over(&self, Barriers { up, down }: Barriers) -> f64 {
         match self.initial {
             Initial::Zero => up.max(down),
             Initial::Stationary => up + down,

@@ -1,6 +1,6 @@
 //! The law without noise: events are where the drift crosses a level. No random number is drawn.
 
-use super::bridge::{Barriers, Side};
+use super::bridge::{Barriers, Side, Wide};
 use super::curve::{Curve, One};
 use super::leaf::Emit;
 use super::window::Window;
@@ -13,6 +13,7 @@ use std::ops::ControlFlow;
 #[inline(always)]
 pub(super) fn cross<C: Curve>(
     window: &Window<'_>,
+    barriers: Barriers,
     mut x: f64,
     curves: impl Iterator<Item = One>,
     emit: &mut impl Emit,
@@ -20,7 +21,7 @@ pub(super) fn cross<C: Curve>(
     for (leg, curve) in window.legs.iter().zip(curves) {
         let span = [leg.from - leg.stamp, leg.to - leg.stamp];
         let run = Run::<C> { curve: &curve, stamp: leg.stamp, family: PhantomData };
-        x = run.cross(window.law.barriers, x, span, emit)?;
+        x = run.cross(barriers, x, span, emit)?;
     }
     ControlFlow::Continue(x)
 }
@@ -42,9 +43,8 @@ pub(super) struct Straight<S: Simd> {
 impl<S: Simd> Straight<S> {
     /// From the voltages `x` up by `rise`, in so many ns.
     #[inline(always)]
-    pub(super) fn new(barriers: Barriers, [x, rise]: [f64x8<S>; 2], length: f64) -> Self {
-        let [up, down] = [barriers.up, -barriers.down].map(|step| f64x8::splat(x.simd, step));
-        let step = rise.simd_ge(0.0).select(up, down);
+    pub(super) fn new(barriers: Wide<S>, [x, rise]: [f64x8<S>; 2], length: f64) -> Self {
+        let step = rise.simd_ge(0.0).select(barriers.up, -barriers.down);
         Self { rise, first: step - x, step, pace: f64x8::splat(x.simd, length) / rise, length }
     }
 
@@ -168,7 +168,7 @@ mod tests {
     /// One piece between two greys.
     fn piece(k: [f64; 6], greys: [f64; 2], length: f64) -> One {
         let process = Process::new(&Voltmeter::new(k));
-        of_one::<Line>(&process, greys.map(|l| [l + process.k2, libm::log(l + process.k2), 0.0]), length)
+        of_one::<Line>(&process, greys.map(|l| [l + process.k2, 0.0]), length)
     }
 
     fn events(barriers: Barriers, curve: &One, length: f64) -> (Vec<(f64, i32)>, f64) {

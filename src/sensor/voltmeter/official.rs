@@ -16,21 +16,18 @@
 //! microseconds; each draw belongs to seed, pixel and frame; events of one microsecond have one order. To lengthen
 //! either list is another law: raise `VERSION`.
 
-use super::Voltmeter;
 use super::drift::Process;
+use super::{Voltmeter, thresholds};
 use crate::event::Polarity;
 use crate::seed::{Draws, Space, normal};
 use crate::sensor::noise::poisson::{Rates, Train};
-use crate::sensor::noise::{HotPixels, Site, mismatch};
+use crate::sensor::noise::{HotPixels, Site};
 use crate::sensor::pairs::{Law, Pair, Writer};
 use crate::sensor::statistics::Renewal;
 use std::ops::ControlFlow;
 
 /// Version of the law: raised when a draw or one of the lists above changes.
 pub(super) const VERSION: u32 = 1;
-
-/// Least threshold of a pixel, as a share of the nominal one.
-const FLOOR: f64 = 0.01;
 
 /// The law.
 #[derive(Debug)]
@@ -105,8 +102,7 @@ impl Law for Official {
     type Pixel = Pixel;
 
     fn begin(&self, site: Site, _: f64) -> Pixel {
-        let floors = self.thresholds.map(|threshold| FLOOR * threshold);
-        let thresholds = mismatch::thresholds(self.thresholds, self.spread, floors, site, 0);
+        let thresholds = thresholds::drawn(self.thresholds, self.spread, site);
         Pixel { voltage: 0.0, thresholds, own: self.hot.train(site) }
     }
 

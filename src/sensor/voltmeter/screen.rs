@@ -62,9 +62,6 @@ impl Voltmeter {
         if self.law == Law::Official && self.between != Between::Linear {
             return Err(ScreenError::Combination("the law official goes linearly between frames"));
         }
-        if self.law == Law::Exact && *spread > 0.0 {
-            return Err(ScreenError::Combination("the law exact has no spread of thresholds"));
-        }
         Ok(())
     }
 

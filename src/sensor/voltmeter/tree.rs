@@ -6,8 +6,10 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "walkers of a band are counted in few bits")]
 
+use super::bridge::Wide;
 use super::curve::Curve;
 use super::leaf::{Leaf, Span};
+use super::thresholds::Thresholds;
 use super::window::Window;
 use super::writer::Writer;
 use crate::elementary::{bits, load, places, store};
@@ -322,7 +324,6 @@ impl Walk<'_> {
         let mut leaves = std::mem::take(&mut self.walkers.leaves);
         (next.len, leaves.len) = (0, 0);
         let length = f64::from(node.length());
-        let barriers = self.window.law.barriers;
         let knots = self.knots(node);
         for i in (0..crowd.len).step_by(8) {
             let members = places_of(crowd.members, i);
@@ -335,6 +336,7 @@ impl Walk<'_> {
                 straying += self.knots_of(simd, node, &members, [from, to], knots.clone());
             }
             let y = x + (to - from) + sigma * increment;
+            let barriers = self.barriers(simd, &members);
             let live = bits(barriers.reached([x, y], sigma * sigma * length, straying));
             let known = u64::MAX >> (64 - 8.min(crowd.len - i));
             for lane in places(!live & known) {
@@ -353,6 +355,21 @@ impl Walk<'_> {
         }
         self.walkers.lists[level] = next;
         self.walkers.leaves = leaves;
+    }
+
+    /// Barriers of eight walkers.
+    #[inline(always)]
+    fn barriers<S: Simd>(&self, simd: S, members: &[usize; 8]) -> Wide<S> {
+        let Self { window, walkers, writer } = self;
+        match &window.law.thresholds {
+            Thresholds::Equal(barriers) => Wide::splat(simd, *barriers),
+            Thresholds::Unequal([up, down]) => {
+                let [up, down] = [up, down].map(|values| {
+                    f64x8::from_fn(simd, |lane| values[writer.first + walkers.pixels[members[lane]]])
+                });
+                Wide { up, down }
+            }
+        }
     }
 
     /// Legs of the window that begin inside a cell.
@@ -443,7 +460,8 @@ impl Walk<'_> {
                 let draws = [first[0][lane], first[1][lane], second[0][lane], second[1][lane]];
                 let draws = cells.go_on(seats[lane], draws);
                 let variance = sigma * sigma;
-                let mut leaf = Leaf { barriers: law.barriers, variance, draws, time: begin };
+                let barriers = law.thresholds.of(writer.first + walkers.pixels[member]);
+                let mut leaf = Leaf { barriers, variance, draws, time: begin };
                 let x = walkers.voltage[member];
                 let whole = Span { end: x + drift + sigma * list.increment[i + lane], until: end };
                 let mut emit = writer.of(walkers.pixels[member], walkers.seats[member]);

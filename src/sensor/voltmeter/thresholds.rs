@@ -1,0 +1,63 @@
+//! The thresholds of all pixels: one pair, or a pair for each where pixels are unequal.
+#![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
+
+use super::Voltmeter;
+use super::bridge::{Barriers, Wide};
+use crate::elementary::load;
+use crate::image::Size;
+use crate::seed::Seed;
+use crate::sensor::noise::{Site, mismatch};
+use fearless_simd::Simd;
+
+/// ON and OFF of every pixel.
+#[derive(Debug)]
+pub(super) enum Thresholds {
+    Equal(Barriers),
+    /// After the last pixel, nominal ones to a multiple of 8.
+    Unequal([Vec<f64>; 2]),
+}
+
+/// Least threshold of a pixel where thresholds differ, as a share of the nominal one.
+const FLOOR: f64 = 0.01;
+
+/// The thresholds of ON and OFF of the pixel at `site`, drawn once for a sensor.
+pub(super) fn drawn(nominal: [f64; 2], spread: f64, site: Site) -> [f64; 2] {
+    mismatch::thresholds(nominal, spread, nominal.map(|threshold| FLOOR * threshold), site, 0)
+}
+
+impl Thresholds {
+    /// Those of a sensor whose first pixel is at `origin`.
+    pub(super) fn new(sensor: &Voltmeter, size: Size, [left, top]: [u16; 2], seed: Seed) -> Self {
+        let [up, down] = [sensor.threshold_on, sensor.threshold_off];
+        if sensor.threshold_spread == 0.0 {
+            return Self::Equal(Barriers { up, down });
+        }
+        let padded = size.pixels().next_multiple_of(8);
+        let mut both = [up, down].map(|nominal| Vec::from_iter(std::iter::repeat_n(nominal, padded)));
+        let width = size.width as usize;
+        for pixel in 0..size.pixels() {
+            let [x, y] = [(pixel % width) as u16, (pixel / width) as u16];
+            let own = drawn([up, down], sensor.threshold_spread, Site { seed, x: left + x, y: top + y });
+            both.iter_mut().zip(own).for_each(|(all, own)| all[pixel] = own);
+        }
+        Self::Unequal(both)
+    }
+
+    /// Those of a pixel, numbered row by row.
+    #[inline(always)]
+    pub(super) fn of(&self, pixel: usize) -> Barriers {
+        match self {
+            Self::Equal(barriers) => *barriers,
+            Self::Unequal([up, down]) => Barriers { up: up[pixel], down: down[pixel] },
+        }
+    }
+
+    /// Those of eight pixels from `first` on.
+    #[inline(always)]
+    pub(super) fn eight<S: Simd>(&self, simd: S, first: usize) -> Wide<S> {
+        match self {
+            Self::Equal(barriers) => Wide::splat(simd, *barriers),
+            Self::Unequal([up, down]) => Wide { up: load(simd, up, first), down: load(simd, down, first) },
+        }
+    }
+}
