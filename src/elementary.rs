@@ -173,6 +173,31 @@ mod tests {
     }
 
     #[test]
+    fn logarithms_of_ratios_round_relative_to_themselves() {
+        let found = |a: f64, b: f64| -> f64 {
+            dispatch!(Level::new(), simd => {
+                let pair = [a, b].map(|v| f64x8::from_slice(simd, &[1.0, v, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]));
+                ln_ratio(pair)[1]
+            })
+        };
+        for near in [1e-17, 1e-9, 1e-3, 0.05, 0.1, 0.13, 0.14, 0.9].into_iter().flat_map(|d| [d, -d]) {
+            for a in [1e-300, 0.3, 20.0, 3e38] {
+                let b = a * (1.0 + near);
+                // Neighbours have an exact difference: an independent answer, good to 2 ulp.
+                let wanted = libm::log1p((b - a) / a);
+                let error = (found(a, b) - wanted).abs();
+                // In the series, 5 roundings; beyond, those of two logarithms of at most 700.
+                let limit = if near.abs() < 0.1 { 4.0 * f64::EPSILON * wanted.abs() } else { 4e-13 };
+                assert!(error <= limit, "{a:e} {near}: {error:e}");
+            }
+        }
+        assert_eq!(found(5.0, 5.0).to_bits(), 0);
+        assert!(
+            (found(f64::MIN_POSITIVE, 3e38) - (88.596_371_160_970_81 + 708.396_418_532_264_1)).abs() < 1e-12
+        );
+    }
+
+    #[test]
     fn exponentials_are_those_of_the_library() {
         let exp = |x: [f64; 8]| -> [f64; 8] {
             dispatch!(Level::new(), simd => exp(f64x8::from_slice(simd, &x)).into())

@@ -101,8 +101,59 @@ fn without_noise_leaks_are_clocks() {
     }
 }
 
+/// The thresholds by which the pixels of a size fire, without noise, on a ramp of the logarithm from grey to grey.
+fn thresholds(sensor: &Voltmeter, size: Size, greys: [f64; 2]) -> Vec<f64> {
+    let end = 1_000_000;
+    let [k1, k2, ..] = sensor.k;
+    let rise = k1 * ((greys[1] + k2) / (greys[0] + k2)).ln().abs();
+    let clip = frames(size, &[0, end], |_, _, t| greys[usize::from(t > 0)]);
+    let of_pixel = |events: Vec<(i64, Polarity)>| {
+        let threshold = rise * events[0].0 as f64 / (end as f64 * 1e3);
+        assert_eq!(events.len(), (rise / threshold) as usize);
+        for (j, (t, polarity)) in (1..).zip(events) {
+            assert_eq!(polarity == Polarity::On, greys[1] > greys[0]);
+            // Floored to ns each, the first one j times.
+            let wanted = threshold * f64::from(j) / rise * end as f64 * 1e3;
+            assert!((t as f64 - wanted).abs() < 1.01 + f64::from(j), "{t} {wanted}");
+        }
+        threshold
+    };
+    by_pixel(size, &run(sensor, &clip, 8).0).into_iter().map(of_pixel).collect()
+}
+
+#[test]
+fn unequal_pixels_have_thresholds_of_their_own() {
+    let size = Size { width: 90, height: 70 };
+    let [k1, k2, ..] = Preset::Dvs346.k();
+    let sensor = |k5, threshold_spread| Voltmeter {
+        threshold_off: 0.7,
+        threshold_spread,
+        ..Voltmeter::new([k1, k2, 0.0, 0.0, k5, 0.0])
+    };
+    let [up, down] = [[0.0, 255.0], [255.0, 0.0]].map(|greys| thresholds(&sensor(0.0, 0.1), size, greys));
+    for (values, nominal) in [(&up, 1.0), (&down, 0.7)] {
+        let n = values.len() as f64;
+        let z: Vec<f64> = values.iter().map(|value| (value - nominal) / 0.1).collect();
+        let (mean, variance) = (z.iter().sum::<f64>() / n, z.iter().map(|z| z * z).sum::<f64>() / n);
+        println!("around {nominal}: mean {mean:.3} deviations off, variance {variance:.3}");
+        // The mean of n has a deviation of 1/sqrt(n), their variance one of sqrt(2/n).
+        assert!(mean.abs() < 4.5 / n.sqrt() && (variance - 1.0).abs() < 4.5 * (2.0 / n).sqrt());
+    }
+    let product: f64 = up.iter().zip(&down).map(|(up, down)| (up - 1.0) * (down - 0.7) / 0.01).sum();
+    assert!(product.abs() < 4.5 * (up.len() as f64).sqrt(), "drawn apart");
+    // With a leak so weak that it moves nothing the drift is a curve, and the events are the same.
+    assert!(
+        up.iter().zip(thresholds(&sensor(1e-18, 0.1), size, [0.0, 255.0])).all(|(a, b)| (a - b).abs() < 1e-7)
+    );
+    // O1 holds for each pixel with its own thresholds, under noise too.
+    let noisy = Voltmeter { threshold_spread: 0.2, ..noisy() };
+    let (events, account) = run(&noisy, &moving(size), 9);
+    assert!(events.len() > 1000 && account.drift_violations == 0, "{account:?}");
+}
+
 /// A noisy member of each kind of law.
-fn models() -> [Sensor; 4] {
+fn models() -> [Sensor; 5] {
+    let unequal = Voltmeter { threshold_spread: 0.1, ..noisy() };
     let official = Voltmeter { law: Law::Official, threshold_spread: 0.1, ..noisy() };
     let hot_pixels = HotPixels { share: 0.2, rate: 900.0 };
     let threshold = Threshold { on: 0.1, off: 0.15, spread: 0.02 };
@@ -110,7 +161,9 @@ fn models() -> [Sensor; 4] {
     let leak = Leak { rate: 300.0, jitter: 0.2, cov: 0.2 };
     let v2e =
         V2e { threshold, leak, shot: 900.0, hot_pixels, cutoff: 200.0, ..V2e::from(v2e::Preset::Noisy) };
-    [Sensor::Voltmeter(noisy()), Sensor::Voltmeter(official), Sensor::Esim(esim), Sensor::V2e(v2e)]
+    let voltmeters = [noisy(), unequal, official].map(Sensor::Voltmeter);
+    let [plain, unequal, official] = voltmeters;
+    [plain, unequal, official, Sensor::Esim(esim), Sensor::V2e(v2e)]
 }
 
 /// A clip that moves, with dark, bright and static parts.
