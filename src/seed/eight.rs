@@ -51,6 +51,7 @@ pub(crate) fn normals<S: Simd>(simd: S, values: &mut [f64]) {
 }
 
 /// The middle of the distribution costs no logarithm: the tails, a seventh of all, are done apart.
+#[expect(clippy::cast_possible_truncation, reason = "places in a chunk of 64")]
 #[inline(always)]
 fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
     let (mut tail_places, mut tails, mut count) = ([0; CHUNK + 8], [0.5; CHUNK + 8], 0);

@@ -54,7 +54,7 @@ const FLOW_SAMPLES: usize = 9;
 
 impl Stage for Simulating {
     const NAME: &'static str = "events";
-    const REVISION: u32 = 3;
+    const REVISION: u32 = 4;
     type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
     type Output = EventStreams;
 
