@@ -9,26 +9,33 @@ const LAST_STAMP: i64 = 1 << 56;
 
 /// Whether a frame can come after the one stamped `before`; how many of its values are below zero.
 pub(super) fn admit(before: Option<i64>, frame: &Frame, size: Size) -> Result<u64, SensorError> {
-    let refuse = |because| SensorError::Frame { frame: frame.index, because };
-    follows(before, frame, size).map_err(refuse)?;
-    let luminance = frame.luminance.pixels();
-    if let Some(bad) = luminance.iter().position(|l| !l.is_finite()) {
-        let width = size.width as usize;
-        let (x, y, found) = (bad % width, bad / width, luminance[bad]);
-        return Err(refuse(format!("the luminance of pixel ({x}, {y}) is {found}, not a finite number")));
+    follows(before, frame, size)?;
+    match frame.luminance.pixels().iter().any(|l| !l.is_finite()) {
+        true => Err(not_finite(frame)),
+        false => Ok(frame.luminance.pixels().iter().filter(|l| **l < 0.0).count() as u64),
     }
-    Ok(luminance.iter().filter(|l| **l < 0.0).count() as u64)
 }
 
-fn follows(before: Option<i64>, frame: &Frame, size: Size) -> Result<(), String> {
+/// Whether a frame's size and stamp let it come after the one stamped `before`.
+pub(super) fn follows(before: Option<i64>, frame: &Frame, size: Size) -> Result<(), SensorError> {
+    let refuse = |because| Err(SensorError::Frame { frame: frame.index, because });
     let (found, t) = (frame.luminance.size(), frame.t.0);
     if found != size {
-        return Err(format!("it is {found}, the sequence is {size}"));
+        return refuse(format!("it is {found}, the sequence is {size}"));
     }
     match before {
-        None if t != 0 => Err(format!("the first stamp is {t} ns, not 0")),
-        Some(before) if t <= before => Err(format!("its stamp {t} ns does not follow {before} ns")),
-        _ if t >= LAST_STAMP => Err(format!("its stamp {t} ns is beyond {LAST_STAMP} ns")),
+        None if t != 0 => refuse(format!("the first stamp is {t} ns, not 0")),
+        Some(before) if t <= before => refuse(format!("its stamp {t} ns does not follow {before} ns")),
+        _ if t >= LAST_STAMP => refuse(format!("its stamp {t} ns is beyond {LAST_STAMP} ns")),
         _ => Ok(()),
     }
+}
+
+/// Names the first pixel of a frame whose luminance is not finite.
+pub(super) fn not_finite(frame: &Frame) -> SensorError {
+    let (luminance, width) = (frame.luminance.pixels(), frame.luminance.size().width as usize);
+    let bad = luminance.iter().position(|l| !l.is_finite()).unwrap_or_default();
+    let (x, y, found) = (bad % width, bad / width, luminance[bad]);
+    let because = format!("the luminance of pixel ({x}, {y}) is {found}, not a finite number");
+    SensorError::Frame { frame: frame.index, because }
 }

@@ -5,6 +5,7 @@ mod instants;
 
 use crate::support::workspace::{Ended, TINY, Workspace, same_tree};
 use rustix::process::{Pid, Signal, kill_process};
+use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::Child;
 
@@ -58,6 +59,26 @@ fn an_interrupted_build_keeps_what_is_finished() {
     let kept = place.plan("tiny.yaml long.yaml").iter().filter(|(_, action)| action == "keep").count();
     assert!((1..12).contains(&kept), "{kept} of 12 steps are kept");
     finishes(&place);
+}
+
+/// A clip of so many frames that nobody waits for its end; a file system keeps its zeros in no room.
+#[test]
+fn an_interrupted_simulation_leaves_nothing_behind() {
+    const FRAMES: u64 = 1_000_000;
+    let place = Workspace::new();
+    let head = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({FRAMES}, 130, 173), }}");
+    let head = [b"\x93NUMPY\x01\x00\x76\x00", format!("{head:117}\n").as_bytes()].concat();
+    let length = head.len() as u64 + FRAMES * 130 * 173;
+    place.write("frames.npy", head);
+    File::options().write(true).open(place.path("frames.npy")).unwrap().set_len(length).unwrap();
+    let mut child = place.spawn("simulate --frames frames.npy --fps 1000 --sensor dvs346 --out e.h5");
+    let mut told = BufReader::new(child.stderr.take().expect("stderr is piped"));
+    told.read_line(&mut String::new()).expect("it tells what the sensor will do");
+    signal(&child, Signal::INT);
+    let ended = ended((child, told));
+    assert_eq!(ended.code, 130, "{}", ended.stderr);
+    let names = fs::read_dir(place.path(".")).unwrap().map(|entry| entry.unwrap().file_name());
+    assert_eq!(names.collect::<Vec<_>>(), ["frames.npy"]);
 }
 
 fn finishes(place: &Workspace) {

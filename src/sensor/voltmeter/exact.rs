@@ -20,7 +20,7 @@ use crate::frames::Frame;
 use crate::image::Size;
 use crate::seed::{Cell, Seed, Space};
 use crate::sensor::window::{LONGEST, Windows};
-use crate::sensor::{Account, Pixels, SensorError};
+use crate::sensor::{Account, Pixels, SensorError, input};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -28,8 +28,6 @@ use std::collections::VecDeque;
 /// Version of the law: raised when a clock, a constant or a draw changes.
 pub(super) const VERSION: u32 = 3;
 
-/// Stamps end here, so that the number of a cell fits the counter of the draws: 2.3 years.
-const LAST_STAMP: i64 = 1 << 56;
 /// Bands for each thread: enough for threads that get the quiet parts of the image to take over from others. Few, since
 /// what a walk down the clock costs beside its pixels is then shared by more of them.
 const BANDS_A_THREAD: usize = 4;
@@ -190,21 +188,18 @@ impl Exact {
 
     /// Checks and converts a frame.
     fn store(&mut self, frame: &Frame) -> Result<(), SensorError> {
-        let refuse = |because| SensorError::Frame { frame: frame.index, because };
-        follows(self.frames.back(), frame, self.law.size).map_err(refuse)?;
+        input::follows(self.frames.back().map(|before| before.t), frame, self.law.size)?;
         let luminance = frame.luminance.pixels();
         let mut stored = self.spare.pop().unwrap_or_default();
         (stored.index, stored.t) = (frame.index, frame.t.0);
         stored.luminance.resize(self.state.voltage.len(), 0.0);
         let (negative, finite) = dispatch!(self.level, simd => clamp(simd, luminance, &mut stored.luminance));
         if !finite {
-            let bad = luminance.iter().position(|l| !l.is_finite()).unwrap_or_default();
-            let width = self.law.size.width as usize;
-            let (x, y, found) = (bad % width, bad / width, luminance[bad]);
-            return Err(refuse(format!("the luminance of pixel ({x}, {y}) is {found}, not a finite number")));
+            return Err(input::not_finite(frame));
         }
         self.negative_luminance += negative;
         if self.law.between == Between::Hermite {
+            let refuse = |because| SensorError::Frame { frame: frame.index, because };
             let rate = usable_rate(frame).map_err(refuse)?;
             stored.rate.clear();
             stored.rate.extend_from_slice(rate);
@@ -317,22 +312,6 @@ fn clamp<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
         finite &= unusable == 0;
     }
     (negative, finite)
-}
-
-/// Whether the frame can come after `before`.
-fn follows(before: Option<&Stored>, frame: &Frame, size: Size) -> Result<(), String> {
-    let found = frame.luminance.size();
-    if found != size {
-        return Err(format!("it is {found}, the sequence is {size}"));
-    }
-    match before {
-        None if frame.t.0 != 0 => Err(format!("the first stamp is {} ns, not 0", frame.t.0)),
-        Some(before) if frame.t.0 <= before.t => {
-            Err(format!("its stamp {} ns does not follow {} ns", frame.t.0, before.t))
-        }
-        _ if frame.t.0 >= LAST_STAMP => Err(format!("its stamp {} ns is beyond {LAST_STAMP} ns", frame.t.0)),
-        _ => Ok(()),
-    }
 }
 
 impl Pixels for Exact {
