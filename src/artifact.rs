@@ -12,6 +12,7 @@ use crate::render::flow::Quantiles;
 use crate::scene::{Gaussians, Screening};
 use crate::se3::{Se3, Twist};
 use crate::seed::Seed;
+use crate::sensor::front_end::{self, FrontEnd};
 use crate::sensor::{Account, Sensor};
 use crate::source::Capture;
 use crate::speed::Meaning;
@@ -191,8 +192,9 @@ impl Artifact for Motion {
 pub struct EventStreams {
     /// The file of each of [`Simulation::streams`].
     pub files: Vec<PathBuf>,
-    /// What the sensors saw at a few frames: `brightness.npy`, float32 `[K, H, W]`.
-    pub anchors: Anchors,
+    /// What was seen at a few frames through each of [`Simulation::front_ends`]: `brightness.npy` and so on, float32
+    /// `[K, H, W]`.
+    anchors: Vec<Anchors>,
     /// The rest.
     pub simulation: Simulation,
 }
@@ -251,8 +253,32 @@ pub struct Simulation {
     pub doubtful_share: Option<f64>,
     /// Depth at the same poses, units: 5 %, 50 % and 95 % quantile.
     pub depth_unit: Option<[f32; 3]>,
-    /// Stamps of the images in `brightness.npy`.
+    /// Stamps of the images in `brightness.npy` and its like.
     pub brightness_stamps_us: Vec<i64>,
+}
+
+impl Simulation {
+    /// The front ends of the sensors, each once.
+    #[must_use]
+    pub fn front_ends(&self) -> Vec<FrontEnd> {
+        front_end::distinct(self.streams.iter().map(|stream| stream.sensor.as_model()))
+    }
+}
+
+impl EventStreams {
+    /// The name of the file with what was seen through the `i`-th front end.
+    #[must_use]
+    pub fn brightness(i: usize) -> String {
+        if i == 0 { "brightness.npy".to_owned() } else { format!("brightness-{i}.npy") }
+    }
+
+    /// What the sensor of a stream saw at a few frames.
+    #[must_use]
+    pub fn seen_by(&self, stream: &Stream) -> &Anchors {
+        let front_end = stream.sensor.as_model().front_end();
+        let at = self.simulation.front_ends().iter().position(|other| *other == front_end);
+        &self.anchors[at.expect("it is one of the simulation's streams")]
+    }
 }
 
 impl Artifact for EventStreams {
@@ -260,8 +286,9 @@ impl Artifact for EventStreams {
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         let simulation: Simulation = files.json("simulation.json")?;
-        let stamps = simulation.brightness_stamps_us.clone();
-        let anchors = files.read("brightness.npy", |file| Anchors::read(stamps, file))?;
+        let stamps = &simulation.brightness_stamps_us;
+        let anchors = |i| files.read(&Self::brightness(i), |file| Anchors::read(stamps.clone(), file));
+        let anchors = (0..simulation.front_ends().len()).map(anchors).collect::<Result<_, _>>()?;
         let file = |stream: &Stream| files.path(&Stream::stored(stream.name.as_deref())).map(Path::to_owned);
         let files = simulation.streams.iter().map(file).collect::<Result<_, _>>()?;
         Ok(Self { files, anchors, simulation })

@@ -70,6 +70,15 @@ pub trait Frames {
     /// # Errors
     /// When it cannot be read or rendered, or holds a value that is not finite.
     fn next(&mut self) -> Result<Option<Frame>, FrameError>;
+
+    /// Says, before the first frame, that the colours of frames are wanted beside their luminance.
+    fn want_colour(&mut self) {}
+
+    /// The colours that the luminance of the last frame was made of, where they are wanted and the frame is not grey:
+    /// display-encoded, each channel on the luminance's scale.
+    fn colour(&self) -> Option<&Image<[f32; 3]>> {
+        None
+    }
 }
 
 /// An image, all of whose values are finite; an error with the first that is not, `what` saying what the values are.

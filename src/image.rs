@@ -3,6 +3,7 @@
 pub mod jpeg;
 pub mod npy;
 pub mod png;
+pub mod srgb;
 
 use std::fmt;
 
@@ -79,6 +80,15 @@ impl<T: Clone> Image<T> {
     pub fn filled(size: Size, value: T) -> Self {
         Self { size, data: vec![value; size.pixels()] }
     }
+}
+
+/// What an image file shows, on the grey scale 0..255.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shades {
+    /// Luminance of what is encoded.
+    pub luminance: Image<f32>,
+    /// The colours that it is of, where the image is not grey.
+    pub colours: Option<Image<[f32; 3]>>,
 }
 
 /// Weights of red, green and blue in the luminance that sensors see (ITU-R BT.601, on encoded values).

@@ -1,11 +1,12 @@
 //! Event sensors: from luminance over time to events.
 //!
-//! A sensor knows luminance and time; it sees neither the scene nor the renderer.
+//! A sensor knows the colours of frames, or their luminance, and time; it sees neither the scene nor the renderer.
 
 mod cap;
 mod course;
 mod detector;
 pub mod esim;
+pub mod front_end;
 mod input;
 pub mod noise;
 mod own_events;
@@ -21,6 +22,7 @@ use crate::frames::{Frame, FrameError, Frames};
 use crate::image::Size;
 use crate::seed::Seed;
 use crate::units::Hertz;
+use front_end::FrontEnd;
 use screening::{ScreenError, Screening};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -106,6 +108,9 @@ impl Sensors {
 pub trait Model {
     /// Version of the law that draws the events; raised when the same parameters come to mean other events.
     fn law_version(&self) -> u32;
+
+    /// What stands before its pixels: the frames that they see are those behind it.
+    fn front_end(&self) -> FrontEnd;
 
     /// Brightness contrast of one ON and of one OFF event, as a difference of natural logarithms.
     fn contrast(&self) -> (f64, f64);
@@ -237,12 +242,32 @@ pub enum SimulateError {
 pub struct Channel<'a> {
     pixels: Box<dyn Pixels>,
     sink: &'a mut dyn EventSink,
+    front_end: FrontEnd,
+    watch: Option<&'a mut dyn FnMut(&Frame)>,
 }
 
 impl<'a> Channel<'a> {
-    /// Pixels at rest whose events will go to `sink`.
+    /// Pixels at rest whose events will go to `sink`; they see the frames as they are.
     pub fn new(pixels: Box<dyn Pixels>, sink: &'a mut dyn EventSink) -> Self {
-        Self { pixels, sink }
+        Self { pixels, sink, front_end: FrontEnd::default(), watch: None }
+    }
+
+    /// The same behind a front end.
+    #[must_use]
+    pub fn behind(self, front_end: FrontEnd) -> Self {
+        Self { front_end, ..self }
+    }
+
+    /// The same with somebody who is shown each frame as the pixels see it.
+    #[must_use]
+    pub fn watched(self, watch: &'a mut dyn FnMut(&Frame)) -> Self {
+        Self { watch: Some(watch), ..self }
+    }
+
+    fn see(&mut self, frame: &Frame) -> Result<(), SensorError> {
+        self.pixels.advance(frame, self.sink)?;
+        self.watch.iter_mut().for_each(|watch| watch(frame));
+        Ok(())
     }
 }
 
@@ -252,8 +277,9 @@ impl std::fmt::Debug for Channel<'_> {
     }
 }
 
-/// Shows a whole sequence of frames to sensors, all in one pass, and gives the account of each. `tap` sees each frame
-/// after the sensors have; it may break the run off.
+/// Shows a whole sequence of frames to sensors, all in one pass, and gives the account of each. Every front end sees a
+/// frame once, however many sensors are behind it. `tap` is shown each frame itself after the sensors; it may break the
+/// run off.
 ///
 /// # Errors
 /// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
@@ -262,15 +288,29 @@ pub fn simulate_all(
     channels: &mut [Channel<'_>],
     tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
 ) -> Result<Vec<Account>, SimulateError> {
+    let front_ends: Vec<FrontEnd> = channels.iter().map(|channel| channel.front_end).collect();
+    for front_end in &front_ends {
+        front_end.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
+    }
+    if front_ends.iter().any(FrontEnd::needs_colour) {
+        frames.want_colour();
+    }
     while let Some(frame) = frames.next()? {
-        for Channel { pixels, sink } in &mut *channels {
-            pixels.advance(&frame, *sink)?;
+        for (i, front_end) in front_ends.iter().enumerate() {
+            if front_ends[..i].contains(front_end) {
+                continue;
+            }
+            let seen = (!front_end.is_plain()).then(|| front_end.see(&frame, frames.colour()));
+            let alike = channels.iter_mut().filter(|channel| channel.front_end == *front_end);
+            for channel in alike {
+                channel.see(seen.as_ref().unwrap_or(&frame))?;
+            }
         }
         if tap(&frame).is_break() {
             return Err(SimulateError::Interrupted);
         }
     }
-    channels.iter_mut().map(|Channel { pixels, sink }| Ok(pixels.finish(*sink)?)).collect()
+    channels.iter_mut().map(|Channel { pixels, sink, .. }| Ok(pixels.finish(*sink)?)).collect()
 }
 
 /// Shows a whole sequence of frames to one sensor, as [`simulate_all`].
@@ -285,7 +325,8 @@ pub fn simulate(
     tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
 ) -> Result<Account, SimulateError> {
     let pixels = model.start(frames.size(), [0, 0], seed)?;
-    let mut accounts = simulate_all(frames, &mut [Channel::new(pixels, sink)], tap)?;
+    let channel = Channel::new(pixels, sink).behind(model.front_end());
+    let mut accounts = simulate_all(frames, &mut [channel], tap)?;
     Ok(accounts.pop().expect("an account a sensor"))
 }
 
@@ -294,6 +335,7 @@ mod tests {
     use super::*;
     use crate::event::Event;
     use crate::frames::array::{ArrayFrames, FullScale, Samples};
+    use crate::image::Image;
 
     /// Every member of the family, without noise.
     fn quiet() -> Vec<Sensor> {
@@ -383,6 +425,86 @@ mod tests {
         for ((sensor, stream), account) in sensors.iter().zip(streams).zip(accounts) {
             assert_eq!((stream, account), run(sensor, moving()), "{sensor:?}");
         }
+    }
+
+    /// Frames of three colours that change, and the encoded luminance of them.
+    struct Coloured {
+        greys: ArrayFrames,
+        wanted: bool,
+        colour: Option<Image<[f32; 3]>>,
+    }
+
+    impl Frames for Coloured {
+        fn size(&self) -> Size {
+            self.greys.size()
+        }
+
+        fn len(&self) -> usize {
+            self.greys.len()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+            let frame = self.greys.next()?;
+            let colours = frame.as_ref().map(|frame| {
+                let colours = frame.luminance.pixels().iter().map(|l| [*l, 0.5 * l, 255.0 - l]).collect();
+                Image::from_vec(self.size(), colours)
+            });
+            self.colour = colours.filter(|_| self.wanted);
+            Ok(frame)
+        }
+
+        fn want_colour(&mut self) {
+            self.wanted = true;
+        }
+
+        fn colour(&self) -> Option<&Image<[f32; 3]>> {
+            self.colour.as_ref()
+        }
+    }
+
+    #[test]
+    fn each_sees_the_frames_through_its_own_front_end() {
+        let weights = |rgb| front_end::Luminance::of(rgb).unwrap();
+        let plain = FrontEnd::default();
+        let front_ends = [
+            FrontEnd { luminance: weights([1.0, 0.0, 0.0]), ..plain },
+            plain,
+            FrontEnd { luminance: weights([0.0, 0.0, 1.0]), ..plain },
+            FrontEnd { luminance: weights([1.0, 0.0, 0.0]), ..plain },
+        ];
+        let mut frames = Coloured { greys: moving(), wanted: false, colour: None };
+        let mut streams: [Vec<Event>; 4] = Default::default();
+        let mut seen: [Vec<f32>; 4] = Default::default();
+        let mut watchers: Vec<_> =
+            seen.iter_mut().map(|seen| |frame: &Frame| seen.extend(frame.luminance.pixels())).collect();
+        let sensor = &usual()[0];
+        let mut channels = Vec::new();
+        for ((stream, watch), front_end) in streams.iter_mut().zip(&mut watchers).zip(front_ends) {
+            let pixels = sensor.as_model().start(frames.size(), [0, 0], Seed(1)).unwrap();
+            channels.push(Channel::new(pixels, stream).behind(front_end).watched(watch));
+        }
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        simulate_all(&mut frames, &mut channels, &mut go_on).unwrap();
+        drop(channels);
+        drop(watchers);
+        // Red is what the greys are, blue its negative.
+        let wanted = run(sensor, moving()).0;
+        assert!(streams[0] == wanted && streams[1] == wanted && streams[3] == wanted);
+        let negative = clip(|i, p| 255.0 - (128.0 + 120.0 * ((p % 16 + 3 * i) as f32).sin()));
+        assert!(streams[2] == run(sensor, negative).0);
+        assert!(seen[0] == seen[1] && seen[0] == seen[3]);
+        assert!(seen[0].iter().zip(&seen[2]).all(|(red, blue)| *blue == 255.0 - red));
+    }
+
+    #[test]
+    fn a_front_end_that_is_none_is_refused() {
+        let pixels = usual()[0].as_model().start(moving().size(), [0, 0], Seed(1)).unwrap();
+        let mut events = Vec::new();
+        let front_end = FrontEnd { exposure: 0.0, ..FrontEnd::default() };
+        let mut channel = [Channel::new(pixels, &mut events).behind(front_end)];
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let error = simulate_all(&mut moving(), &mut channel, &mut go_on).unwrap_err().to_string();
+        assert_eq!(error, "the exposure is 0, wanted a finite number above 0");
     }
 
     #[test]

@@ -135,6 +135,7 @@ fn tell_sensor(scene: &str, sensor: &Sensor, rate: Hertz, console: &Console) -> 
     let screening = sensor.screen(rate);
     let screening = screening.map_err(|e| Problem::usage("sensor", format!("{scene}: {e}")))?;
     super::screening::tell(&format!("sensor of {scene}"), scene, &screening, console);
+    super::screening::tell_front_end(&sensor.as_model().front_end(), console);
     Ok(())
 }
 

@@ -1,6 +1,7 @@
 //! What a sensor does by itself, said before it runs.
 
 use super::console::Console;
+use crate::sensor::front_end::FrontEnd;
 use crate::sensor::screening::{Noise, Screening};
 
 /// Tells the contrast, leak and noise of a sensor; `whose` stands before its warnings.
@@ -16,5 +17,12 @@ pub(super) fn tell(what: &str, whose: &str, screening: &Screening, console: &Con
     }
     for warning in &screening.warnings {
         console.say(&format!("warning: {whose}: {warning}"));
+    }
+}
+
+/// Tells the brightness that the pixels of the sensor see, where it is not the usual one.
+pub(super) fn tell_front_end(front_end: &FrontEnd, console: &Console) {
+    if !front_end.is_plain() {
+        console.say(&format!("  brightness: {front_end}"));
     }
 }

@@ -15,6 +15,7 @@ use crate::event::{Event, EventFileError, EventSink, Header, LawStamp, h5};
 use crate::frames::FrameError;
 use crate::frames::array::FullScale;
 use crate::seed::Seed;
+use crate::sensor::front_end::{Decode, Luminance, Range};
 use crate::sensor::voltmeter::{Between, Gain, Initial, Law};
 use crate::sensor::{Account, Channel, Sensor, SensorError, SimulateError, simulate_all};
 use crate::units::Hertz;
@@ -58,6 +59,18 @@ pub(super) struct Simulate {
     /// Voltages at the first frame: zero or stationary [default: as the sensor says]
     #[arg(long, value_parser = word::<Initial>)]
     initial: Option<Initial>,
+    /// Weights of the colours in brightness: rec601, rec709, or R,G,B that sum to 1 [default: as the sensor says]
+    #[arg(long, value_name = "NAME or R,G,B", value_parser = sensor::luminance)]
+    luminance: Option<Luminance>,
+    /// What becomes of the colours before: none, or srgb for linear light [default: as the sensor says]
+    #[arg(long, value_parser = word::<Decode>)]
+    decode: Option<Decode>,
+    /// A factor on brightness, above 0 [default: as the sensor says]
+    #[arg(long, value_name = "FACTOR")]
+    exposure: Option<f64>,
+    /// Greys that brightness is held within, as 0,255 or 5,inf [default: as the sensor says]
+    #[arg(long, value_name = "MIN,MAX", value_parser = sensor::range)]
+    range: Option<Range>,
     /// What white is in frames of floats: 1 or 255 [default: decided by the first two frames, and told]
     #[arg(long, value_parser = sequence::full_scale)]
     full_scale: Option<FullScale>,
@@ -100,10 +113,11 @@ impl Simulate {
         common.limit_cores();
         let sensor = sensor::choose(&self)?;
         let mut sequence = Sequence::open(&self)?;
-        sensor::check_rates(&sensor, self.rates.is_some())?;
+        sensor::check_rates(&sensor, self.rates.is_some(), sequence.may_be_coloured)?;
         let screening = sensor.screen(sequence.rate());
         let screening = screening.map_err(|e| Problem::usage("sensor", format!("{}: {e}", self.sensor)))?;
         super::screening::tell(&format!("sensor {}", self.sensor), &self.sensor, &screening, console);
+        super::screening::tell_front_end(&sensor.as_model().front_end(), console);
         sequence.told.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, console)?;
         Report { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }.tell(console)?;
@@ -153,8 +167,10 @@ impl Simulate {
             bar.inc(1);
             if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let pixels = sensor.as_model().start(sequence.frames.size(), self.origin.0, Seed(self.seed));
-        let mut channel = [Channel::new(pixels.map_err(SimulateError::from)?, &mut sink)];
+        let model = sensor.as_model();
+        let pixels = model.start(sequence.frames.size(), self.origin.0, Seed(self.seed));
+        let pixels = pixels.map_err(SimulateError::from)?;
+        let mut channel = [Channel::new(pixels, &mut sink).behind(model.front_end())];
         let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);
         bar.finish_and_clear();
         Ok(accounts?.pop().expect("an account a sensor"))

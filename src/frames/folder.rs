@@ -4,11 +4,11 @@
 //!
 //! A path of `info.txt` starts at its folder, or else at the folder above, as the published sample's do. Images are PNG of 8
 //! or 16 bits, grey or RGB, or JPEG. The published reader rounds colours to 8 bits of grey; here their luminance is not
-//! rounded.
+//! rounded, and the colours are kept where they are wanted.
 
 use super::stamps::{StampError, relative};
 use super::{Frame, FrameError, Frames};
-use crate::image::{Image, Size, jpeg, png};
+use crate::image::{Image, Shades, Size, jpeg, png};
 use crate::source::natural;
 use crate::units::Timestamp;
 use std::fs::{self, File};
@@ -143,6 +143,10 @@ pub struct FolderFrames {
     /// ns since the first.
     stamps: Vec<i64>,
     next: usize,
+    /// Whether colours are wanted.
+    coloured: bool,
+    /// Of the frame that was given last.
+    colour: Option<Image<[f32; 3]>>,
 }
 
 impl FolderFrames {
@@ -168,7 +172,7 @@ impl FolderFrames {
                 return Err(refusal(path, format!("{found}, wanted {wanted} as the first")));
             }
         }
-        Ok(Self { size: wanted, images, stamps, next: 0 })
+        Ok(Self { size: wanted, images, stamps, next: 0, coloured: false, colour: None })
     }
 }
 
@@ -194,26 +198,45 @@ impl Frames for FolderFrames {
     fn next(&mut self) -> Result<Option<Frame>, FrameError> {
         let index = self.next;
         let Some((path, &t)) = self.images.get(index).zip(self.stamps.get(index)) else { return Ok(None) };
-        let luminance = luminance(path, self.size).map_err(|because| {
+        let shades = read(path, self.coloured).and_then(|shades| {
+            // It may have been replaced since its size was looked up.
+            let (found, wanted) = (shades.luminance.size(), self.size);
+            if found == wanted { Ok(shades) } else { Err(format!("{found}, wanted {wanted} as the first")) }
+        });
+        let Shades { luminance, colours } = shades.map_err(|because| {
             let because = format!("{}: {because}", path.display());
             FrameError::Invalid { index, because }
         })?;
+        self.colour = colours;
         self.next += 1;
         Ok(Some(Frame { index, t: Timestamp(t), luminance, rate: None }))
     }
+
+    fn want_colour(&mut self) {
+        self.coloured = true;
+    }
+
+    fn colour(&self) -> Option<&Image<[f32; 3]>> {
+        self.colour.as_ref()
+    }
 }
 
-fn luminance(path: &Path, wanted: Size) -> Result<Image<f32>, String> {
-    let image = if has_extension(path, "png") {
-        let file = File::open(path).map_err(|e| e.to_string())?;
-        png::read_luminance(BufReader::new(file)).map_err(|e| e.to_string())?
-    } else {
-        let bytes = fs::read(path).map_err(|e| e.to_string())?;
-        jpeg::read_luminance(&bytes).map_err(|e| e.to_string())?
+/// The luminance of an image, and its colours where they are wanted and it has any.
+fn read(path: &Path, coloured: bool) -> Result<Shades, String> {
+    if has_extension(path, "png") {
+        let file = BufReader::new(File::open(path).map_err(|e| e.to_string())?);
+        let read = match coloured {
+            true => png::read_colours(file),
+            false => png::read_luminance(file).map(|luminance| Shades { luminance, colours: None }),
+        };
+        return read.map_err(|e| e.to_string());
+    }
+    let bytes = fs::read(path).map_err(|e| e.to_string())?;
+    let read = match coloured {
+        true => jpeg::read_colours(&bytes),
+        false => jpeg::read_luminance(&bytes).map(|luminance| Shades { luminance, colours: None }),
     };
-    // It may have been replaced since its size was looked up.
-    let found = image.size();
-    if found == wanted { Ok(image) } else { Err(format!("{found}, wanted {wanted} as the first")) }
+    read.map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

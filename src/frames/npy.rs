@@ -300,6 +300,14 @@ impl Frames for RatedFrames {
         let rate = Some(finite(index, "the rate of pixel", rate)?);
         Ok(Some(Frame { rate, ..frame }))
     }
+
+    fn want_colour(&mut self) {
+        self.frames.want_colour();
+    }
+
+    fn colour(&self) -> Option<&Image<[f32; 3]>> {
+        self.frames.colour()
+    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use crate::image::{Image, Size};
 use crate::render::{Channels, Rendered, Renderer, Velocity, View, Work};
 use crate::trajectory::Trajectory;
 use crate::units::Timestamp;
+use rayon::prelude::*;
 
 /// The grey scale of [`Frame::luminance`] over that of [`Rendered::luminance`].
 const GREY_SCALE: f32 = 255.0;
@@ -14,7 +15,7 @@ const GREY_SCALE: f32 = 255.0;
 /// it waits.
 const AHEAD: usize = 2;
 
-/// What is rendered of each, but for its rate of change.
+/// What is rendered of each, but for its colours and its rate of change.
 const WANT: Channels = Channels {
     luminance: true,
     rgb: false,
@@ -33,6 +34,8 @@ pub struct RenderedFrames {
     trajectory: Trajectory,
     /// Of the camera at each pose, where the luminance's rate of change is wanted.
     velocities: Vec<Velocity>,
+    /// Whether colours are wanted beside the luminance.
+    coloured: bool,
     done: usize,
     /// Frames that the renderer was told of.
     expected: usize,
@@ -63,7 +66,8 @@ impl RenderedFrames {
         assert_eq!(poses, stamps, "a trajectory has one stamp a pose");
         renderer.keep_to(&camera, &trajectory.world_from_camera);
         let (rendered, work) = (Rendered::default(), Work::default());
-        Self { renderer, camera, trajectory, velocities: Vec::new(), done: 0, expected: 0, rendered, work }
+        let (velocities, coloured) = (Vec::new(), false);
+        Self { renderer, camera, trajectory, velocities, coloured, done: 0, expected: 0, rendered, work }
     }
 
     /// The same with the luminance's rate of change in every frame, for a camera that moves like this at each pose.
@@ -83,7 +87,7 @@ impl RenderedFrames {
     }
 
     fn want(&self) -> Channels {
-        Channels { luminance_rate: !self.velocities.is_empty(), ..WANT }
+        Channels { rgb: self.coloured, luminance_rate: !self.velocities.is_empty(), ..WANT }
     }
 
     /// An image on the grey scale.
@@ -94,6 +98,20 @@ impl RenderedFrames {
             None => Ok(image),
             Some(i) => {
                 let because = format!("{what} of pixel {i} is {}, wanted a finite one", image.pixels()[i]);
+                Err(FrameError::Invalid { index, because })
+            }
+        }
+    }
+
+    /// Takes the colours of a frame to the grey scale, where they stay until the next.
+    fn scale_colours(&mut self, index: usize) -> Result<(), FrameError> {
+        let Some(rgb) = self.rendered.rgb.as_mut().filter(|_| self.coloured) else { return Ok(()) };
+        rgb.pixels_mut().par_iter_mut().for_each(|rgb| rgb.iter_mut().for_each(|v| *v *= GREY_SCALE));
+        match rgb.pixels().iter().position(|rgb| !rgb.iter().all(|v| v.is_finite())) {
+            None => Ok(()),
+            Some(i) => {
+                let because =
+                    format!("the colour of pixel {i} is {:?}, wanted a finite one", rgb.pixels()[i]);
                 Err(FrameError::Invalid { index, because })
             }
         }
@@ -128,6 +146,7 @@ impl Frames for RenderedFrames {
             .render(&view, want, &mut self.rendered)
             .map_err(|source| FrameError::Render { index, source })?;
         let luminance = Self::grey(self.rendered.luminance.take(), "luminance", index)?;
+        self.scale_colours(index)?;
         let rate = want
             .luminance_rate
             .then(|| Self::grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
@@ -135,6 +154,14 @@ impl Frames for RenderedFrames {
         self.done += 1;
         let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
         Ok(Some(Frame { index, t, luminance, rate }))
+    }
+
+    fn want_colour(&mut self) {
+        self.coloured = true;
+    }
+
+    fn colour(&self) -> Option<&Image<[f32; 3]>> {
+        self.rendered.rgb.as_ref().filter(|_| self.coloured)
     }
 }
 
@@ -166,10 +193,13 @@ mod tests {
         #[expect(clippy::cast_possible_truncation, reason = "the test's values are small")]
         fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
             let rated = Channels { luminance: true, luminance_rate: true, ..Channels::default() };
-            assert!(want == WANT || want == rated, "one channel is blended");
+            let plain = Channels { rgb: false, ..want };
+            assert!(plain == WANT || plain == rated, "no more is blended than is wanted");
+            let x = view.world_from_camera.translation.x;
+            let rgb = [x as f32, 0.5, -0.25];
+            out.rgb = want.rgb.then(|| Image::filled(view.camera.size, rgb));
             out.luminance_rate =
                 want.luminance_rate.then(|| Image::filled(view.camera.size, view.velocity.linear.x as f32));
-            let x = view.world_from_camera.translation.x;
             if !x.is_nan() {
                 assert_eq!(self.expected.pop_front(), Some(*view));
                 assert!(self.expected.len() <= AHEAD, "as many ahead as there is memory for");
@@ -212,6 +242,23 @@ mod tests {
         for grey in [510.0, -255.0] {
             let rate = frames.next().unwrap().unwrap().rate.unwrap();
             assert!(rate.pixels().iter().all(|v| (v - grey).abs() < 1e-4), "{grey}");
+        }
+    }
+
+    #[test]
+    fn colours_come_on_the_grey_scale_where_they_are_wanted() {
+        let mut plain = frames(&[0.2]);
+        plain.next().unwrap();
+        assert!(plain.colour().is_none());
+        let mut coloured = frames(&[0.2, 1.2]);
+        coloured.want_colour();
+        for red in [51.0, 306.0] {
+            coloured.next().unwrap().unwrap();
+            let colour = coloured.colour().unwrap();
+            assert_eq!(colour.size(), SIZE);
+            assert!(
+                colour.pixels().iter().all(|[r, g, b]| (r - red).abs() < 1e-4 && [*g, *b] == [127.5, -63.75])
+            );
         }
     }
 

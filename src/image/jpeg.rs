@@ -1,8 +1,9 @@
-//! JPEG files, read as luminance: their own luma, which is the sum of encoded colours by [`super::LUMINANCE_WEIGHTS`].
+//! JPEG files, read as luminance: their own luma, which is the sum of encoded colours by [`super::LUMINANCE_WEIGHTS`]; and
+//! as colours.
 //!
 //! The decoder is built without its vector instructions, so that a file is the same greys on every machine.
 
-use super::{Image, Size};
+use super::{Image, Shades, Size};
 use std::io::Cursor;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
@@ -22,20 +23,42 @@ pub struct JpegError(#[from] DecodeErrors);
 /// # Errors
 /// When the bytes are damaged or no JPEG, the image has no luma of its own (CMYK), or more than 16,384 columns or rows.
 pub fn read_luminance(bytes: &[u8]) -> Result<Image<f32>, JpegError> {
-    let options = DecoderOptions::new_safe()
-        .set_strict_mode(true)
-        .set_max_width(MOST_EDGE)
-        .set_max_height(MOST_EDGE)
-        .jpeg_set_out_colorspace(ColorSpace::Luma);
-    let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
-    let greys = decoder.decode()?;
-    let side = |n: usize| u32::try_from(n).unwrap_or(0);
-    let (width, height) = decoder.dimensions().unwrap_or((0, 0));
-    let size = Size { width: side(width), height: side(height) };
+    let (size, _, greys) = decoded(bytes, ColorSpace::Luma)?;
     if greys.len() != size.pixels() {
         return Err(JpegError(DecodeErrors::FormatStatic("it has no luma of its own")));
     }
     Ok(Image::from_vec(size, greys.into_iter().map(f32::from).collect()))
+}
+
+/// [`read_luminance`], and the colours of the image, 0..255, where it is not grey.
+///
+/// # Errors
+/// As [`read_luminance`].
+pub fn read_colours(bytes: &[u8]) -> Result<Shades, JpegError> {
+    let luminance = read_luminance(bytes)?;
+    let (size, stored, samples) = decoded(bytes, ColorSpace::RGB)?;
+    if stored == Some(ColorSpace::Luma) {
+        return Ok(Shades { luminance, colours: None });
+    }
+    if samples.len() != 3 * size.pixels() {
+        return Err(JpegError(DecodeErrors::FormatStatic("it has no red, green and blue")));
+    }
+    let colours = samples.as_chunks().0.iter().map(|rgb: &[u8; 3]| rgb.map(f32::from)).collect();
+    Ok(Shades { luminance, colours: Some(Image::from_vec(size, colours)) })
+}
+
+/// Size, the colour space of the file, and the samples in another.
+fn decoded(bytes: &[u8], wanted: ColorSpace) -> Result<(Size, Option<ColorSpace>, Vec<u8>), JpegError> {
+    let options = DecoderOptions::new_safe()
+        .set_strict_mode(true)
+        .set_max_width(MOST_EDGE)
+        .set_max_height(MOST_EDGE)
+        .jpeg_set_out_colorspace(wanted);
+    let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
+    let samples = decoder.decode()?;
+    let side = |n: usize| u32::try_from(n).unwrap_or(0);
+    let (width, height) = decoder.dimensions().unwrap_or((0, 0));
+    Ok((Size { width: side(width), height: side(height) }, decoder.input_colorspace(), samples))
 }
 
 #[cfg(test)]
@@ -67,6 +90,18 @@ mod tests {
             let wanted = if i % 16 < 8 { 124.0 } else { 42.0 };
             // Decoders may round the inverse transform another way.
             assert!((grey - wanted).abs() <= 1.0, "{i}: {grey}");
+        }
+    }
+
+    #[test]
+    fn the_colours_are_those_that_were_written() {
+        let Shades { luminance, colours } = read_colours(&bytes()).unwrap();
+        assert_eq!(luminance, read_luminance(&bytes()).unwrap());
+        for (i, colour) in colours.unwrap().pixels().iter().enumerate() {
+            let wanted = if i % 16 < 8 { [200.0, 100.0, 50.0] } else { [10.0, 20.0, 240.0] };
+            // Luma and chroma are each rounded twice, by half a step; blue has 1.772 of a chroma.
+            let off = colour.iter().zip(wanted).map(|(found, wanted): (&f32, f32)| (found - wanted).abs());
+            assert!(off.fold(0.0, f32::max) <= 3.0, "{i}: {colour:?}");
         }
     }
 

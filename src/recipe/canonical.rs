@@ -117,6 +117,9 @@ fn voltmeter(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
     if voltmeter.allow_cap {
         out["allow_cap"] = json!(true);
     }
+    if !voltmeter.front_end.is_plain() {
+        out["front_end"] = json!(voltmeter.front_end);
+    }
     let raw = match raw {
         Some(schema::Sensor::Voltmeter(raw)) => raw.given().map(|(raw, _)| raw),
         _ => None,

@@ -4,7 +4,14 @@
 use super::tree::{Entry, Kind, Node};
 
 /// Mappings of which one key is chosen, `*` for any name. Those inside lists are not named: lists replace.
-const ENUMERATIONS: [&str; 4] = ["source", "reconstruct", "sensor", "sensors.*"];
+const ENUMERATIONS: [&str; 6] = [
+    "source",
+    "reconstruct",
+    "sensor",
+    "sensors.*",
+    "sensor.*.front_end.luminance",
+    "sensors.*.*.front_end.luminance",
+];
 
 /// Groups of keys that say the same thing in other ways: one of the recipe's own takes the place of the other groups.
 const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
@@ -109,6 +116,11 @@ mod tests {
         };
         t("source: {colmap: {path: a}}", "source: {procedural: {seed: 1}}", "{source:{colmap:{path:a}}}");
         t("sensor: {esim: {c: 1}}", "sensor: {voltmeter: {preset: dvs346}}", "{sensor:{esim:{c:1}}}");
+        t(
+            "sensor: {esim: {front_end: {luminance: {weights: [1]}}}}",
+            "sensor: {esim: {front_end: {luminance: {other: 2}, exposure: 3}}}",
+            "{sensor:{esim:{front_end:{exposure:3 luminance:{weights:[1]}}}}}",
+        );
         t(
             "source: {procedural: {arc: 1}}",
             "source: {procedural: {seed: 1}}",

@@ -8,7 +8,7 @@
 mod sensor;
 mod trajectory;
 
-pub(super) use sensor::{Esim, HotPixels, Leak, Refractory, Threshold, V2e};
+pub(super) use sensor::{Esim, FrontEnd, HotPixels, Leak, Luminance, Range, Refractory, Threshold, V2e};
 pub(super) use trajectory::{
     Bezier, Curve, Ends, Flow, Gaps, Keyframes, List, Meaning, Metric, Novel, NovelCurve, Orbit, Order, Pose,
     Refine, Rotation, Speed, Trajectory,
@@ -234,8 +234,7 @@ pub(super) struct Voltmeter {
     pub max_events_per_pixel_frame: Field<u64>,
     /// Whether events beyond that are left out and counted.
     pub allow_cap: Field<bool>,
-    /// From colour to the luminance that the sensor sees: weights, decoding, exposure, range.
-    pub front_end: Field<Later>,
+    pub front_end: Field<FrontEnd>,
     pub hot_pixels: Field<HotPixels>,
     /// A label for each event: signal or noise.
     pub labels: Field<Later>,

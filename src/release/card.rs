@@ -16,7 +16,7 @@ pub(super) fn compose(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &C
     for section in [
         introduction(scenes, info),
         FILES.to_owned(),
-        CONVENTIONS.to_owned(),
+        conventions(scenes),
         making(scenes),
         checks(scenes),
         LIMITS.to_owned(),
@@ -110,6 +110,29 @@ Time is in integer microseconds from the first pose. Camera axes are OpenCV's: x
 source's own unit. Polarity 1 is brighter, 0 is darker. Brightness is display-encoded (sRGB) luminance, \
 0.299 R + 0.587 G + 0.114 B, on the grey scale 0..255.
 ";
+
+/// How numbers are to be read, and which sensors see another brightness than most.
+fn conventions(scenes: &[BuiltScene<'_>]) -> String {
+    let mut text = CONVENTIONS.to_owned();
+    let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
+    let others: Vec<String> = sensors
+        .map(|(scene, (name, sensor))| (scene.recipe.scene.clone(), name, sensor.as_model().front_end()))
+        .filter(|(.., front_end)| !front_end.is_plain())
+        .map(|(scene, name, front_end)| match name {
+            Some(name) => format!("| {scene} | {name} | {front_end} |\n"),
+            None => format!("| {scene} | | {front_end} |\n"),
+        })
+        .collect();
+    if !others.is_empty() {
+        let head = "| scene | sensor | brightness |\n|---|---|---|\n";
+        let _ = write!(
+            text,
+            "These sensors see another brightness, on the same scale:\n\n{head}{}",
+            others.concat()
+        );
+    }
+    text
+}
 
 /// How the paths of a kind are made.
 const PATHS: [(&str, &str); 4] = [

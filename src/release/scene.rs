@@ -118,8 +118,21 @@ pub struct Conventions {
     brightness: String,
 }
 
-impl Default for Conventions {
-    fn default() -> Self {
+impl Conventions {
+    /// Those of a scene of this recipe: its sensors see brightness as it is encoded for a display, or in proportion to
+    /// light (`front_end: { decode: srgb }`), or some this way and some that.
+    #[must_use]
+    pub fn of(recipe: &Value) -> Self {
+        let sensors = recipe.get("sensors").and_then(Value::as_object).map(|named| named.values().collect());
+        let sensors: Vec<&Value> = sensors.unwrap_or_else(|| recipe.get("sensor").into_iter().collect());
+        let models = sensors.into_iter().filter_map(Value::as_object).flat_map(|sensor| sensor.values());
+        let decoded: Vec<bool> =
+            models.map(|model| model.pointer("/front_end/decode") == Some(&json!("srgb"))).collect();
+        let brightness = match (decoded.contains(&true), decoded.contains(&false)) {
+            (false, _) => "srgb-encoded",
+            (true, false) => "linear",
+            (true, true) => "per-sensor",
+        };
         Self {
             camera_axes: "opencv".into(),
             pose: "c2w".into(),
@@ -128,7 +141,7 @@ impl Default for Conventions {
             time_unit: "us".into(),
             length_unit: "source".into(),
             polarity: [0, 1],
-            brightness: "srgb-encoded".into(),
+            brightness: brightness.into(),
         }
     }
 }
@@ -335,7 +348,7 @@ pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
         source: source(recipe),
         images: images(scene),
         camera: camera(scene),
-        conventions: Conventions::default(),
+        conventions: Conventions::of(&recipe.merged),
         reconstruction: reconstruction(scene)?,
         licence: licence(scene),
         seed: recipe.seed,

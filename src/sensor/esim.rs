@@ -19,6 +19,7 @@
 
 use super::course::Course;
 use super::detector::{Detector, Source};
+use super::front_end::FrontEnd;
 use super::noise::poisson::{Rates, Train};
 use super::noise::{HotPixels, Redraw, Refractory, Site, Threshold};
 use super::pairs::{Cap, Law, Pair, Pairs, Writer};
@@ -52,6 +53,9 @@ pub struct Esim {
     pub max_events_per_pixel_frame: u32,
     /// Whether events beyond that are left out and counted instead.
     pub allow_cap: bool,
+    /// What stands before the pixels.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub front_end: FrontEnd,
 }
 
 /// What a pixel compares.
@@ -80,6 +84,7 @@ impl Default for Esim {
             hot_pixels: HotPixels::default(),
             max_events_per_pixel_frame: 1000,
             allow_cap: false,
+            front_end: FrontEnd::default(),
         }
     }
 }
@@ -134,6 +139,10 @@ impl Esim {
 impl Model for Esim {
     fn law_version(&self) -> u32 {
         VERSION
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
     }
 
     /// The thresholds; where the intensity is linear, what they are at half of white.

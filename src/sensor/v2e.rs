@@ -31,6 +31,7 @@ pub use presets::Preset;
 
 use super::course::{Course, Filtered};
 use super::detector::{Detector, Source, imbalance};
+use super::front_end::FrontEnd;
 use super::noise::poisson::{Rates, Train};
 use super::noise::{HotPixels, Refractory, Site, Threshold};
 use super::pairs::{Cap, Law, Pair, Pairs, Writer};
@@ -67,6 +68,9 @@ pub struct V2e {
     pub max_events_per_pixel_frame: u32,
     /// Whether events beyond that are left out and counted instead.
     pub allow_cap: bool,
+    /// What stands before the pixels.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub front_end: FrontEnd,
 }
 
 /// How the filter goes from frame to frame.
@@ -196,6 +200,10 @@ impl V2e {
 impl Model for V2e {
     fn law_version(&self) -> u32 {
         VERSION
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
     }
 
     /// The thresholds, above grey 20.

@@ -34,6 +34,7 @@ pub use presets::Preset;
 pub use units::Units;
 
 use super::cap::Capped;
+use super::front_end::FrontEnd;
 use super::noise::HotPixels;
 use super::own_events::WithHot;
 use super::pairs::{Cap, Pairs};
@@ -71,6 +72,9 @@ pub struct Voltmeter {
     /// Pixels that fire by themselves.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub hot_pixels: HotPixels,
+    /// What stands before the pixels.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub front_end: FrontEnd,
 }
 
 /// Which sampler draws the events.
@@ -131,6 +135,7 @@ impl Voltmeter {
             allow_cap: false,
             threshold_spread: 0.0,
             hot_pixels: HotPixels::default(),
+            front_end: FrontEnd::default(),
         }
     }
 }
@@ -158,6 +163,10 @@ impl Model for Voltmeter {
             Law::Exact => exact::VERSION,
             Law::Official => official::VERSION,
         }
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        self.front_end
     }
 
     /// `threshold / k1`: what users of event cameras call C.

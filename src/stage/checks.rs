@@ -31,8 +31,11 @@ impl Stage for Checking {
 
     fn need(&self, files: &[Files]) -> Need {
         // The stream passes by in chunks; what the sensor saw at some frames is held, with the counts of each pixel.
-        let held =
-            files.iter().map(|files| files.size("brightness.npy") + files.size("poses.txt")).sum::<u64>();
+        let brightness = |files: &Files| -> u64 {
+            let images = files.iter().filter(|(name, _)| name.starts_with("brightness"));
+            images.map(|(name, _)| files.size(name)).sum()
+        };
+        let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>();
         Need::memory([held, held, held])
     }
 
@@ -97,7 +100,7 @@ fn count(
     let simulation = &streams.simulation;
     let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
     let count = |(stream, file): (&Stream, &PathBuf)| {
-        let seen = DriftLaw::of(&stream.sensor).ok().map(|law| (law, &streams.anchors));
+        let seen = DriftLaw::of(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream)));
         let mut observer = Observer::new(simulation.camera.size, rate, end_us, seen);
         let mut reader = h5::Reader::open(file).map_err(StageError::work("read events"))?;
         let mut chunk = Vec::new();

@@ -1,9 +1,11 @@
-//! Stage `events`: renders the luminance of every pose and shows it to the sensors.
+//! Stage `events`: renders the luminance of every pose, and its colours where a sensor wants them, and shows it to the
+//! sensors.
 
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Simulation, Stream, write_json};
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
+use crate::frames::Frame;
 use crate::frames::anchors::Anchors;
 use crate::frames::rendered::RenderedFrames;
 use crate::image::Size;
@@ -13,6 +15,7 @@ use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
+use crate::sensor::front_end::{self, FrontEnd};
 use crate::sensor::voltmeter::Between;
 use crate::sensor::{Account, Channel, Sensor, Sensors, SimulateError, simulate_all};
 use crate::source::Capture;
@@ -48,6 +51,9 @@ pub struct Simulating {
 
 /// State of a sensor, pictures between the renderer and it, and the sample of the flow, by measurement.
 const BYTES_A_PIXEL: u64 = 232;
+/// What a front end makes of a frame, and the colours that it makes it of: as the renderer blends them and as they are
+/// read, 32 bits each.
+const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;
 
 /// Pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
@@ -64,7 +70,9 @@ impl Stage for Simulating {
 
     fn need(&self, files: &[Files]) -> Need {
         let sensors = self.sensors().count() as u64;
-        super::rendering_need(&self.backend, self.camera, files, BYTES_A_PIXEL * sensors)
+        let front_ends = self.front_ends().iter().filter(|front_end| !front_end.is_plain()).count() as u64;
+        let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends;
+        super::rendering_need(&self.backend, self.camera, files, others)
     }
 
     fn run(
@@ -98,9 +106,11 @@ impl Stage for Simulating {
             flow_px: Quantiles::of(sampled.moved_px),
             doubtful_share: sampled.doubt.share(),
             depth_unit: flow::nearest_ranks(sampled.depth, [5, 50, 95]),
-            brightness_stamps_us: anchors.stamps_us.clone(),
+            brightness_stamps_us: anchors[0].stamps_us.clone(),
         };
-        write(&cx.out.join("brightness.npy"), |file| anchors.write_images(file))?;
+        for (i, anchors) in anchors.iter().enumerate() {
+            write(&cx.out.join(EventStreams::brightness(i)), |file| anchors.write_images(file))?;
+        }
         let out = cx.out.join("simulation.json");
         write_json(&out, &simulation).map_err(StageError::io(&out))
     }
@@ -127,33 +137,48 @@ impl Simulating {
         one.chain(self.sensors.iter().map(|(name, sensor)| (Some(name.as_str()), sensor)))
     }
 
-    /// Streams the frames through the sensors into their files.
+    fn front_ends(&self) -> Vec<FrontEnd> {
+        front_end::distinct(self.sensors().map(|(_, sensor)| sensor.as_model()))
+    }
+
+    /// Streams the frames through the sensors into their files, and keeps some as each front end shows them.
     fn simulate(
         &self,
         frames: &mut RenderedFrames,
         stamps_us: &[i64],
         size: Size,
         cx: &Context<'_>,
-    ) -> Result<(Vec<Stream>, Anchors), StageError> {
+    ) -> Result<(Vec<Stream>, Vec<Anchors>), StageError> {
         let chosen = Anchors::choose(stamps_us);
-        let mut anchors = Anchors::empty();
-        let mut tap = |frame: &crate::frames::Frame| {
+        let mut anchors = vec![Anchors::empty(); self.front_ends().len()];
+        let keep = |anchors: &mut Anchors, frame: &Frame| {
             if chosen.contains(&frame.index) {
                 anchors.keep(frame, stamps_us[frame.index]);
             }
-            if cx.go_on().is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let mut keepers: Vec<_> = anchors.iter_mut().map(|a| |frame: &Frame| keep(a, frame)).collect();
+        let mut tap = |_: &Frame| match cx.go_on() {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(_) => ControlFlow::Break(()),
         };
         let failed = |e| match e {
             SimulateError::Interrupted => StageError::Cancelled,
             e => StageError::work("simulate events")(e),
         };
         let mut sinks = self.sinks(size, cx)?;
-        let start = |sensor: &Sensor| sensor.as_model().start(size, [0, 0], self.seed);
         let mut channels = Vec::new();
+        let mut unwatched: Vec<_> = self.front_ends().into_iter().zip(&mut keepers).collect();
         for ((_, sensor), sink) in self.sensors().zip(&mut sinks) {
-            channels.push(Channel::new(start(sensor).map_err(|e| failed(e.into()))?, sink));
+            let model = sensor.as_model();
+            let pixels = model.start(size, [0, 0], self.seed).map_err(|e| failed(e.into()))?;
+            let mut channel = Channel::new(pixels, sink).behind(model.front_end());
+            if let Some(at) = unwatched.iter().position(|(front_end, _)| *front_end == model.front_end()) {
+                channel = channel.watched(unwatched.swap_remove(at).1);
+            }
+            channels.push(channel);
         }
         let accounts = simulate_all(frames, &mut channels, &mut tap).map_err(failed)?;
+        drop(channels);
         let last = stamps_us.last().copied().unwrap_or(0);
         for sink in sinks {
             sink.finish(last).map_err(StageError::work("write events"))?;

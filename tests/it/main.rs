@@ -16,6 +16,7 @@ mod diff;
 mod event_pictures;
 mod event_statistics;
 mod foreign_readers;
+mod front_ends;
 mod gc;
 mod glance;
 mod golden_digests;

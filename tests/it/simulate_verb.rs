@@ -1,5 +1,6 @@
 //! `gs2e simulate`: events of the user's own frames, through the binary.
 
+mod front_end;
 mod mistakes;
 
 use crate::support::shared;

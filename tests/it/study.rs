@@ -34,6 +34,26 @@ fn thresholds_are_swept_over_a_built_scene() {
 }
 
 #[test]
+fn what_is_swept_is_seen_through_the_front_end() {
+    let place = Workspace::with_tiny();
+    let events = |front_end: &str| {
+        let sensor = format!("preset: dvs346, front_end: {front_end},");
+        place.write("tiny.yaml", TINY.replace("preset: dvs346,", &sensor));
+        place.ok("build tiny.yaml");
+        let told = place.ok("study thresholds tiny.yaml --span 0,5 --thresholds 1 --json").stdout;
+        let told: Value = serde_json::from_str(&told).unwrap();
+        told["rows"][0]["events"].as_u64().unwrap()
+    };
+    let plain = events("{}");
+    assert!(plain > 100, "{plain}");
+    assert_eq!(events("{ exposure: 1, luminance: rec601 }"), plain);
+    assert_ne!(events("{ decode: srgb }"), plain);
+    // Nothing changes in a brightness that is held.
+    let dark = events("{ range: { min: 254, max: 255 } }");
+    assert!(dark < plain / 10, "{dark}");
+}
+
+#[test]
 fn what_cannot_be_swept_is_told() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");

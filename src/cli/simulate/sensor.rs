@@ -4,6 +4,7 @@ use super::Simulate;
 use crate::cli::problem::Problem;
 use crate::recipe::read_sensor;
 use crate::sensor::Sensor;
+use crate::sensor::front_end::{Luminance, Range};
 use crate::sensor::voltmeter::{Between, Preset, Voltmeter};
 use serde::Serialize;
 use std::path::Path;
@@ -33,8 +34,44 @@ pub(super) fn choose(asked: &Simulate) -> Result<Sensor, Problem> {
             let what = format!("{option} is of the sensor voltmeter, and this is {}", sensor.name());
             Err(Problem::usage("sensor", what).help("leave it out"))
         }
-        _ => Ok(sensor),
+        _ => behind(sensor, asked),
     }
+}
+
+/// The sensor behind what is asked for of its front end.
+fn behind(mut sensor: Sensor, asked: &Simulate) -> Result<Sensor, Problem> {
+    let front_end = match &mut sensor {
+        Sensor::Voltmeter(found) => &mut found.front_end,
+        Sensor::Esim(found) => &mut found.front_end,
+        Sensor::V2e(found) => &mut found.front_end,
+    };
+    front_end.luminance = asked.luminance.unwrap_or(front_end.luminance);
+    front_end.decode = asked.decode.unwrap_or(front_end.decode);
+    front_end.exposure = asked.exposure.unwrap_or(front_end.exposure);
+    front_end.range = asked.range.unwrap_or(front_end.range);
+    front_end.validate().map_err(|error| Problem::usage("sensor", error.to_string()))?;
+    Ok(sensor)
+}
+
+/// Reads the weights of colours, by name or as three numbers.
+pub(super) fn luminance(text: &str) -> Result<Luminance, String> {
+    if !text.contains(',') {
+        let named = super::word(text).ok().filter(|named| !matches!(named, Luminance::Weights(_)));
+        return named.ok_or_else(|| format!("`{text}` is not rec601, rec709, or R,G,B, as 0.25,0.5,0.25"));
+    }
+    let weights = numbers(text).ok_or_else(|| format!("`{text}` is not R,G,B, three numbers"))?;
+    Luminance::of(weights).map_err(|error| error.to_string())
+}
+
+/// Reads the ends of a range, the upper of which may be `inf`.
+pub(super) fn range(text: &str) -> Result<Range, String> {
+    let [min, max] = numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, as 0,255 or 5,inf"))?;
+    Ok(Range { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
+}
+
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
 }
 
 fn read(name: &str) -> Result<Sensor, Problem> {
@@ -50,8 +87,12 @@ fn read(name: &str) -> Result<Sensor, Problem> {
 }
 
 /// Cubics with given slopes need them.
-pub(super) fn check_rates(sensor: &Sensor, given: bool) -> Result<(), Problem> {
+pub(super) fn check_rates(sensor: &Sensor, given: bool, coloured: bool) -> Result<(), Problem> {
     let between = sensor.between();
+    if between == Between::Hermite && coloured && sensor.as_model().front_end().needs_colour() {
+        let what = "hermite goes by rates of change of the luminance rec601, not decoded".to_owned();
+        return Err(Problem::usage("rates-other", what).help("grey frames, as a .npy, have one luminance"));
+    }
     if between == Between::Hermite && !given {
         let what = "hermite goes by the luminance's change per second, and none is given".to_owned();
         return Err(Problem::usage("rates-missing", what).help("--rates: a .npy of float32, one a pixel"));

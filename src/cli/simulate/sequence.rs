@@ -60,6 +60,8 @@ pub(super) struct Sequence {
     pub(super) full_scale: FullScale,
     /// Whether that was decided by the frames.
     pub(super) decided: bool,
+    /// Whether frames may have colours.
+    pub(super) may_be_coloured: bool,
     /// What people should know.
     pub(super) told: Vec<String>,
 }
@@ -94,6 +96,7 @@ impl Sequence {
                     .to_owned(),
             );
         }
+        let may_be_coloured = matches!(source, Source::Images(_));
         let frames: Box<dyn Frames> = match source {
             Source::Stack(stack) => {
                 Box::new(NpyFrames::new(stack, full_scale, &stamps_us).map_err(|e| wrong(&e))?)
@@ -109,7 +112,7 @@ impl Sequence {
                 Box::new(RatedFrames::new(frames, rates, full_scale).map_err(|e| wrong(&e))?)
             }
         };
-        let mut sequence = Self { frames, stamps_us, full_scale, decided, told };
+        let mut sequence = Self { frames, stamps_us, full_scale, decided, may_be_coloured, told };
         sequence.told.extend(sequence.many());
         Ok(sequence)
     }

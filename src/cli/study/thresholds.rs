@@ -18,6 +18,7 @@ use crate::render::backend::Backend;
 use crate::render::{Layering, RenderError, Rules, Style};
 use crate::scene::Gaussians;
 use crate::seed::{Purpose, Seed};
+use crate::sensor::front_end::Seen;
 use crate::sensor::voltmeter::{Between, Voltmeter};
 use crate::sensor::{Sensor, Sensors, SimulateError};
 use crate::source::Capture;
@@ -289,7 +290,9 @@ impl Built {
         let mut released = frames(&backend, style).map_err(|e| failed(&e))?;
         let smooth_by = if backend.takes_gpu() { Backend::Cpu } else { backend };
         let mut smooth = frames(&smooth_by, smooth).map_err(|e| failed(&e))?;
-        sweep(asked, (&mut released, &mut smooth), &mut tap).map_err(|e| match e {
+        let front_end = asked.sensor.front_end;
+        let mut seen = (Seen::new(&mut released, front_end), Seen::new(&mut smooth, front_end));
+        sweep(asked, (&mut seen.0, &mut seen.1), &mut tap).map_err(|e| match e {
             SimulateError::Interrupted => {
                 let what = "interrupted: nothing is written";
                 Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))

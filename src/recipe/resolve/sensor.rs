@@ -1,5 +1,6 @@
 //! The sensor: presets and units become numbers.
 
+mod front_end;
 mod models;
 
 use super::Resolver;
@@ -14,7 +15,7 @@ use crate::sensor::{Sensor, Sensors};
 use crate::units::Hertz;
 use std::collections::BTreeMap;
 
-const IDEAL: &str = "this gs2e feeds sensors encoded luminance, and labels no events";
+const IDEAL: &str = "this gs2e labels no events";
 
 /// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
 const K: [Range; 6] = [
@@ -126,6 +127,7 @@ impl Resolver<'_> {
         let (raw, place) = field.given()?;
         let found = self.voltmeter(raw, place);
         let voltmeter = Voltmeter { between: between?, ..found? };
+        self.rates_of(&voltmeter.front_end, voltmeter.between, &raw.front_end)?;
         if let Some(at) = raw.law.place().filter(|_| voltmeter.law == Law::Official) {
             self.only_linear(between, "the law official", at)?;
         }
@@ -142,9 +144,7 @@ impl Resolver<'_> {
     }
 
     fn voltmeter(&self, raw: &schema::Voltmeter, place: Place) -> Option<Voltmeter> {
-        for later in [&raw.front_end, &raw.labels] {
-            self.later(later, IDEAL);
-        }
+        self.later(&raw.labels, IDEAL);
         let k = self.k(raw, place);
         let threshold = self.threshold(&raw.threshold);
         let law = self.sampler(&raw.law);
@@ -152,6 +152,7 @@ impl Resolver<'_> {
         let initial = initial(&raw.initial);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
+        let front_end = self.front_end(&raw.front_end);
         let [threshold_on, threshold_off, threshold_spread] = threshold?;
         Some(Voltmeter {
             threshold_on,
@@ -166,6 +167,7 @@ impl Resolver<'_> {
             allow_cap: allow_cap?,
             threshold_spread,
             hot_pixels: hot_pixels?,
+            front_end: front_end?,
             ..Voltmeter::new(k?)
         })
     }

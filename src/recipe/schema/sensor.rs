@@ -2,6 +2,7 @@
 
 use crate::recipe::field::{Field, Later};
 use crate::sensor::esim::Intensity;
+use crate::sensor::front_end::Decode;
 use crate::sensor::noise::{Redraw, Reference};
 use crate::sensor::v2e::Filter;
 use serde::Deserialize;
@@ -18,8 +19,7 @@ pub(in crate::recipe) struct Esim {
     pub hot_pixels: Field<HotPixels>,
     pub max_events_per_pixel_frame: Field<u64>,
     pub allow_cap: Field<bool>,
-    /// From colour to the luminance that the sensor sees: weights, decoding, exposure, range.
-    pub front_end: Field<Later>,
+    pub front_end: Field<FrontEnd>,
     /// A label for each event: signal or noise.
     pub labels: Field<Later>,
 }
@@ -41,7 +41,7 @@ pub(in crate::recipe) struct V2e {
     pub hot_pixels: Field<HotPixels>,
     pub max_events_per_pixel_frame: Field<u64>,
     pub allow_cap: Field<bool>,
-    pub front_end: Field<Later>,
+    pub front_end: Field<FrontEnd>,
     pub labels: Field<Later>,
 }
 
@@ -77,4 +77,33 @@ pub(in crate::recipe) struct HotPixels {
     pub share: Field<f64>,
     /// Hz.
     pub rate: Field<f64>,
+}
+
+/// From the colours of a frame to the brightness that the pixels see.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct FrontEnd {
+    pub luminance: Field<Luminance>,
+    pub decode: Field<Decode>,
+    /// A factor.
+    pub exposure: Field<f64>,
+    pub range: Field<Range>,
+}
+
+/// Weights of the colours.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(in crate::recipe) enum Luminance {
+    Rec601,
+    Rec709,
+    Weights(Field<[Field<f64>; 3]>),
+}
+
+/// Grey.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct Range {
+    pub min: Field<f64>,
+    /// Without bound where there is none.
+    pub max: Field<f64>,
 }

@@ -31,8 +31,9 @@ pub(super) fn scene(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFi
     claims.equal("seed", &scene.seed.to_string(), "its recipe", &seed);
     let compact = serde_json::to_vec(&scene.recipe).expect("a JSON value is writable");
     claims.equal("recipe_sha256", &scene.recipe_sha256, "its recipe", &checksum::sha256(&compact));
-    if scene.conventions != Conventions::default() {
-        claims.fault(Code::ClaimsDisagree, "its conventions are not those of this release format".into());
+    if scene.conventions != Conventions::of(&scene.recipe) {
+        let message = "its conventions are not those of this release format and of its recipe".into();
+        claims.fault(Code::ClaimsDisagree, message);
     }
     let tool = format!("gs2e {}", scene.gs2e_version);
     if tool != manifest.tool {

@@ -89,6 +89,9 @@ fn voltmeter(v: &Voltmeter) -> Value {
     if !v.hot_pixels.is_absent() {
         out["hot_pixels"] = json!(v.hot_pixels);
     }
+    if !v.front_end.is_plain() {
+        out["front_end"] = json!(v.front_end);
+    }
     out
 }
 

@@ -1,6 +1,7 @@
 //! Light on the still life: a lamp, a sky, shadows of spheres, and gloss as harmonics.
 
 use super::texture::step;
+use crate::image::srgb;
 use crate::scene::sh;
 use glam::DVec3;
 
@@ -72,11 +73,7 @@ fn openness(lit: Lit, o: &Occluder) -> f64 {
 
 /// The display value of linear light: a shoulder that keeps highlights below white, then the sRGB curve.
 pub(super) fn display(light: DVec3) -> DVec3 {
-    DVec3::from_array(light.to_array().map(|v| encode(1.0 - libm::exp(-v.max(0.0)))))
-}
-
-fn encode(v: f64) -> f64 {
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * libm::pow(v, 1.0 / 2.4) - 0.055 }
+    DVec3::from_array(light.to_array().map(|v| srgb::encode(1.0 - libm::exp(-v.max(0.0)))))
 }
 
 /// Degree of the harmonics of the still life.

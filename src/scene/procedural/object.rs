@@ -2,6 +2,7 @@
 
 use super::light::Occluder;
 use super::shape::{Cover, Path, Shape, Sheet, Spot};
+use crate::image::srgb;
 use glam::DVec3;
 use std::fmt;
 
@@ -92,10 +93,7 @@ pub(super) fn at(x: f64, height: f64, z: f64) -> DVec3 {
 /// Linear light of the display colour `0xRRGGBB`.
 pub(super) fn rgb(hex: u32) -> DVec3 {
     let [_, r, g, b] = hex.to_be_bytes();
-    DVec3::from_array([r, g, b].map(|byte| {
-        let v = f64::from(byte) / 255.0;
-        if v <= 0.040_45 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }
-    }))
+    DVec3::from_array([r, g, b].map(|byte| srgb::decode(f64::from(byte) / 255.0)))
 }
 
 /// Sine and cosine of `turns` full turns.

@@ -1,6 +1,7 @@
 //! Parameter sets by name, as the program's `--dvs_params`.
 
 use super::{Filter, Leak, V2e};
+use crate::sensor::front_end::FrontEnd;
 use crate::sensor::noise::{HotPixels, Reference, Refractory, Threshold};
 
 /// A named parameter set.
@@ -46,6 +47,7 @@ impl From<Preset> for V2e {
             hot_pixels: HotPixels::default(),
             max_events_per_pixel_frame: 1000,
             allow_cap: false,
+            front_end: FrontEnd::default(),
         };
         match preset {
             Preset::Clean => clean,

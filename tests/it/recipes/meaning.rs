@@ -4,6 +4,7 @@ use super::{read, recipe, said, snapshot, sound};
 use gs2e::recipe::{Output, Reconstruct, Source};
 use gs2e::render::Rules;
 use gs2e::sensor::esim::{Esim, Intensity};
+use gs2e::sensor::front_end::{Decode, FrontEnd, Luminance, Range};
 use gs2e::sensor::noise::{HotPixels, Redraw, Reference, Refractory, Threshold};
 use gs2e::sensor::v2e::{self, Filter, Leak, V2e};
 use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
@@ -182,14 +183,42 @@ fn the_merged_form_is_a_recipe_that_means_the_same() {
     }
 }
 
+/// A sensor means that, and so does the canonical form of its recipe.
+fn check_sensor(yaml: &str, wanted: Sensor) {
+    let found = sound(&format!("sensor: {yaml}"));
+    assert_eq!(found.sensors, Sensors::One(wanted), "{yaml}");
+    let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
+    assert_eq!(said(again), said(found), "{yaml}");
+}
+
+#[test]
+fn front_ends_are_read() {
+    let t = check_sensor;
+    let seen = FrontEnd {
+        luminance: Luminance::of([0.2, 0.7, 0.1]).unwrap(),
+        decode: Decode::Srgb,
+        exposure: 2.5,
+        range: Range { min: 1.0, max: Some(200.0) },
+    };
+    let words = "front_end: { luminance: { weights: [0.2, 0.7, 0.1] }, decode: srgb, exposure: 2.5, \
+                 range: { min: 1, max: 200 } }";
+    t(
+        &format!("{{ voltmeter: {{ {words} }} }}"),
+        Sensor::Voltmeter(Voltmeter { front_end: seen, ..Voltmeter::new(Preset::Dvs346.k()) }),
+    );
+    t(&format!("{{ esim: {{ {words} }} }}"), Sensor::Esim(Esim { front_end: seen, ..Esim::default() }));
+    let rec709 = FrontEnd { luminance: Luminance::Rec709, ..FrontEnd::default() };
+    for luminance in ["rec709", "{ weights: [0.2126, 0.7152, 0.0722] }"] {
+        t(
+            &format!("{{ v2e: {{ front_end: {{ luminance: {luminance} }} }} }}"),
+            Sensor::V2e(V2e { front_end: rec709, ..V2e::from(v2e::Preset::Clean) }),
+        );
+    }
+}
+
 #[test]
 fn all_sensors_are_read() {
-    let t = |yaml: &str, wanted: Sensor| {
-        let found = sound(&format!("sensor: {yaml}"));
-        assert_eq!(found.sensors, Sensors::One(wanted), "{yaml}");
-        let again = recipe(&found.merged.to_string()).unwrap_or_else(|f| panic!("{}", f.render_text()));
-        assert_eq!(said(again), said(found), "{yaml}");
-    };
+    let t = check_sensor;
     let dvs346 = Voltmeter::new(Preset::Dvs346.k());
     let hot_pixels = HotPixels { share: 0.001, rate: 20.0 };
     let official = Voltmeter { law: Law::Official, ..dvs346 };
@@ -212,6 +241,7 @@ fn all_sensors_are_read() {
             hot_pixels,
             max_events_per_pixel_frame: 7,
             allow_cap: true,
+            front_end: FrontEnd::default(),
         }),
     );
     t("{ v2e: {} }", Sensor::V2e(V2e::from(v2e::Preset::Clean)));

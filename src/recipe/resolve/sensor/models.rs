@@ -2,7 +2,7 @@
 
 use super::super::Resolver;
 use super::super::number::{Range, Whole};
-use crate::recipe::field::{Field, Later};
+use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
 use crate::recipe::schema;
 use crate::recipe::text::Place;
@@ -20,7 +20,7 @@ const RATE: Range = Range::new(0.0, 1e9);
 
 impl Resolver<'_> {
     pub(super) fn esim(&self, raw: &schema::Esim) -> Option<Esim> {
-        self.refuse_ideal([&raw.front_end, &raw.labels]);
+        self.later(&raw.labels, super::IDEAL);
         let usual = Esim::default();
         let threshold = self.threshold_of(&raw.threshold, usual.threshold);
         let mismatch = self.or(&raw.mismatch, usual.mismatch);
@@ -30,6 +30,7 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
+        let front_end = self.front_end(&raw.front_end);
         Some(Esim {
             threshold: threshold?,
             mismatch: mismatch?,
@@ -39,11 +40,12 @@ impl Resolver<'_> {
             hot_pixels: hot_pixels?,
             max_events_per_pixel_frame: cap?,
             allow_cap: allow_cap?,
+            front_end: front_end?,
         })
     }
 
     pub(super) fn v2e(&self, raw: &schema::V2e) -> Option<V2e> {
-        self.refuse_ideal([&raw.front_end, &raw.labels]);
+        self.later(&raw.labels, super::IDEAL);
         let usual = V2e::from(self.v2e_preset(&raw.preset)?);
         let threshold = self.threshold_of(&raw.threshold, usual.threshold);
         let cutoff = self.real(&raw.cutoff, usual.cutoff, Range::new(0.0, 1e9));
@@ -54,6 +56,7 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
+        let front_end = self.front_end(&raw.front_end);
         Some(V2e {
             threshold: threshold?,
             cutoff: cutoff?,
@@ -64,6 +67,7 @@ impl Resolver<'_> {
             hot_pixels: hot_pixels?,
             max_events_per_pixel_frame: cap?,
             allow_cap: allow_cap?,
+            front_end: front_end?,
         })
     }
 
@@ -74,10 +78,6 @@ impl Resolver<'_> {
         }
         let problem = Problem::of_key(format!("has {what}, which goes linearly between frames"));
         self.refuse(problem.help("write sampling: { between: linear }").at(place))
-    }
-
-    fn refuse_ideal(&self, laters: [&Field<Later>; 2]) {
-        laters.into_iter().for_each(|later| self.later(later, super::IDEAL));
     }
 
     fn v2e_preset(&self, field: &Field<String>) -> Option<Preset> {

@@ -1,0 +1,529 @@
+//! What stands before a sensor's pixels: from the colours of a frame to the brightness that they see.
+//!
+//! ```text
+//! L = 255 E sum_i w_i f(c_i / 255), held within min and max
+//! ```
+//!
+//! of the display-encoded channels `c_i`, 0..255. `f` is the identity (`decode: none`, as the published simulators read
+//! their frames) or the curve of sRGB (`decode: srgb`: brightness in proportion to light). The weights `w_i` sum to 1, so
+//! that a grey frame, whose channels are equal, needs none; `E` is the exposure. A brightness below 0 is the sensor's to
+//! set to 0 and to count, unless `min` is above 0.
+//!
+//! A grey frame's rate of change goes through the same map: `E f'(L/255)` times it, and 0 where L is held. The rate of the
+//! luminance of colours says nothing of that of another sum of theirs, or of their light: there is none then.
+
+use super::Model;
+use super::is_default;
+use crate::frames::{Frame, FrameError, Frames};
+use crate::image::{Image, Size, srgb};
+use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// White, in grey.
+const WHITE: f64 = 255.0;
+/// Pixels that one task takes.
+const CHUNK: usize = 4096;
+/// Most that the sum of the weights may be away from 1: what decimals of seven digits leave.
+const SUM: f64 = 1e-6;
+
+/// From colour to brightness.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FrontEnd {
+    /// Weights of the channels.
+    pub luminance: Luminance,
+    /// What becomes of a channel before it is weighed.
+    pub decode: Decode,
+    /// Factor on the brightness, above 0.
+    pub exposure: f64,
+    /// What brightness is held within.
+    pub range: Range,
+}
+
+impl Default for FrontEnd {
+    /// The encoded luminance of BT.601 as it stands.
+    fn default() -> Self {
+        Self {
+            luminance: Luminance::default(),
+            decode: Decode::default(),
+            exposure: 1.0,
+            range: Range::default(),
+        }
+    }
+}
+
+/// Weights of red, green and blue.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Luminance {
+    /// 0.299, 0.587, 0.114, of ITU-R BT.601: what the published simulators read of their frames.
+    #[default]
+    Rec601,
+    /// 0.2126, 0.7152, 0.0722, of ITU-R BT.709: the luminance of sRGB's light.
+    Rec709,
+    /// Others.
+    Weights(Weights),
+}
+
+/// Three finite numbers of at least 0 whose sum is 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "[f64; 3]", into = "[f64; 3]")]
+pub struct Weights([f64; 3]);
+
+/// What becomes of a channel before it is weighed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Decode {
+    /// Nothing: brightness is display-encoded.
+    #[default]
+    None,
+    /// It becomes linear light by the curve of sRGB.
+    Srgb,
+}
+
+/// What brightness is held within, in grey.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Range {
+    /// At least 0.
+    pub min: f64,
+    /// Above `min`; without bound where there is none.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub max: Option<f64>,
+}
+
+/// Why numbers are no front end.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FrontEndError {
+    /// A weight is negative, or the sum is not 1.
+    #[error("the weights {0:?} sum to {sum}, wanted three of at least 0 that sum to 1", sum = told_sum(.0))]
+    Weights([f64; 3]),
+    /// An exposure.
+    #[error("the exposure is {0}, wanted a finite number above 0")]
+    Exposure(f64),
+    /// A range.
+    #[error("the range is {min} to {max}, wanted 0 <= min < max")]
+    Range {
+        /// Lower end.
+        min: f64,
+        /// Upper end.
+        max: f64,
+    },
+}
+
+impl Luminance {
+    /// These weights, by their name where they have one.
+    ///
+    /// # Errors
+    /// When one is not finite or below 0, or they do not sum to 1 within 1e-6.
+    pub fn of(weights: [f64; 3]) -> Result<Self, FrontEndError> {
+        let bits = |weights: [f64; 3]| weights.map(f64::to_bits);
+        let mut named = [Self::Rec601, Self::Rec709].into_iter();
+        let named = named.find(|named| bits(named.weights()) == bits(weights));
+        named.map_or_else(|| Weights::try_from(weights).map(Self::Weights), Ok)
+    }
+
+    /// Of red, green and blue.
+    #[must_use]
+    pub fn weights(self) -> [f64; 3] {
+        match self {
+            Self::Rec601 => [0.299, 0.587, 0.114],
+            Self::Rec709 => [0.2126, 0.7152, 0.0722],
+            Self::Weights(Weights(weights)) => weights,
+        }
+    }
+}
+
+/// The sum of weights to nine digits, as people are told it.
+pub(crate) fn told_sum(weights: &[f64; 3]) -> f64 {
+    libm::round(weights.iter().sum::<f64>() * 1e9) / 1e9
+}
+
+impl TryFrom<[f64; 3]> for Weights {
+    type Error = FrontEndError;
+
+    fn try_from(weights: [f64; 3]) -> Result<Self, FrontEndError> {
+        let sound = weights.iter().all(|w| w.is_finite() && *w >= 0.0);
+        let sum: f64 = weights.iter().sum();
+        if sound && (sum - 1.0).abs() <= SUM {
+            Ok(Self(weights))
+        } else {
+            Err(FrontEndError::Weights(weights))
+        }
+    }
+}
+
+impl From<Weights> for [f64; 3] {
+    fn from(Weights(weights): Weights) -> Self {
+        weights
+    }
+}
+
+impl Decode {
+    fn of(self, v: f64) -> f64 {
+        match self {
+            Self::None => v,
+            Self::Srgb => srgb::decode(v),
+        }
+    }
+
+    fn slope(self, v: f64) -> f64 {
+        match self {
+            Self::None => 1.0,
+            Self::Srgb => srgb::slope(v),
+        }
+    }
+
+    #[inline(always)]
+    fn of_eight<S: Simd>(self, v: f64x8<S>) -> f64x8<S> {
+        match self {
+            Self::None => v,
+            Self::Srgb => srgb::decode_eight(v),
+        }
+    }
+}
+
+impl Range {
+    /// A brightness held within.
+    fn hold(self, grey: f64) -> f64 {
+        let least = if self.min > 0.0 { grey.max(self.min) } else { grey };
+        self.max.map_or(least, |max| least.min(max))
+    }
+
+    /// Whether that is another.
+    fn holds(self, grey: f64) -> bool {
+        self.min > 0.0 && grey < self.min || self.max.is_some_and(|max| grey > max)
+    }
+}
+
+impl fmt::Display for FrontEnd {
+    /// As `0.299 R + 0.587 G + 0.114 B, display-encoded`, with what else is done.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [r, g, b] = self.luminance.weights();
+        let of = match self.decode {
+            Decode::None => "display-encoded",
+            Decode::Srgb => "of linear light",
+        };
+        write!(f, "{r} R + {g} G + {b} B, {of}")?;
+        if !(1.0..=1.0).contains(&self.exposure) {
+            write!(f, ", times {}", self.exposure)?;
+        }
+        match self.range {
+            Range { min, max: Some(max) } => write!(f, ", held within {min} to {max}"),
+            Range { min, max: None } if min > 0.0 => write!(f, ", held at {min} or more"),
+            Range { .. } => Ok(()),
+        }
+    }
+}
+
+impl FrontEnd {
+    /// Whether its numbers are what they must be; those of weights always are.
+    ///
+    /// # Errors
+    /// When one is not.
+    pub fn validate(&self) -> Result<(), FrontEndError> {
+        if !(self.exposure.is_finite() && self.exposure > 0.0) {
+            return Err(FrontEndError::Exposure(self.exposure));
+        }
+        let Range { min, max } = self.range;
+        let ordered = max.is_none_or(|max| max.is_finite() && max > min);
+        if !(min.is_finite() && min >= 0.0 && ordered) {
+            return Err(FrontEndError::Range { min, max: max.unwrap_or(f64::INFINITY) });
+        }
+        Ok(())
+    }
+
+    /// Whether it passes the luminance of a frame on as it is.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        is_default(self)
+    }
+
+    /// Whether the luminance of a coloured frame does not say what it sees.
+    #[must_use]
+    pub fn needs_colour(&self) -> bool {
+        self.luminance != Luminance::Rec601 || self.decode != Decode::None
+    }
+
+    /// The frame as the pixels see it; `colour` is what its luminance was made of, on the same scale, where it is not grey.
+    #[must_use]
+    pub fn see(&self, frame: &Frame, colour: Option<&Image<[f32; 3]>>) -> Frame {
+        let (luminance, rate) = match colour.filter(|_| self.needs_colour()) {
+            Some(colour) => (self.of_colour(colour), None),
+            None => (self.of_grey(&frame.luminance), self.rate_of_grey(frame)),
+        };
+        Frame { index: frame.index, t: frame.t, luminance, rate }
+    }
+
+    fn of_colour(&self, colour: &Image<[f32; 3]>) -> Image<f32> {
+        let mut seen = vec![0.0; colour.pixels().len()];
+        let level = Level::new();
+        let parts = seen.par_chunks_mut(CHUNK).zip(colour.pixels().par_chunks(CHUNK));
+        parts.for_each(|(seen, colour)| dispatch!(level, simd => self.weigh(simd, colour, seen)));
+        Image::from_vec(colour.size(), seen)
+    }
+
+    /// Eight pixels at a time.
+    #[inline(always)]
+    fn weigh<S: Simd>(&self, simd: S, colour: &[[f32; 3]], seen: &mut [f32]) {
+        let weights = self.luminance.weights().map(|w| w * self.exposure * WHITE);
+        let eight = |colour: &[[f32; 3]; 8]| -> [f64; 8] {
+            let channel = |c: usize| {
+                let of = f64x8::from_fn(simd, |i| f64::from(colour[i][c]));
+                self.decode.of_eight(of * (1.0 / WHITE)) * weights[c]
+            };
+            (channel(0) + channel(1) + channel(2)).into()
+        };
+        let hold = |seen: &mut [f32], sums: [f64; 8]| {
+            for (seen, sum) in seen.iter_mut().zip(sums) {
+                *seen = narrow(self.range.hold(sum));
+            }
+        };
+        let ((colour, last), (seen, rest)) = (colour.as_chunks(), seen.as_chunks_mut::<8>());
+        for (seen, colour) in seen.iter_mut().zip(colour) {
+            hold(seen, eight(colour));
+        }
+        let mut padded = [[0.0; 3]; 8];
+        padded[..last.len()].copy_from_slice(last);
+        hold(rest, eight(&padded));
+    }
+
+    fn of_grey(&self, luminance: &Image<f32>) -> Image<f32> {
+        let seen = |l: &f32| narrow(self.range.hold(self.free(f64::from(*l))));
+        Image::from_vec(luminance.size(), luminance.pixels().par_iter().map(seen).collect())
+    }
+
+    /// What is seen of a grey where no range holds it.
+    fn free(&self, grey: f64) -> f64 {
+        match self.decode {
+            // Not through 0..1: an exposure of 1 leaves every bit.
+            Decode::None => self.exposure * grey,
+            decode => self.exposure * WHITE * decode.of(grey / WHITE),
+        }
+    }
+
+    fn rate_of_grey(&self, frame: &Frame) -> Option<Image<f32>> {
+        let rate = frame.rate.as_ref()?;
+        let seen = |(rate, grey): (&f32, &f32)| {
+            let (grey, free) = (f64::from(*grey), self.free(f64::from(*grey)));
+            let slope =
+                if self.range.holds(free) { 0.0 } else { self.exposure * self.decode.slope(grey / WHITE) };
+            narrow(slope * f64::from(*rate))
+        };
+        let pairs = rate.pixels().par_iter().zip(frame.luminance.pixels());
+        Some(Image::from_vec(rate.size(), pairs.map(seen).collect()))
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+fn narrow(v: f64) -> f32 {
+    v as f32
+}
+
+/// The front ends of these sensors, each once, in the order of their first.
+pub fn distinct<'a>(sensors: impl IntoIterator<Item = &'a dyn Model>) -> Vec<FrontEnd> {
+    let mut found: Vec<FrontEnd> = Vec::new();
+    for front_end in sensors.into_iter().map(Model::front_end) {
+        if !found.contains(&front_end) {
+            found.push(front_end);
+        }
+    }
+    found
+}
+
+/// Frames as a sensor behind this front end sees them.
+pub struct Seen<'a> {
+    frames: &'a mut dyn Frames,
+    front_end: FrontEnd,
+}
+
+impl fmt::Debug for Seen<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Seen").field("front_end", &self.front_end).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Seen<'a> {
+    /// The frames, of which none was taken yet, behind this front end.
+    pub fn new(frames: &'a mut dyn Frames, front_end: FrontEnd) -> Self {
+        if front_end.needs_colour() {
+            frames.want_colour();
+        }
+        Self { frames, front_end }
+    }
+}
+
+impl Frames for Seen<'_> {
+    fn size(&self) -> Size {
+        self.frames.size()
+    }
+
+    fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+        let Some(frame) = self.frames.next()? else { return Ok(None) };
+        if self.front_end.is_plain() {
+            return Ok(Some(frame));
+        }
+        Ok(Some(self.front_end.see(&frame, self.frames.colour())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Timestamp;
+
+    const SIZE: Size = Size { width: 5, height: 4 };
+
+    fn grey(values: impl IntoIterator<Item = f32>, rate: Option<f32>) -> Frame {
+        let luminance = Image::from_vec(SIZE, values.into_iter().collect());
+        Frame { index: 3, t: Timestamp(7), luminance, rate: rate.map(|rate| Image::filled(SIZE, rate)) }
+    }
+
+    fn ramp() -> Vec<f32> {
+        (0..20_u8).map(|i| 13.0 * f32::from(i)).collect()
+    }
+
+    fn decoded() -> FrontEnd {
+        FrontEnd { decode: Decode::Srgb, ..FrontEnd::default() }
+    }
+
+    /// What is seen of a frame all of one colour; 20 pixels are two eights and a rest.
+    fn seen(front_end: FrontEnd, rgb: [f32; 3]) -> f32 {
+        let frame = front_end.see(&grey(ramp(), None), Some(&Image::filled(SIZE, rgb)));
+        assert_eq!((frame.index, frame.t, frame.rate.is_none()), (3, Timestamp(7), true));
+        let first = frame.luminance.pixels()[0];
+        assert!(frame.luminance.pixels().iter().all(|l| l.to_bits() == first.to_bits()));
+        first
+    }
+
+    #[test]
+    fn colours_are_weighed() {
+        let t = |weights: [f64; 3], rgb: [f32; 3], wanted: f32| {
+            let front_end = FrontEnd { luminance: Luminance::of(weights).unwrap(), ..FrontEnd::default() };
+            let found = seen(front_end, rgb);
+            // Three products and two sums in 64 bits, then rounded to the 24 of a float below 512.
+            assert!((found - wanted).abs() <= 512.0 * f32::EPSILON, "{weights:?} {rgb:?}: {found}");
+        };
+        let rec709 = Luminance::Rec709.weights();
+        t(rec709, [255.0, 0.0, 0.0], 54.213);
+        t(rec709, [0.0, 255.0, 0.0], 182.376);
+        t(rec709, [0.0, 0.0, 255.0], 18.411);
+        t([0.25, 0.5, 0.25], [200.0, 100.0, 50.0], 112.5);
+        t([1.0, 0.0, 0.0], [300.0, 10.0, 10.0], 300.0);
+        for v in [0.0, 1.0, 77.0, 128.0, 255.0] {
+            // Weights that sum to 1 make nothing of grey but itself, to the last bit.
+            assert_eq!(seen(FrontEnd { luminance: Luminance::Rec709, ..FrontEnd::default() }, [v; 3]), v);
+        }
+    }
+
+    /// Light by the table in nothings/stb, `stb_image_resize.h`, to half a unit of its sixth digit.
+    #[test]
+    fn decoded_colours_are_weighed_as_light() {
+        let t = |front_end: FrontEnd, rgb: [f32; 3], light: f32| {
+            let found = seen(front_end, rgb) / 255.0;
+            assert!((found - light).abs() <= 0.5e-6 + f32::EPSILON, "{rgb:?}: {found}, wanted {light}");
+        };
+        let rec709 = FrontEnd { luminance: Luminance::Rec709, ..decoded() };
+        for (v, light) in [(0.0, 0.0), (10.0, 0.003_035), (55.0, 0.038_204), (88.0, 0.097_587), (255.0, 1.0)]
+        {
+            t(decoded(), [v; 3], light);
+            t(rec709, [v; 3], light);
+            let frame = decoded().see(&grey([v; 20], None), None);
+            assert!((frame.luminance.pixels()[19] / 255.0 - light).abs() <= 0.5e-6 + f32::EPSILON, "grey");
+        }
+        // 0.2126 of 0.097587, 0.7152 of 0.038204, 0.0722 of 0.003035.
+        t(rec709, [88.0, 55.0, 10.0], 0.048_289_6);
+        t(FrontEnd { exposure: 4.0, ..rec709 }, [55.0; 3], 4.0 * 0.038_204 + 1e-6);
+    }
+
+    #[test]
+    fn exposure_and_range_are_those_of_grey() {
+        let range = Range { min: 20.0, max: Some(150.0) };
+        let frame = FrontEnd { exposure: 2.0, range, ..FrontEnd::default() }.see(&grey(ramp(), None), None);
+        for (found, before) in frame.luminance.pixels().iter().zip(ramp()) {
+            let wanted = (2.0 * before).clamp(20.0, 150.0);
+            assert_eq!(*found, wanted);
+        }
+        // Without a lower end above 0 what is negative is left to the sensor, which counts it.
+        let frame = FrontEnd { exposure: 2.0, ..FrontEnd::default() }.see(&grey([-1.0; 20], None), None);
+        assert_eq!(frame.luminance.pixels()[0], -2.0);
+    }
+
+    #[test]
+    fn an_explicit_default_leaves_every_bit() {
+        let values: Vec<f32> = (0..20_u8).map(|i| f32::from(i) * 17.3 - 0.001).collect();
+        let frame = grey(values.clone(), Some(1.7));
+        let plain = FrontEnd::default();
+        assert!(plain.is_plain() && !plain.needs_colour());
+        assert_eq!(plain, FrontEnd { luminance: Luminance::of([0.299, 0.587, 0.114]).unwrap(), ..plain });
+        let same = plain.see(&frame, Some(&Image::filled(SIZE, [9.0; 3])));
+        assert_eq!((same.luminance.pixels(), same.rate), (&values[..], frame.rate));
+    }
+
+    /// Central differences of a frame a little before and after, in steps that 32 bits hold well: `h = 2^-4` grey leaves a
+    /// curvature of `h^2/6` times a third derivative of at most 1e-4, and `2^-18` of rounding of each over `2h`.
+    #[test]
+    fn the_rate_of_a_grey_goes_through_the_same_map() {
+        let range = Range { min: 5.0, max: Some(300.0) };
+        for front_end in [
+            FrontEnd { exposure: 1.5, range, ..decoded() },
+            FrontEnd { exposure: 1.5, range, ..FrontEnd::default() },
+        ] {
+            let at = |by: f32| front_end.see(&grey(ramp().into_iter().map(|l| l + by), None), None).luminance;
+            let rated = front_end.see(&grey(ramp(), Some(-8.0)), None).rate.unwrap();
+            let (before, after) = (at(-0.0625), at(0.0625));
+            let mut held = 0;
+            for (i, rate) in rated.pixels().iter().enumerate() {
+                let wanted = (after.pixels()[i] - before.pixels()[i]) / 0.125 * -8.0;
+                assert!((rate - wanted).abs() <= 8.0 * 2e-4, "{front_end}: {i}: {rate}, wanted {wanted}");
+                held += usize::from(*rate == 0.0);
+            }
+            assert!((1..19).contains(&held), "{held} are held");
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_told() {
+        let t = |weights: [f64; 3], wanted: &str| {
+            assert_eq!(Luminance::of(weights).unwrap_err().to_string(), wanted);
+        };
+        t(
+            [0.3, 0.6, 0.2],
+            "the weights [0.3, 0.6, 0.2] sum to 1.1, wanted three of at least 0 that sum to 1",
+        );
+        t(
+            [1.5, -0.5, 0.0],
+            "the weights [1.5, -0.5, 0.0] sum to 1, wanted three of at least 0 that sum to 1",
+        );
+        assert!(Luminance::of([f64::NAN, 0.5, 0.5]).is_err());
+        assert!(Luminance::of([0.333_333_3, 0.333_333_3, 0.333_333_4]).is_ok());
+        let plain = FrontEnd::default();
+        for exposure in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+            let error = FrontEnd { exposure, ..plain }.validate().unwrap_err();
+            assert!(matches!(error, FrontEndError::Exposure(_)), "{error}");
+        }
+        for (min, max) in [(-1.0, None), (5.0, Some(5.0)), (f64::NAN, None), (0.0, Some(f64::NAN))] {
+            assert!(FrontEnd { range: Range { min, max }, ..plain }.validate().is_err(), "{min} {max:?}");
+        }
+    }
+
+    #[test]
+    fn a_record_is_what_a_recipe_says() {
+        let front_end = FrontEnd {
+            luminance: Luminance::of([0.25, 0.5, 0.25]).unwrap(),
+            exposure: 2.0,
+            range: Range { min: 0.0, max: Some(255.0) },
+            ..decoded()
+        };
+        let text = r#"{"luminance":{"weights":[0.25,0.5,0.25]},"decode":"srgb","exposure":2.0,"range":{"min":0.0,"max":255.0}}"#;
+        assert_eq!(serde_json::to_string(&front_end).unwrap(), text);
+        assert_eq!(serde_json::from_str::<FrontEnd>(text).unwrap(), front_end);
+        let words = "0.25 R + 0.5 G + 0.25 B, of linear light, times 2, held within 0 to 255";
+        assert_eq!(front_end.to_string(), words);
+        assert!(serde_json::from_str::<Luminance>(r#"{"weights":[1,1,1]}"#).is_err());
+    }
+}

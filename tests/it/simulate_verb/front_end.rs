@@ -1,0 +1,135 @@
+//! `gs2e simulate` with a front end.
+
+use super::{COUNT, RIGHT, SHAPE, SIZE, STAMPS_US, as_lines, greys, lines, npy, workspace};
+use crate::support::workspace::Workspace;
+use gs2e::event::Event;
+use gs2e::frames::Frame;
+use gs2e::frames::array::{ArrayFrames, Samples};
+use gs2e::image::{Image, png};
+use gs2e::seed::Seed;
+use gs2e::sensor::simulate;
+use gs2e::sensor::voltmeter::{Preset, Voltmeter};
+use serde_json::Value;
+use std::fs::{self, File};
+use std::ops::ControlFlow;
+
+/// Lines by pixel, so that events of one pixel can be held against each other.
+fn by_pixel(mut lines: Vec<[i64; 4]>) -> Vec<[i64; 4]> {
+    lines.sort_by_key(|[t, x, y, _]| (*y, *x, *t));
+    lines
+}
+
+/// Above its straight piece the curve is `((v + 0.055)/1.055)^2.4`, so that the logarithm of light is 2.4 times that of
+/// `v + 0.055`, and a constant: ESIM with that eps and the threshold over 2.4 sees the encoded clip as ESIM without an
+/// eps sees its light. No few thresholds up are as many down, so that no whole grey comes back to a level exactly.
+#[test]
+fn the_logarithm_of_light_is_that_of_the_display_value() {
+    let place = workspace();
+    assert!(greys().into_iter().all(|v| f64::from(v) / 255.0 > 0.041));
+    place.write(
+        "light.yaml",
+        "esim: { threshold: { on: 0.24, off: 0.33936 }, eps: 1e-12, front_end: { decode: srgb } }\n",
+    );
+    place.write("encoded.yaml", "esim: { threshold: { on: 0.1, off: 0.1414 }, eps: 0.055 }\n");
+    place.ok(&RIGHT.replace("dvs346", "light.yaml"));
+    let light = by_pixel(lines(&place, "e.txt"));
+    place.ok(&RIGHT.replace("dvs346", "encoded.yaml"));
+    let encoded = by_pixel(lines(&place, "e.txt"));
+    assert!(light.len() > 5000);
+    assert_eq!(light.len(), encoded.len());
+    for (a, b) in light.iter().zip(&encoded) {
+        // Brightness of 24 bits moves a crossing by less than a microsecond, which is a step of what is written.
+        assert!((a[0] - b[0]).abs() <= 1 && a[1..] == b[1..], "{a:?} {b:?}");
+    }
+    // Other orders of magnitude of light are other zeros of its logarithm.
+    place.ok(&RIGHT.replace("dvs346", "light.yaml --exposure 4096"));
+    assert_eq!(by_pixel(lines(&place, "e.txt")).len(), light.len());
+    place.ok(&RIGHT.replace("dvs346", "light.yaml --decode none"));
+    assert_ne!(by_pixel(lines(&place, "e.txt")).len(), light.len());
+}
+
+/// A folder of colours, the red of which is the clip; green and blue stand still.
+fn colours(place: &Workspace) {
+    fs::create_dir(place.path("rgb")).unwrap();
+    for (i, red) in greys().chunks(SIZE.pixels()).enumerate() {
+        let image = Image::from_vec(SIZE, red.iter().map(|r| [*r, 100, 50]).collect());
+        png::write(&image, File::create(place.path(&format!("rgb/{i:02}.png"))).unwrap()).unwrap();
+    }
+}
+
+/// What the library makes of these greys.
+fn of_greys(greys: Vec<u8>) -> Vec<Event> {
+    let mut frames = ArrayFrames::new(SIZE, Samples::Bytes(greys), &STAMPS_US).unwrap();
+    let mut events = Vec::new();
+    let mut go_on = |_: &Frame| ControlFlow::Continue(());
+    let sensor = Voltmeter::new(Preset::Dvs346.k());
+    simulate(&mut frames, &sensor, Seed(7), &mut events, &mut go_on).unwrap();
+    events
+}
+
+#[test]
+fn weights_choose_what_is_seen_of_colours() {
+    let place = workspace();
+    colours(&place);
+    let run = |options: &str| {
+        let ended = place.ok(&format!("{} {options} --json", RIGHT.replace("frames.npy", "rgb")));
+        let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+        (lines(&place, "e.txt"), told, ended.stderr)
+    };
+    let (plain, told, words) = run("");
+    assert_eq!(told["sensor"]["voltmeter"].get("front_end"), None);
+    assert!(!words.contains("brightness:"), "{words}");
+    assert_eq!(run("--luminance rec601 --decode none --exposure 1 --range 0,inf").0, plain);
+    let (red, told, words) = run("--luminance 1,0,0");
+    assert_eq!(red, as_lines(&of_greys(greys())));
+    assert_eq!(told["sensor"]["voltmeter"]["front_end"]["luminance"]["weights"][0], 1.0);
+    assert!(words.contains("brightness: 1 R + 0 G + 0 B, display-encoded\n"), "{words}");
+    // What stands still makes the same noise as a grey that does.
+    assert_eq!(run("--luminance 0,0,1").0, as_lines(&of_greys(vec![50; greys().len()])));
+    let held = greys().into_iter().map(|v| v.clamp(90, 140)).collect();
+    assert_eq!(run("--luminance 1,0,0 --range 90,140").0, as_lines(&of_greys(held)));
+    assert_ne!(run("--luminance rec709").0, plain);
+    assert_ne!(run("--decode srgb").0, plain);
+    // Of greys there is nothing to weigh.
+    place.ok(RIGHT);
+    let grey = lines(&place, "e.txt");
+    place.ok(&format!("{RIGHT} --luminance rec709"));
+    assert_eq!(lines(&place, "e.txt"), grey);
+}
+
+#[test]
+fn rates_of_greys_go_through_the_curve_and_those_of_colours_are_refused() {
+    let place = workspace();
+    colours(&place);
+    let rates: Vec<f32> = (0..greys().len()).map(|i| (i % 7) as f32 * 100.0).collect();
+    npy(&place.path("rates.npy"), &SHAPE, &rates);
+    let hermite = format!("{RIGHT} --rates rates.npy --between hermite --full-scale 255");
+    place.ok(&hermite);
+    let plain = lines(&place, "e.txt");
+    place.ok(&format!("{hermite} --decode srgb"));
+    assert_ne!(lines(&place, "e.txt"), plain);
+    let of_colours = hermite.replace("frames.npy", "rgb");
+    place.ok(&of_colours);
+    let refused = place.gs2e(&format!("{of_colours} --decode srgb"));
+    assert_eq!(refused.code, 2, "{}", refused.stderr);
+    assert!(refused.stderr.contains("rates of change of the luminance rec601"), "{}", refused.stderr);
+    assert_eq!(COUNT, STAMPS_US.len());
+}
+
+#[test]
+fn options_that_are_none_are_refused() {
+    let place = workspace();
+    let t = |options: &str, wanted: &str| {
+        let ended = place.gs2e(&format!("{RIGHT} {options}"));
+        assert_eq!(ended.code, 2, "{options}: {}", ended.stderr);
+        assert!(ended.stderr.contains(wanted), "{options}: {}", ended.stderr);
+        assert!(!place.path("e.txt").exists());
+    };
+    t("--luminance 1,1,1", "sum to 3, wanted three of at least 0 that sum to 1");
+    t("--luminance 0.5,0.5", "is not R,G,B, three numbers");
+    t("--luminance rec2020", "is not rec601, rec709, or R,G,B");
+    t("--decode gamma", "unknown variant `gamma`");
+    t("--exposure 0", "the exposure is 0, wanted a finite number above 0");
+    t("--range 9,5", "the range is 9 to 5, wanted 0 <= min < max");
+    t("--range 9", "is not MIN,MAX");
+}
