@@ -3,11 +3,13 @@
 
 use crate::corpus::{Corpus, files, inflated, zipped};
 use gs2e::event::{self, EventSource, text};
-use gs2e::image::Size;
+use gs2e::frames::array::FullScale;
+use gs2e::frames::{Frames as _, folder, npy};
+use gs2e::image::{Size, jpeg, png};
 use gs2e::recipe::{RecipeFile, read_files};
 use gs2e::scene::{ply, sog, splat, spz};
 use gs2e::source::{colmap, nerfstudio};
-use std::io::Write as _;
+use std::io::{Cursor, Write as _};
 use std::path::Path;
 use zip::CompressionMethod;
 use zip::write::SimpleFileOptions;
@@ -43,10 +45,20 @@ const EVT: [&str; 2] = ["tests/fuzz/corpus/evt2.raw", "tests/fuzz/corpus/evt3.ra
 const AEDAT4: [&str; 2] = ["tests/fuzz/corpus/few.aedat4", "tests/fuzz/corpus/plain.aedat4"];
 const TEXT: [&str; 3] =
     ["tests/fuzz/corpus/few.txt", "tests/fuzz/corpus/few.csv", "tests/fuzz/corpus/foreign.txt"];
+const IMAGES: [&str; 6] = [
+    "tests/fuzz/corpus/colour.jpg",
+    "tests/fuzz/corpus/colour.png",
+    "tests/fuzz/corpus/deep.png",
+    "tests/fuzz/corpus/grey.jpg",
+    "tests/fuzz/corpus/grey.png",
+    "tests/fuzz/corpus/progressive.jpg",
+];
+const ARRAYS: [&str; 3] =
+    ["tests/fuzz/corpus/bytes.npy", "tests/fuzz/corpus/floats.npy", "tests/fuzz/corpus/stamps.npy"];
 const SOG: &str = "tests/golden/scenes/flat.sog";
 const PALETTE: &str = "tests/golden/scenes/palette.sog";
 
-pub(crate) const READERS: [Reader; 17] = [
+pub(crate) const READERS: [Reader; 20] = [
     Reader { name: "ply", corpus: || files(&PLY), read: |file| ply::read_ply(file).is_ok() },
     Reader { name: "packed", corpus: || files(&PACKED), read: |file| ply::read_ply(file).is_ok() },
     Reader {
@@ -107,7 +119,44 @@ pub(crate) const READERS: [Reader; 17] = [
             on_disk(file, "events", |path| text::Reader::open(path, Some(size), None).is_ok_and(drain))
         },
     },
+    Reader { name: "image", corpus: || files(&IMAGES), read: read_image },
+    Reader {
+        name: "npy",
+        corpus: || files(&ARRAYS),
+        read: |file| on_disk(file, "array.npy", |path| npy::stamps(path).is_ok() || read_stack(path)),
+    },
+    Reader {
+        name: "info",
+        corpus: || files(&["tests/fuzz/corpus/info.txt"]),
+        read: |file| {
+            on_disk(b"", "grey.png", |_| true);
+            on_disk(file, folder::INFO, |path| folder::Listing::read(path.parent().unwrap()).is_ok())
+        },
+    },
 ];
+
+/// Reads the file as either kind of image, for its luminance and for its colours.
+fn read_image(file: &[u8]) -> bool {
+    let png = || Cursor::new(file);
+    let luminance = [png::read_luminance(png()).is_ok(), jpeg::read_luminance(file).is_ok()];
+    let colours = [png::read_colours(png()).is_ok(), jpeg::read_colours(file).is_ok()];
+    assert!(luminance == colours || luminance == [false; 2], "what has luminance has colours");
+    luminance.contains(&true)
+}
+
+/// Reads a stack of frames to its end.
+fn read_stack(path: &Path) -> bool {
+    let Ok(stack) = npy::Stack::open(path) else { return false };
+    let stamps: Vec<i64> = (0..).take(stack.frames()).collect();
+    let Ok(mut frames) = npy::NpyFrames::new(stack, FullScale::One, &stamps) else { return false };
+    loop {
+        match frames.next() {
+            Ok(Some(_)) => {}
+            Ok(None) => return true,
+            Err(_) => return false,
+        }
+    }
+}
 
 /// The three files of a model.
 fn model(extension: &str) -> Corpus {
@@ -123,7 +172,7 @@ fn gzip(content: &[u8]) -> Vec<u8> {
 
 /// Reads a SOG of these images.
 fn read_parts(images: &Corpus, json: &[u8]) -> bool {
-    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     let meta = (sog::META.to_owned(), json.to_owned());
     for (name, content) in images.iter().chain([&meta]) {
