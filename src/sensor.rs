@@ -493,7 +493,7 @@ mod tests {
         let negative = clip(|i, p| 255.0 - (128.0 + 120.0 * ((p % 16 + 3 * i) as f32).sin()));
         assert!(streams[2] == run(sensor, negative).0);
         assert!(seen[0] == seen[1] && seen[0] == seen[3]);
-        assert!(seen[0].iter().zip(&seen[2]).all(|(red, blue)| *blue == 255.0 - red));
+        assert!(seen[0].iter().zip(&seen[2]).all(|(red, blue)| blue.to_bits() == (255.0 - red).to_bits()));
     }
 
     #[test]
