@@ -24,6 +24,7 @@ mod render;
 mod renderers;
 mod screening;
 mod simulate;
+mod stress;
 mod study;
 mod trajectory;
 mod why;
@@ -74,6 +75,8 @@ enum Verb {
     Render(render::Render),
     /// Show your own frames to a sensor, and write its events
     Simulate(simulate::Simulate),
+    /// Show how exact the arithmetic is in stiff and extreme cases, each against an independent answer
+    Stress(stress::Stress),
     /// Measure what a setting does to the events of a scene
     Study(study::Study),
     /// Make the poses of one trajectory of a recipe on your own capture
@@ -232,6 +235,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Gc(verb) => verb.run(common, console),
         Verb::Render(verb) => verb.run(common, console),
         Verb::Simulate(verb) => verb.run(common, console),
+        Verb::Stress(verb) => verb.run(common, console),
         Verb::Study(verb) => verb.run(common, console),
         Verb::Trajectory(verb) => verb.run(common, console),
     }

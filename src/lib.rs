@@ -30,7 +30,7 @@
 //! | [`plan`] | recipes to steps; which of them must run, and why; which scenes are up to date at a glance |
 //! | [`run`] | runs them: order, cores and memory, failures, interrupts, time left |
 //! | [`release`] | the tree that people download, and its audit |
-//! | [`study`] | measurements of a scene: what a setting costs and what it does to the events |
+//! | [`study`] | measurements of a scene: what a setting costs and what it does to the events; of the program: how exact it is where it is hard |
 //! | [`cli`] | what the user types and reads; the only printing, environment and clock for people |
 //!
 //! # Invariants

@@ -1,3 +1,4 @@
-//! Studies: measurements over one scene, beside the building of it.
+//! Studies: measurements over one scene, beside the building of it; and the table of extremes, over the program itself.
 
+pub mod stress;
 pub mod thresholds;

@@ -180,6 +180,12 @@ fn too_far(us: i64) -> EventFileError {
     EventFileError::Container(format!("{us} us and what follows are beyond 64 bits of nanoseconds"))
 }
 
+/// The same event so much later; `None` where 64 bits do not hold its time.
+pub(crate) fn shifted(event: Event, by_us: i64) -> Option<Event> {
+    let ns = by_us.checked_mul(1000)?.checked_add(event.t.0)?;
+    Some(Event { t: Timestamp(ns), ..event })
+}
+
 /// A file whose clock is another than that of the events.
 struct Shifted {
     file: Box<dyn EventFile>,
@@ -193,9 +199,7 @@ impl EventSink for Shifted {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.shifted.clear();
         for event in events {
-            let by_ns = self.by_us.checked_mul(1000);
-            let ns = by_ns.and_then(|by| by.checked_add(event.t.0)).ok_or_else(|| too_far(self.by_us))?;
-            self.shifted.push(Event { t: Timestamp(ns), ..*event });
+            self.shifted.push(shifted(*event, self.by_us).ok_or_else(|| too_far(self.by_us))?);
         }
         self.file.append(&self.shifted)
     }

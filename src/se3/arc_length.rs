@@ -20,6 +20,9 @@ const TOLERANCE: f64 = 1e-13;
 /// mean speed. The outermost nodes are 5 % away from the ends: a cusp in between would pass unseen. One that is left
 /// unseen by this limit is within 5e-7 of the panel's width from its end, and 5e-13 of its length.
 const SEEN: f64 = 1e-6;
+/// ... and a speed that is not 0, but below that share, to this one: what passes a stop so closely bends within the panel,
+/// and its length up to a place would be off by 1e-11 of the panel's.
+const SEEN_AT_A_STOP: f64 = 1e-9;
 /// ... or to this share of its segment's length: at a cusp the relative error of the panel that holds it never falls.
 const FLOOR: f64 = 1e-14;
 /// Halvings of a first panel, at most.
@@ -168,10 +171,11 @@ impl<P: Pace> ArcLength<P> {
 
     /// Whether the polynomial through a span's nodes meets the speeds at its ends.
     fn sees_ends(&self, span: &Span) -> bool {
-        let limit = SEEN * span.length() / (span.to - span.from);
+        let mean = span.length() / (span.to - span.from);
         let meets = |x: f64, predicted: f64| {
             let found = self.pace.pace(Place { segment: span.segment, x });
-            (predicted - found).abs() <= limit
+            let share = if found > 0.0 && found < SEEN * mean { SEEN_AT_A_STOP } else { SEEN };
+            (predicted - found).abs() <= share * mean
         };
         let [first, last] = span.extrapolated();
         meets(span.from, first) && meets(span.to, last)

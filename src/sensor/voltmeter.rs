@@ -30,6 +30,8 @@ pub mod units;
 mod window;
 mod writer;
 
+pub(crate) use bridge::{Barriers, touch_time};
+pub(crate) use leaf::{Emit, Leaf, Span};
 pub use presets::Preset;
 pub use units::Units;
 

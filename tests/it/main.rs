@@ -46,6 +46,7 @@ mod simulate_verb;
 mod sources;
 mod staleness;
 mod store;
+mod stress;
 mod study;
 mod support;
 mod tidy;

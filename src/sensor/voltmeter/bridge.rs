@@ -11,9 +11,9 @@ const NEGLIGIBLE: f64 = 40.0;
 
 /// The two thresholds: an event happens where the voltage reaches `up` or `-down`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Barriers {
-    pub(super) up: f64,
-    pub(super) down: f64,
+pub(crate) struct Barriers {
+    pub(crate) up: f64,
+    pub(crate) down: f64,
 }
 
 /// The barriers that a path may touch.
@@ -109,7 +109,7 @@ pub(super) fn touch_probability(a: f64, g: f64, v: f64) -> f64 {
 ///
 /// Inverse Gaussian by Michael, Schucany, Haas (The American Statistician 30, 1976), in a form that adds only like
 /// signs, so that it holds for every `phi = a g / v` (at `phi = 0` it is the Lévy law).
-pub(super) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
+pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
     const HUGE: f64 = 1e290;
     let (shape, phi) = (a * a / v, a * g / v);
     let noisy = v > 0.0 && shape < HUGE && phi < HUGE;

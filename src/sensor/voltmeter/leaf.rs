@@ -8,33 +8,33 @@ use std::ops::ControlFlow;
 
 /// Takes a pixel's events as they are found: time in ns since the window's start, and polarity. To break ends the
 /// simulation.
-pub(super) trait Emit {
+pub(crate) trait Emit {
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()>;
 }
 
 /// A stretch of a leaf that is still to be crossed.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Span {
+pub(crate) struct Span {
     /// Voltage at its end, had no event happened.
-    pub(super) end: f64,
+    pub(crate) end: f64,
     /// Its end, ns since the window's start.
-    pub(super) until: f64,
+    pub(crate) until: f64,
 }
 
 /// A stretch of time in which the drift is straight and the ends are known.
 #[derive(Debug)]
-pub(super) struct Leaf {
-    pub(super) barriers: Barriers,
+pub(crate) struct Leaf {
+    pub(crate) barriers: Barriers,
     /// Of the noise, per ns.
-    pub(super) variance: f64,
-    pub(super) draws: Draws,
+    pub(crate) variance: f64,
+    pub(crate) draws: Draws,
     /// Now, ns since the window's start.
-    pub(super) time: f64,
+    pub(crate) time: f64,
 }
 
 impl Leaf {
     /// Moves the voltage `x` across the leaf; the voltage at its end.
-    pub(super) fn cross(
+    pub(crate) fn cross(
         &mut self,
         mut x: f64,
         whole: Span,

@@ -1,49 +1,6 @@
-//! The law of the time between events of a pixel of constant brightness: the first exit of a Brownian motion with drift
-//! from between two barriers, as a sum over mirror images (numerics.md 8.2).
+//! The law of the time between events of a pixel of constant brightness: that of `gs2e stress`, at its anchors.
 
-use std::f64::consts::{PI, SQRT_2};
-
-/// Drift and variance per unit time, and the distances of the two barriers.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Exit {
-    pub(super) drift: f64,
-    pub(super) variance: f64,
-    pub(super) up: f64,
-    pub(super) down: f64,
-}
-
-impl Exit {
-    /// Probability of having left by `t`.
-    pub(super) fn by(self, t: f64) -> f64 {
-        let mirrored = Self { drift: -self.drift, up: self.down, down: self.up, ..self };
-        self.upward_by(t) + mirrored.upward_by(t)
-    }
-
-    /// Probability of having left by `t` through the upper barrier.
-    pub(super) fn upward_by(self, t: f64) -> f64 {
-        let Self { drift, variance, up, down } = self;
-        let (m, root) = (drift.abs(), (variance * t).sqrt());
-        let term = |k: i32| {
-            let d = up + f64::from(2 * k) * (up + down);
-            let lead = drift * up / variance;
-            let tilt = m * d.abs() / variance;
-            let toward = (lead - tilt + log_phi((m * t - d.abs()) / root)).exp();
-            let away = (lead + tilt + log_phi((-m * t - d.abs()) / root)).exp();
-            d.signum() * (toward + away)
-        };
-        // Images beyond the 12th are further away than any exit time in these tests lets the motion reach.
-        (-12..=12).map(term).sum()
-    }
-}
-
-/// Logarithm of the normal distribution function.
-fn log_phi(x: f64) -> f64 {
-    if x > -10.0 {
-        return (0.5 * libm::erfc(-x / SQRT_2)).ln();
-    }
-    // Asymptotic: the next term is 15/x^6, 1.5e-5 at the border, where the function itself is below e^-50.
-    -0.5 * x * x - (-x * (2.0 * PI).sqrt()).ln() + (1.0 - 1.0 / x.powi(2) + 3.0 / x.powi(4)).ln()
-}
+pub(super) use gs2e::study::stress::sensor::interval_law::Exit;
 
 #[test]
 fn anchors() {

@@ -1,106 +1,14 @@
-//! Small scenes in plain terms, and views of them.
+//! Small scenes in plain terms, and views of them: those of `gs2e stress`.
 
-use glam::{DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::image::Size;
+pub(crate) use gs2e::study::stress::splat::blobs::{ALL, Blob, Draws, OFFICIAL, ahead, crowd, scene};
+
 use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Layering, Rendered, Renderer, Rules, Style, View, Work};
-use gs2e::scene::{Gaussians, Screening, sh};
-use gs2e::se3::Se3;
+use gs2e::render::{Rendered, Renderer, Style, View, Work};
+use gs2e::scene::Gaussians;
 use std::sync::Arc;
-
-/// Every image of a camera at rest.
-pub(crate) const ALL: Channels = Channels {
-    rgb: true,
-    luminance: true,
-    alpha: true,
-    depth: true,
-    flow: false,
-    luminance_rate: false,
-    doubtful: true,
-};
-
-/// The published rules over black.
-pub(crate) const OFFICIAL: Style =
-    Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
-
-/// One Gaussian of constant colour.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Blob {
-    pub(crate) position: [f32; 3],
-    /// Standard deviations along its own axes.
-    pub(crate) deviations: [f32; 3],
-    pub(crate) rotation: [f32; 4],
-    pub(crate) opacity: f64,
-    pub(crate) colour: [f64; 3],
-}
-
-impl Default for Blob {
-    fn default() -> Self {
-        Self {
-            position: [0.0, 0.0, 4.0],
-            deviations: [0.1; 3],
-            rotation: [1.0, 0.0, 0.0, 0.0],
-            opacity: 0.5,
-            colour: [1.0; 3],
-        }
-    }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "scenes hold 32-bit values")]
-pub(crate) fn scene(blobs: &[Blob]) -> Gaussians {
-    Gaussians {
-        origin: DVec3::ZERO,
-        positions: blobs.iter().map(|b| b.position).collect(),
-        log_scales: blobs.iter().map(|b| b.deviations.map(f32::ln)).collect(),
-        rotations: blobs.iter().map(|b| b.rotation).collect(),
-        opacity_logits: blobs.iter().map(|b| (b.opacity / (1.0 - b.opacity)).ln() as f32).collect(),
-        sh: blobs.iter().map(|b| b.colour.map(|c| ((c - 0.5) / sh::C0) as f32)).collect(),
-        sh_degree: 0,
-        antialiased: None,
-        screening: Screening::default(),
-    }
-}
-
-/// A view along z from the origin, its principal point in the middle.
-pub(crate) fn ahead(width: u32, height: u32, focal: f64) -> View {
-    let [cx, cy] = [width, height].map(|edge| f64::from(edge) / 2.0);
-    let camera = Camera { size: Size { width, height }, fx: focal, fy: focal, cx, cy };
-    View::still(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
-}
 
 pub(crate) fn render(scene: Gaussians, style: Style, view: &View) -> (Rendered, Work) {
     let mut out = Rendered::default();
     let work = Cpu::new(Arc::new(scene), style).unwrap().render(view, ALL, &mut out).unwrap();
     (out, work)
-}
-
-/// Pseudo-random numbers in 0..1, the same in every run (Steele, Lea, Flood 2014: SplitMix64).
-pub(crate) struct Draws(pub(crate) u64);
-
-impl Draws {
-    pub(crate) fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
-    }
-
-    pub(crate) fn within(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.next()
-    }
-}
-
-/// Blobs of all shapes in front of, beside and behind the camera, with colours below zero and above one.
-pub(crate) fn crowd(n: usize, seed: u64) -> Vec<Blob> {
-    let mut d = Draws(seed);
-    let blob = |d: &mut Draws| Blob {
-        position: [d.within(-3.0, 3.0), d.within(-2.0, 2.0), d.within(-1.0, 6.0)],
-        deviations: [(); 3].map(|()| d.within(-6.0, -0.5).exp()),
-        rotation: [(); 4].map(|()| d.within(-1.0, 1.0)),
-        opacity: f64::from(d.within(0.002, 0.999)),
-        colour: [(); 3].map(|()| f64::from(d.within(-0.3, 1.6))),
-    };
-    (0..n).map(|_| blob(&mut d)).collect()
 }

@@ -1,35 +1,43 @@
 //! Scenes at the edges of the arithmetic, and what is known of them beforehand.
 
-use crate::support::gaussians::{Blob, ahead, crowd, scene};
+use super::blobs::{Blob, ahead, crowd, scene};
+use crate::render::{Rules, View};
+use crate::scene::{Gaussians, sh};
 use glam::{DQuat, DVec3};
-use gs2e::render::{Rules, View};
-use gs2e::scene::{Gaussians, sh};
 
-pub(super) const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
+/// Every set of rules.
+pub const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
 
 /// A needle across the optical axis, parallel to the image: its projection is exact, a Gaussian of these deviations in
 /// pixels, turned by an angle, and dilated.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Needle {
-    pub(super) long_px: f64,
-    pub(super) aspect: f64,
-    pub(super) angle: f64,
+pub struct Needle {
+    /// Deviation along it, px.
+    pub long_px: f64,
+    /// The same over the deviation across it.
+    pub aspect: f64,
+    /// From the picture's x axis, rad.
+    pub angle: f64,
     /// How far its mean is from the middle of the picture along it, px.
-    pub(super) offset: f64,
+    pub offset: f64,
 }
 
 /// Pixels a unit at the needles' depth.
 const SCALE: f64 = 25.0;
 const DEPTH: f32 = 4.0;
+/// What the rules add to every variance, px^2: 32 bits, whatever renders.
+pub(super) const DILATION: f64 = 0.3_f32 as f64;
 /// Both edges of a needle's picture, px.
 const EDGE: u32 = 33;
 
 impl Needle {
-    pub(super) const OPACITY: f64 = 0.95;
+    const OPACITY: f64 = 0.95;
 
+    /// The needle alone.
+    #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "scenes hold 32 bits")]
-    pub(super) fn scene(&self) -> Gaussians {
-        let (sin, cos) = (self.angle / 2.0).sin_cos();
+    pub fn scene(&self) -> Gaussians {
+        let (sin, cos) = libm::sincos(self.angle / 2.0);
         let short = self.long_px / self.aspect;
         scene(&[Blob {
             position: [0.0, 0.0, DEPTH],
@@ -40,41 +48,59 @@ impl Needle {
         }])
     }
 
-    /// At its mean, as it is stored.
-    pub(super) fn luminance(&self) -> f64 {
-        let stored = self.scene();
-        let opacity = 1.0 / (1.0 + (-f64::from(stored.opacity_logits[0])).exp());
-        opacity * (0.5 + sh::C0 * f64::from(stored.sh[0][0]))
+    /// Its opacity, as it is stored.
+    #[must_use]
+    pub fn opacity(&self) -> f64 {
+        1.0 / (1.0 + libm::exp(-f64::from(self.scene().opacity_logits[0])))
     }
 
-    pub(super) fn view(&self) -> View {
+    /// Its luminance at its mean, as it is stored.
+    #[must_use]
+    pub fn luminance(&self) -> f64 {
+        self.opacity() * (0.5 + sh::C0 * f64::from(self.scene().sh[0][0]))
+    }
+
+    /// A view of it.
+    #[must_use]
+    pub fn view(&self) -> View {
         let mut view = ahead(EDGE, EDGE, SCALE * f64::from(DEPTH));
-        let (sin, cos) = self.angle.sin_cos();
+        let (sin, cos) = libm::sincos(self.angle);
         view.camera.cx = 16.7 - self.offset * cos;
         view.camera.cy = 16.4 - self.offset * sin;
         view
     }
 
+    /// Variances along and across it, px^2, as they are stored, before any dilation.
+    #[must_use]
+    pub fn variances(&self) -> [f64; 2] {
+        let scales = self.scene().log_scales[0];
+        [0, 1].map(|k| {
+            let deviation = libm::exp(f64::from(scales[k])) * SCALE;
+            deviation * deviation
+        })
+    }
+
     /// Each pixel's distance from the mean, px, and the power there by the eigenvectors, which nothing cancels in: what
     /// is stored of the scene, and 0.3 px^2 of dilation.
-    pub(super) fn powers(&self) -> Vec<[f64; 2]> {
+    #[must_use]
+    pub fn powers(&self) -> Vec<[f64; 2]> {
         let stored = self.scene();
         let [w, _, _, z] = stored.rotations[0].map(f64::from);
-        let (sin, cos) = (2.0 * z.atan2(w)).sin_cos();
-        let variance =
-            |k: usize| (f64::from(stored.log_scales[0][k]).exp() * SCALE).powi(2) + f64::from(0.3_f32);
+        let (sin, cos) = libm::sincos(2.0 * libm::atan2(z, w));
+        let variances = self.variances().map(|v| v + DILATION);
         let camera = self.view().camera;
         let power = |x: u32, y: u32| {
             let [dx, dy] = [f64::from(x) + 0.5 - camera.cx, f64::from(y) + 0.5 - camera.cy];
             let [along, across] = [cos * dx + sin * dy, cos * dy - sin * dx];
-            [dx.hypot(dy), 0.5 * (along * along / variance(0) + across * across / variance(1))]
+            [libm::hypot(dx, dy), 0.5 * (along * along / variances[0] + across * across / variances[1])]
         };
         (0..EDGE).flat_map(|y| (0..EDGE).map(move |x| power(x, y))).collect()
     }
 }
 
 /// Needles of each aspect and length, in five directions, with their means in the picture.
-pub(super) fn needles() -> Vec<Needle> {
+#[must_use]
+pub fn needles() -> Vec<Needle> {
     let mut all = Vec::new();
     for aspect in [10.0, 100.0, 1e3, 1e4, 1e5, 1e6] {
         for long_px in [10.0, 100.0, 1e3, 3e3, 3e4] {
@@ -87,7 +113,8 @@ pub(super) fn needles() -> Vec<Needle> {
 }
 
 /// Equal layers one behind the other that fill a picture of one pixel, colours alternating between red and green.
-pub(super) fn stack(layers: usize, opacity: f64) -> (Gaussians, View) {
+#[must_use]
+pub fn stack(layers: usize, opacity: f64) -> (Gaussians, View) {
     let layer = |i: usize| Blob {
         position: [0.0, 0.0, 1.0 + i as f32 / 64.0],
         deviations: [1e4; 3],
@@ -99,19 +126,20 @@ pub(super) fn stack(layers: usize, opacity: f64) -> (Gaussians, View) {
 }
 
 /// A crowd whose depths are of only eight values: in an order of the file that no sort by anything else would give.
-pub(super) fn ties(n: usize) -> (Gaussians, View) {
+#[must_use]
+pub fn ties(n: usize) -> (Gaussians, View) {
     let mut blobs = crowd(n, 5);
     for (i, blob) in blobs.iter_mut().enumerate() {
         blob.position[2] = 2.0 + (i * 7 % 8) as f32 * 0.5;
     }
-    (scene(&blobs), ahead(203, 117, 150.0))
+    (scene(&blobs), ahead(101, 59, 75.0))
 }
 
 /// A Gaussian of a crowd made unsound, or sound in another way.
-type Spoil = fn(&mut Gaussians, usize);
+pub type Spoil = fn(&mut Gaussians, usize);
 
 /// What no part of the picture may come from.
-pub(super) const UNSOUND: [(&str, Spoil); 9] = [
+pub const UNSOUND: [(&str, Spoil); 9] = [
     ("NaN in a position", |s, i| s.positions[i][1] = f32::NAN),
     ("NaN in a depth", |s, i| s.positions[i][2] = f32::NAN),
     ("infinite position", |s, i| s.positions[i][2] = f32::INFINITY),
@@ -124,7 +152,8 @@ pub(super) const UNSOUND: [(&str, Spoil); 9] = [
 ];
 
 /// The scene without Gaussian `i`.
-pub(super) fn without(scene: &Gaussians, i: usize) -> Gaussians {
+#[must_use]
+pub fn without(scene: &Gaussians, i: usize) -> Gaussians {
     let mut clean = scene.clone();
     clean.positions.remove(i);
     clean.log_scales.remove(i);
@@ -136,7 +165,8 @@ pub(super) fn without(scene: &Gaussians, i: usize) -> Gaussians {
 
 /// Gaussians that the rules count: two behind, one beside the picture, one too faint, one that overflows, and of those
 /// drawn some of which the depth is 0.09, 0.11, 0.29, 0.31 and 0.5 deviations, and a giant around the camera.
-pub(super) fn counted() -> (Gaussians, View, Counts) {
+#[must_use]
+pub fn counted() -> (Gaussians, View, Counts) {
     let here = Blob { position: [0.0, 0.0, 4.0], ..Blob::default() };
     let deep = |share: f32| Blob { deviations: [0.1, 0.1, 4.0 * share], ..here };
     let blobs = [
@@ -157,19 +187,26 @@ pub(super) fn counted() -> (Gaussians, View, Counts) {
     (scene(&blobs), ahead(32, 32, 100.0), wanted)
 }
 
-/// What [`gs2e::render::Work`] says of Gaussians.
+/// What [`crate::render::Work`] says of Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Counts {
-    pub(super) gaussians: u64,
-    pub(super) behind: u64,
-    pub(super) degenerate: u64,
-    pub(super) outside: u64,
-    pub(super) doubtful: u64,
-    pub(super) invalid: u64,
+pub struct Counts {
+    /// All.
+    pub gaussians: u64,
+    /// Not in front of the near plane.
+    pub behind: u64,
+    /// Not finite.
+    pub degenerate: u64,
+    /// In no tile, or too faint.
+    pub outside: u64,
+    /// Deeper than 0.1 of their depth.
+    pub doubtful: u64,
+    /// Deeper than 0.3 of it.
+    pub invalid: u64,
 }
 
 /// One Gaussian at this depth.
-pub(super) fn at_depth(z: f32) -> (Gaussians, View) {
+#[must_use]
+pub fn at_depth(z: f32) -> (Gaussians, View) {
     (
         scene(&[Blob { position: [0.0, 0.0, z], deviations: [1e-3; 3], ..Blob::default() }]),
         ahead(17, 17, 100.0),
@@ -177,7 +214,8 @@ pub(super) fn at_depth(z: f32) -> (Gaussians, View) {
 }
 
 /// A crowd seen askew, in a picture whose edges are no multiples of a tile.
-pub(super) fn askew(n: usize) -> (Gaussians, View) {
+#[must_use]
+pub fn askew(n: usize) -> (Gaussians, View) {
     let mut view = ahead(203, 117, 150.0);
     view.world_from_camera.rotation = DQuat::from_xyzw(0.02, -0.05, 0.01, 1.0).normalize();
     view.world_from_camera.translation = DVec3::new(0.3, -0.2, -1.5);
@@ -185,7 +223,8 @@ pub(super) fn askew(n: usize) -> (Gaussians, View) {
 }
 
 /// Giants that each cover the whole of a picture.
-pub(super) fn giants(n: usize, edge: u32) -> (Gaussians, View) {
+#[must_use]
+pub fn giants(n: usize, edge: u32) -> (Gaussians, View) {
     let giant = |i: usize| Blob {
         position: [0.0, 0.0, 2.0 + i as f32 / 64.0],
         deviations: [100.0; 3],

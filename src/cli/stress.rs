@@ -1,0 +1,263 @@
+//! `gs2e stress`: the table of stiff and extreme cases.
+
+mod page;
+
+use super::console::Console;
+use super::input;
+use super::output::{self, Output};
+use super::problem::{Exit, Problem};
+use super::{Choice, Common};
+use crate::render::backend::Backend;
+use crate::render::gpu;
+use crate::scene;
+use crate::study::stress::splat::Stage;
+use crate::study::stress::{Area, Case, NotRun, Outcome, cases};
+use clap::builder::PossibleValuesParser;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Arguments of `stress`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Stress {
+    /// Cases, by name or with their area: `ties`, `splat/ties`, `splat/ties@cpu` [default: all]
+    #[arg(value_name = "CASE")]
+    names: Vec<String>,
+    /// Only this area; may be given several times
+    #[arg(long, value_name = "AREA", value_parser = PossibleValuesParser::new(Area::ALL.map(Area::name)))]
+    area: Vec<String>,
+    /// Render this scene too: .ply, .splat, .spz or .sog
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Where the table goes as a page: a .md
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+}
+
+/// How a case ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Pass,
+    Fail,
+    NotRun,
+}
+
+/// A case that was run, or could not be.
+#[derive(Debug)]
+struct Row {
+    id: String,
+    area: Area,
+    case: &'static str,
+    backend: Option<&'static str>,
+    regime: &'static str,
+    unit: &'static str,
+    outcome: Outcome,
+    seconds: f64,
+}
+
+impl Stress {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        output::screen(self.markdown.as_deref(), self.scene.as_deref(), console.json)?;
+        common.limit_cores();
+        let stage = self.stage(common)?;
+        let areas = Area::ALL.into_iter().filter(|area| self.wants(*area));
+        let mut cases: Vec<Case<'_>> = areas.flat_map(|area| cases(area, &stage)).collect();
+        self.keep_named(&mut cases)?;
+        let mut rows = Vec::with_capacity(cases.len());
+        for case in &cases {
+            let row = Row::of(case);
+            row.tell(console);
+            rows.push(row);
+        }
+        console.say(&summary(&rows));
+        if let Some(path) = &self.markdown {
+            let fill = |out: &mut dyn Write| page::write(&rows, out);
+            output::write(&[Output { path, fill: &fill }])?;
+        }
+        Ok(exit(&rows))
+    }
+
+    fn wants(&self, area: Area) -> bool {
+        self.area.is_empty() || self.area.iter().any(|name| name == area.name())
+    }
+
+    /// The back ends: the one that is asked for, else all; and the scene.
+    fn stage(&self, common: &Common) -> Result<Stage, Problem> {
+        if !self.wants(Area::Splat) {
+            return Ok(Stage::default());
+        }
+        let backends = match common.backend {
+            Choice::Auto => {
+                let gpu = common.device(&gpu::Choice::Any).map(Backend::Gpu);
+                vec![
+                    ("cpu", Ok(Backend::Cpu)),
+                    ("reference", Ok(Backend::Reference)),
+                    ("gpu", gpu.map_err(|why| NotRun(why.to_string()))),
+                ]
+            }
+            Choice::Cpu => vec![("cpu", Ok(common.backend()?))],
+            Choice::Reference => vec![("reference", Ok(common.backend()?))],
+            Choice::Gpu => vec![("gpu", Ok(common.backend()?))],
+        };
+        let read = |path: &Path| match path.exists() {
+            true => scene::read_any(path).map_err(|e| input::unreadable("scene", &e)),
+            false => Err(input::missing("scene", path)),
+        };
+        let scene = self.scene.as_deref().map(read).transpose()?.map(Arc::new);
+        Ok(Stage { backends, scene })
+    }
+
+    /// Leaves the cases that are named.
+    fn keep_named(&self, cases: &mut Vec<Case<'_>>) -> Result<(), Problem> {
+        let is = |case: &Case<'_>, name: &str| {
+            let id = case.id();
+            case.name == name || id == name || id.split('@').next() == Some(name)
+        };
+        if let Some(name) = self.names.iter().find(|name| !cases.iter().any(|case| is(case, name))) {
+            let what = format!("no case is called `{name}`");
+            return Err(Problem::usage("no-case", what).help("`gs2e stress` tells the names of all"));
+        }
+        cases.retain(|case| self.names.is_empty() || self.names.iter().any(|name| is(case, name)));
+        Ok(())
+    }
+}
+
+impl Row {
+    fn of(case: &Case<'_>) -> Self {
+        let start = Instant::now();
+        let outcome = case.run();
+        let seconds = start.elapsed().as_secs_f64();
+        let Case { area, name, backend, regime, unit, .. } = *case;
+        Self { id: case.id(), area, case: name, backend, regime, unit, outcome, seconds }
+    }
+
+    fn verdict(&self) -> Verdict {
+        match &self.outcome {
+            Ok(found) if found.holds() => Verdict::Pass,
+            Ok(_) => Verdict::Fail,
+            Err(_) => Verdict::NotRun,
+        }
+    }
+
+    /// To programs a record; to people a line, and where it misses, where.
+    fn tell(&self, console: &Console) {
+        if console.json {
+            return console.result(&self.to_json());
+        }
+        let verdict = self.verdict();
+        if console.quiet && verdict != Verdict::Fail {
+            return;
+        }
+        let Self { id, regime, unit, seconds, .. } = self;
+        match &self.outcome {
+            Err(why) => console.print(&format!("not run  {id:42} {why}")),
+            Ok(found) => {
+                let word = if verdict == Verdict::Pass { "ok" } else { "MISSES" };
+                let (error, limit) = (found.worst.error, found.worst.limit);
+                let seconds = format!("{seconds:.2} s");
+                console.print(&format!(
+                    "{word:7}  {id:42} {error:8.1e} of {limit:7.1e} {unit:12} {seconds:>8}  {regime}"
+                ));
+            }
+        }
+        if let (Ok(found), Verdict::Fail) = (&self.outcome, verdict) {
+            let (computed, answer) = (found.worst.computed, found.worst.answer);
+            console.print(&format!("         {}: computed {computed:e}, answer {answer:e}", found.at));
+        }
+    }
+
+    fn to_json(&self) -> Value {
+        let Self { id, area, case, backend, regime, unit, seconds, .. } = self;
+        let verdict = match self.verdict() {
+            Verdict::Pass => "pass",
+            Verdict::Fail => "fail",
+            Verdict::NotRun => "not-run",
+        };
+        let found = self.outcome.as_ref().ok();
+        let of = |value: fn(&crate::study::stress::Found) -> Value| found.map_or(Value::Null, value);
+        json!({
+            "id": id, "area": area, "case": case, "backend": backend, "regime": regime, "verdict": verdict,
+            "computed": of(|f| json!(f.worst.computed)), "answer": of(|f| json!(f.worst.answer)),
+            "error": of(|f| json!(f.worst.error)), "limit": of(|f| json!(f.worst.limit)), "unit": unit,
+            "at": of(|f| json!(f.at)), "points": of(|f| json!(f.points)),
+            "because": self.outcome.as_ref().err().map(|why| why.0.as_str()), "seconds": seconds,
+        })
+    }
+}
+
+fn count(rows: &[Row], verdict: Verdict) -> usize {
+    rows.iter().filter(|row| row.verdict() == verdict).count()
+}
+
+fn summary(rows: &[Row]) -> String {
+    let [ok, misses, not_run] =
+        [Verdict::Pass, Verdict::Fail, Verdict::NotRun].map(|verdict| count(rows, verdict));
+    let seconds: f64 = rows.iter().map(|row| row.seconds).sum();
+    format!("{ok} ok, {misses} miss their limit, {not_run} not run; {seconds:.1} s")
+}
+
+fn exit(rows: &[Row]) -> Exit {
+    if count(rows, Verdict::Fail) > 0 { Exit::Fault } else { Exit::Done }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::stress::{Found, Point};
+
+    fn row(outcome: Outcome) -> Row {
+        let (area, case, regime, unit) = (Area::Splat, "ties", "deep | wide", "px");
+        Row {
+            id: "splat/ties@cpu".into(),
+            area,
+            case,
+            backend: Some("cpu"),
+            regime,
+            unit,
+            outcome,
+            seconds: 0.5,
+        }
+    }
+
+    fn found(error: f64) -> Outcome {
+        let worst = Point { computed: 1.0, answer: 1.0 + error, error, limit: 0.1 };
+        Ok(Found { worst, at: "the corner".to_owned(), points: 3 })
+    }
+
+    #[test]
+    fn a_row_that_misses_ends_with_3_and_one_that_was_not_run_does_not() {
+        let absent = || Err(NotRun("no GPU is there".to_owned()));
+        assert_eq!(exit(&[row(found(0.1)), row(absent())]), Exit::Done);
+        assert_eq!(exit(&[row(found(0.1)), row(found(0.11))]), Exit::Fault);
+        assert_eq!(exit(&[row(found(f64::NAN))]), Exit::Fault);
+        assert_eq!(summary(&[row(found(0.0)), row(absent())]), "1 ok, 0 miss their limit, 1 not run; 1.0 s");
+    }
+
+    #[test]
+    fn what_was_not_run_is_told_and_has_no_figures() {
+        let told = row(Err(NotRun("no GPU is there".to_owned()))).to_json();
+        assert_eq!((&told["verdict"], &told["because"]), (&json!("not-run"), &json!("no GPU is there")));
+        assert!(
+            ["computed", "answer", "error", "limit", "at", "points"].iter().all(|name| told[name].is_null())
+        );
+        let told = row(found(0.2)).to_json();
+        assert_eq!(
+            (&told["verdict"], &told["error"], &told["at"]),
+            (&json!("fail"), &json!(0.2), &json!("the corner"))
+        );
+    }
+
+    #[test]
+    fn the_page_has_a_line_a_row() {
+        let mut page = Vec::new();
+        page::write(&[row(found(0.05)), row(found(0.2)), row(Err(NotRun("no GPU".to_owned())))], &mut page)
+            .unwrap();
+        let page = String::from_utf8(page).unwrap();
+        let lines: Vec<&str> = page.lines().filter(|line| line.starts_with("| ties")).collect();
+        assert_eq!(lines.len(), 3, "{page}");
+        assert_eq!(lines[0], "| ties, cpu | deep \\| wide | 5.0e-2 | 1.0e-1 | px | yes | 0.50 s |");
+        assert!(lines[1].contains("**no**") && lines[2].contains("not run: no GPU"));
+    }
+}

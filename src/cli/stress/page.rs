@@ -1,0 +1,58 @@
+//! The table as a page of the documentation.
+
+use super::{Row, Verdict, summary};
+use crate::cli::machine;
+use crate::study::stress::Area;
+use std::io::{self, Write};
+
+/// Writes the page.
+pub(super) fn write(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "# How exact it is where it is hard\n")?;
+    writeln!(
+        out,
+        "`gs2e stress` runs each case and holds what comes out against an independent answer: a closed form, a series, a \
+         number of 120\ndigits, a twin of the input on which nothing is extreme. This page is its table, written by \
+         `gs2e stress --markdown docs/stress.md`.\n"
+    )?;
+    writeln!(
+        out,
+        "A row shows the worst of its points, and what is allowed there. `rel` is a share of the answer, `se` standard errors \
+         of a count with\na fixed seed, `KS sqrt N` the Kolmogorov-Smirnov distance times the root of the sample (2.23 is \
+         alpha 1e-4), `values` and `events`\nhow many differ. Times are of one run, with {} cores.\n",
+        machine::cores()
+    )?;
+    writeln!(out, "{}.", summary(rows))?;
+    for area in Area::ALL {
+        let rows: Vec<&Row> = rows.iter().filter(|row| row.area == area).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        writeln!(out, "\n## {}\n", area.name())?;
+        writeln!(out, "| case | regime | error | limit | unit | within | time |")?;
+        writeln!(out, "|---|---|---|---|---|---|---|")?;
+        rows.into_iter().try_for_each(|row| line(row, out))?;
+    }
+    Ok(())
+}
+
+fn line(row: &Row, out: &mut dyn Write) -> io::Result<()> {
+    let by = row.backend.map(|backend| format!(", {backend}")).unwrap_or_default();
+    let (case, regime, unit) = (row.case, escaped(row.regime), row.unit);
+    let found = match &row.outcome {
+        Err(why) => return writeln!(out, "| {case}{by} | {regime} | | | | not run: {} | |", escaped(&why.0)),
+        Ok(found) => found,
+    };
+    let within = if row.verdict() == Verdict::Pass { "yes" } else { "**no**" };
+    let (error, limit) = (figure(found.worst.error), figure(found.worst.limit));
+    writeln!(out, "| {case}{by} | {regime} | {error} | {limit} | {unit} | {within} | {:.2} s |", row.seconds)
+}
+
+/// Two digits, and none of nothing.
+fn figure(value: f64) -> String {
+    if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
+}
+
+/// Text that ends no cell.
+fn escaped(text: &str) -> String {
+    text.replace('|', "\\|").replace('\n', " ")
+}

@@ -1,0 +1,241 @@
+//! The arithmetic at its extremes: for each case the error against an independent answer, and the error that is allowed
+//! (`gs2e stress`; numerics.md 10).
+//!
+//! An answer is a closed form that the program does not use, a series in 64 bits, a number computed with 120 digits
+//! (`stress/answers.txt`, written by the `answers.py` beside it), a twin of the input on which nothing is extreme, or the
+//! input from which a result was made. What is judged by counting events has a fixed seed and a stated number of standard
+//! errors.
+//!
+//! A case takes the function that it judges, so that a test can hand it a naive one and see that it misses its limit.
+
+pub mod answers;
+pub mod clips;
+pub mod clock;
+pub mod sensor;
+pub mod splat;
+pub mod trajectory;
+
+use serde::Serialize;
+use std::fmt;
+
+/// What a case is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Area {
+    /// The law of the event sensor.
+    Sensor,
+    /// Paths and speeds.
+    Trajectory,
+    /// The renderers.
+    Splat,
+    /// Time, order, and what must not show in a stream.
+    Clock,
+}
+
+impl Area {
+    /// Every area, in the order of the table.
+    pub const ALL: [Self; 4] = [Self::Sensor, Self::Trajectory, Self::Splat, Self::Clock];
+
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sensor => "sensor",
+            Self::Trajectory => "trajectory",
+            Self::Splat => "splat",
+            Self::Clock => "clock",
+        }
+    }
+}
+
+/// One value that was computed, and what it should be.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Point {
+    /// What came out.
+    pub computed: f64,
+    /// The independent answer.
+    pub answer: f64,
+    /// How far they are apart, in the unit of the case.
+    pub error: f64,
+    /// How far they may be.
+    pub limit: f64,
+}
+
+impl Point {
+    /// An absolute error.
+    #[must_use]
+    pub fn absolute(computed: f64, answer: f64, limit: f64) -> Self {
+        Self { computed, answer, error: (computed - answer).abs(), limit }
+    }
+
+    /// An error as a share of the answer.
+    #[must_use]
+    pub fn relative(computed: f64, answer: f64, limit: f64) -> Self {
+        Self { computed, answer, error: ((computed - answer) / answer).abs(), limit }
+    }
+
+    /// An error in a unit of its own: units in the last place, standard errors, nanoseconds.
+    #[must_use]
+    pub fn scaled(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
+        Self { computed, answer, error: ((computed - answer) / unit).abs(), limit }
+    }
+
+    /// A count that must be met.
+    #[must_use]
+    pub fn count(computed: u64, answer: u64) -> Self {
+        Self::absolute(computed as f64, answer as f64, 0.0)
+    }
+
+    /// Whether the error is within its limit; one that is no number is not.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.error <= self.limit
+    }
+
+    /// The error as a share of what is allowed.
+    fn strain(&self) -> f64 {
+        if self.error == 0.0 && self.limit >= 0.0 {
+            return 0.0;
+        }
+        let strain = self.error / self.limit;
+        if strain.is_nan() { f64::INFINITY } else { strain }
+    }
+}
+
+/// What a case found: the worst of its points.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Found {
+    /// The one nearest to its limit, or furthest beyond it.
+    #[serde(flatten)]
+    pub worst: Point,
+    /// Where that is.
+    pub at: String,
+    /// How many there are.
+    pub points: u64,
+}
+
+impl Found {
+    /// Whether every point is within its limit.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.worst.holds()
+    }
+}
+
+/// Points as they come in.
+#[derive(Debug, Default)]
+pub struct Worst(Option<Found>);
+
+impl Worst {
+    /// Sees a point; `at` says where it is.
+    pub fn see(&mut self, point: Point, at: impl FnOnce() -> String) {
+        match &mut self.0 {
+            Some(found) => {
+                found.points += 1;
+                if point.strain() > found.worst.strain() {
+                    (found.worst, found.at) = (point, at());
+                }
+            }
+            none => *none = Some(Found { worst: point, at: at(), points: 1 }),
+        }
+    }
+
+    /// Sees the same of two things, bit for bit: `differing` of `all` values are not.
+    pub fn see_same(&mut self, differing: usize, all: usize, at: impl FnOnce() -> String) {
+        assert!(all > 0, "there is something to compare");
+        self.see(Point::count(differing as u64, 0), at);
+    }
+
+    /// The worst of them.
+    ///
+    /// # Panics
+    /// If there was none: a case without points would hold whatever the program does.
+    #[must_use]
+    pub fn found(self) -> Found {
+        self.0.expect("a case has points")
+    }
+}
+
+/// What came of a case: points, or why there are none.
+pub type Outcome = Result<Found, NotRun>;
+
+/// Why a case was not run.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct NotRun(pub String);
+
+/// A case, ready to be run.
+pub struct Case<'a> {
+    /// What it is about.
+    pub area: Area,
+    /// Its name, of words and hyphens; with the area and the back end it is the case's own.
+    pub name: &'static str,
+    /// Where it is stiff or extreme.
+    pub regime: &'static str,
+    /// The unit of error and limit.
+    pub unit: &'static str,
+    /// What renders, where something does.
+    pub backend: Option<&'static str>,
+    run: Box<dyn Fn() -> Outcome + 'a>,
+}
+
+impl<'a> Case<'a> {
+    fn new(area: Area, [name, regime, unit]: [&'static str; 3], run: impl Fn() -> Found + 'a) -> Self {
+        Self { area, name, regime, unit, backend: None, run: Box::new(move || Ok(run())) }
+    }
+
+    /// Runs it.
+    ///
+    /// # Errors
+    /// Where it cannot be run here.
+    pub fn run(&self) -> Outcome {
+        (self.run)()
+    }
+
+    /// `area/name`, and what renders.
+    #[must_use]
+    pub fn id(&self) -> String {
+        let by = self.backend.map(|backend| format!("@{backend}")).unwrap_or_default();
+        format!("{}/{}{by}", self.area.name(), self.name)
+    }
+}
+
+impl fmt::Debug for Case<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Case").field("id", &self.id()).finish_non_exhaustive()
+    }
+}
+
+/// Every case of an area, in the order of the table; those of [`Area::Splat`] by each of these renderers.
+#[must_use]
+pub fn cases<'a>(area: Area, stage: &'a splat::Stage) -> Vec<Case<'a>> {
+    match area {
+        Area::Sensor => sensor::cases(),
+        Area::Trajectory => trajectory::cases(),
+        Area::Splat => splat::cases(stage),
+        Area::Clock => clock::cases(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_point_is_kept_and_what_is_no_number_is_worst() {
+        let mut worst = Worst::default();
+        worst.see(Point::absolute(1.0, 1.5, 1.0), || "half".to_owned());
+        worst.see(Point::relative(1.1, 1.0, 0.2), || "less than half, or just".to_owned());
+        worst.see(Point::count(3, 3), || "nothing".to_owned());
+        let found = worst.found();
+        assert!(found.holds() && found.points == 3 && found.at != "nothing");
+        for (bad, limit) in [(f64::NAN, 1.0), (f64::INFINITY, 1.0), (1e-300, 0.0)] {
+            let mut worst = Worst::default();
+            worst.see(Point::absolute(1.0, 1.5, 1.0), || "half".to_owned());
+            worst.see(Point { error: bad, ..Point::absolute(0.0, 0.0, limit) }, || "bad".to_owned());
+            worst.see(Point::absolute(0.0, 3.0, 1.0), || "far".to_owned());
+            let found = worst.found();
+            assert!(!found.holds() && found.at == "bad", "{bad}: {found:?}");
+        }
+    }
+}

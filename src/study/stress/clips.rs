@@ -1,0 +1,66 @@
+//! Clips in plain terms, and what a sensor makes of them.
+
+use crate::event::{Event, Polarity};
+use crate::frames::array::{ArrayFrames, FullScale, Samples};
+use crate::image::Size;
+use crate::seed::Seed;
+use crate::sensor::{Account, Model, simulate};
+use std::ops::ControlFlow;
+
+/// Frames of this luminance, 0..255, by column, row and time in us.
+///
+/// # Panics
+/// Where stamps do not increase.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "frames hold 32 bits")]
+pub fn clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f64) -> ArrayFrames {
+    let mut samples = Vec::with_capacity(size.pixels() * stamps_us.len());
+    for &t in stamps_us {
+        for y in 0..size.height {
+            samples.extend((0..size.width).map(|x| luminance(x, y, t) as f32));
+        }
+    }
+    ArrayFrames::new(size, Samples::Floats(samples, FullScale::Grey255), stamps_us)
+        .expect("stamps increase, and there is a sample a pixel")
+}
+
+/// Shows a clip to a sensor, from its beginning.
+///
+/// # Panics
+/// Where the sensor refuses it: clips and sensors of cases are sound.
+#[must_use]
+pub fn run(sensor: &dyn Model, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
+    let (mut events, mut frames) = (Vec::new(), frames.clone());
+    let mut go_on = |_: &_| ControlFlow::Continue(());
+    let account = simulate(&mut frames, sensor, Seed(seed), &mut events, &mut go_on);
+    (events, account.unwrap_or_else(|e| panic!("the sensor of a case: {e}")))
+}
+
+/// A pixel's events in order of time: nanoseconds and polarity.
+pub type Train = Vec<(i64, Polarity)>;
+
+/// The events pixel by pixel.
+#[must_use]
+pub fn by_pixel(size: Size, events: &[Event]) -> Vec<Train> {
+    let mut pixels = vec![Vec::new(); size.pixels()];
+    for event in events {
+        pixels[usize::from(event.y) * size.width as usize + usize::from(event.x)]
+            .push((event.t.0, event.polarity));
+    }
+    // Within a microsecond a stream is ordered by pixel and polarity.
+    pixels.iter_mut().for_each(|events: &mut Train| events.sort_by_key(|event| event.0));
+    pixels
+}
+
+/// Largest distance between the distribution function of a sample and `cdf`, times the square root of its size
+/// (Kolmogorov, Smirnov). Its critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at 1e-6.
+#[must_use]
+pub fn ks(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
+    sample.sort_unstable_by(f64::total_cmp);
+    let n = sample.len() as f64;
+    let distance = |(i, x): (usize, &f64)| {
+        let p = cdf(*x);
+        (p - i as f64 / n).max((i + 1) as f64 / n - p)
+    };
+    sample.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt()
+}

@@ -1,0 +1,127 @@
+//! Time: where it begins, how far apart stamps may be, how much fits into a microsecond; and that nothing but the signal
+//! decides on events: no frame rate, no thread, no neighbour.
+
+mod sameness;
+
+use super::clips::{Train, by_pixel, clip, run};
+use super::{Area, Case, Found, Point, Worst};
+use crate::event::file::shifted;
+use crate::event::{Event, Polarity};
+use crate::image::Size;
+use crate::sensor::voltmeter::Voltmeter;
+use crate::units::Timestamp;
+
+/// Every case of time.
+#[must_use]
+pub fn cases<'a>() -> Vec<Case<'a>> {
+    let case = |words, run: fn() -> Found| Case::new(Area::Clock, words, run);
+    let mut all = vec![
+        case(
+            ["first-stamp", "16.8 s, 2^31 us, 1e15 us, negative: the events of 0", "events"],
+            sameness::origins,
+        ),
+        case(["absolute-stamps", "the same in files: integers, to the microsecond", "events"], || {
+            absolute(|first_us, ns| {
+                let event = Event { t: Timestamp(ns), x: 0, y: 0, polarity: Polarity::On };
+                shifted(event, first_us).map(|event| event.t.floor_micros())
+            })
+        }),
+        case(
+            ["frames-1-us-apart", "a ramp of 15 octaves in 15 us, with and without noise", "ns"],
+            microseconds,
+        ),
+        case(["gap-of-an-hour", "frames 1 ms apart, an hour between two of them", "ns"], gap),
+        case(["events-in-1-us", "2e6 events of a pixel in a microsecond: count, order", "events"], crowded),
+    ];
+    all.extend(sameness::cases());
+    all
+}
+
+/// First stamps of a sequence, us.
+const FIRST: [i64; 6] = [0, 16_800_000, 1 << 31, 1_000_000_000_000_000, -5, -3_000_000_000];
+
+/// The stamp in a file, us, of an event so long after the first stamp, ns.
+#[must_use]
+pub fn absolute(clock: impl Fn(i64, i64) -> Option<i64>) -> Found {
+    let mut worst = Worst::default();
+    for first_us in FIRST {
+        let times: Vec<i64> = (0..2000).map(|i| i * 1_333 + i * i).collect();
+        let wanted = |ns: i64| i128::from(first_us) + i128::from(ns.div_euclid(1000));
+        let right = |ns: &&i64| clock(first_us, **ns).map(i128::from) == Some(wanted(**ns));
+        let differing = times.len() - times.iter().filter(right).count();
+        worst.see_same(differing, times.len(), || format!("first stamp {first_us} us"));
+    }
+    worst.found()
+}
+
+const PIXEL: Size = Size { width: 1, height: 1 };
+/// Times of events are whole nanoseconds.
+const LIMIT_NS: f64 = 1.0;
+
+/// A sensor of this gain over `ln(L + 16)`, of this leak a us, without noise and with next to none: the programs differ.
+fn sensors(gain: f64, leak: f64) -> [(&'static str, Voltmeter); 2] {
+    [("no noise", 0.0), ("faint noise", 1e-150)].map(|(name, sigma)| {
+        let k = [gain, 16.0, 0.0, leak, 0.0, sigma];
+        (name, Voltmeter { max_events_per_pixel_frame: u32::MAX, ..Voltmeter::new(k) })
+    })
+}
+
+/// Holds the events of one pixel in a clip of this length against even times, `every_ns` apart.
+fn hold(worst: &mut Worst, events: &[Event], [length_ns, every_ns]: [f64; 2], what: &str) {
+    let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();
+    worst.see(Point::count(unsorted as u64, 0), || format!("{what}: out of order"));
+    let number = Point::absolute(events.len() as f64, (length_ns / every_ns).floor(), 0.0);
+    worst.see(number, || format!("{what}: number"));
+    let train: Train = by_pixel(PIXEL, events).swap_remove(0);
+    for (i, (t, _)) in train.iter().enumerate() {
+        let point = Point::absolute(*t as f64 + 0.5, (i + 1) as f64 * every_ns, LIMIT_NS);
+        worst.see(point, || format!("{what}: event {i}"));
+    }
+}
+
+/// Each frame doubles `L + 16`, which 32 bits hold exactly.
+fn microseconds() -> Found {
+    const OCTAVES: i64 = 15;
+    const GAIN: f64 = 100.0;
+    let stamps: Vec<i64> = (0..=OCTAVES).collect();
+    let clip = clip(PIXEL, &stamps, |_, _, t| 16.0 * (1_i64 << t) as f64 - 16.0);
+    let rise = GAIN * OCTAVES as f64 * std::f64::consts::LN_2;
+    let mut worst = Worst::default();
+    for (name, sensor) in sensors(GAIN, 0.0) {
+        let (events, _) = run(&sensor, &clip, 1);
+        let length = OCTAVES as f64 * 1e3;
+        hold(&mut worst, &events, [length, length / rise], name);
+    }
+    worst.found()
+}
+
+/// A leak of an event in 1.001 s.
+fn gap() -> Found {
+    const HOUR: i64 = 3_600_000_000;
+    const EVERY_US: f64 = 1_001_000.0;
+    let stamps = [0, 1000, 2000, 2000 + HOUR, 3000 + HOUR];
+    let clip = clip(PIXEL, &stamps, |_, _, _| 77.0);
+    let mut worst = Worst::default();
+    for (name, sensor) in sensors(1.0, 1.0 / EVERY_US) {
+        let (events, _) = run(&sensor, &clip, 1);
+        hold(&mut worst, &events, [(3000 + HOUR) as f64 * 1e3, EVERY_US * 1e3], name);
+    }
+    worst.found()
+}
+
+/// A leak of two million events a us, between frames of which one is a us long.
+fn crowded() -> Found {
+    const EVENTS: u64 = 2_000_000;
+    let mut worst = Worst::default();
+    let clip = clip(PIXEL, &[0, 1], |_, _, _| 77.0);
+    for (name, sensor) in sensors(1.0, EVENTS as f64 + 0.5) {
+        let (events, account) = run(&sensor, &clip, 1);
+        let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();
+        worst.see(Point::count(unsorted as u64, 0), || format!("{name}: out of order"));
+        let outside = events.iter().filter(|e| !(0..=1000).contains(&e.t.0)).count();
+        worst.see(Point::count(outside as u64, 0), || format!("{name}: outside of the microsecond"));
+        worst.see(Point::count(events.len() as u64, EVENTS), || format!("{name}: number"));
+        worst.see(Point::count(account.on, EVENTS), || format!("{name}: ON by the account"));
+    }
+    worst.found()
+}

@@ -1,0 +1,117 @@
+//! The law of the sensor: probabilities to the last digits, laws of times, bursts, and units.
+
+mod bursts;
+pub mod interval_law;
+mod passages;
+
+pub use passages::{bridge_off, first_off};
+
+use super::answers::{Answer, answers};
+use super::{Area, Case, Found, Point, Worst};
+use crate::sensor::statistics::Renewal;
+use crate::sensor::voltmeter::units::{Brightness, TimeUnit, Units};
+use crate::sensor::voltmeter::{self, Voltmeter};
+
+/// Every case of the sensor.
+#[must_use]
+pub fn cases<'a>() -> Vec<Case<'a>> {
+    let case = |words, run: fn() -> Found| Case::new(Area::Sensor, words, run);
+    let mut all = vec![
+        case(["polarity", "2 mu Th/s^2 of 0 and +-1e-20 .. +-1e3, residual 0, .5, .999", "1"], || {
+            polarity(|drift, up, down| Renewal { drift, variance: 2.0, up, down }.on_share())
+        }),
+        case(["inverse-gaussian-root", "phi 1e-12 .. 1e8, z 0 and 1e-6 .. 6; all > 0", "rel"], || {
+            root(voltmeter::touch_time)
+        }),
+        case(
+            ["first-off", "x = -.99, mu T = 3 and x = .98, mu T = -1.98, s^2 T = .05; a leaf", "se"],
+            || first_off(passages::first_of_leaf),
+        ),
+        case(["first-off-of-sensor", "the same by thresholds, through the whole sensor", "se"], || {
+            passages::first_off_of_sensor()
+        }),
+        case(["bridge", "both barriers in reach: the three bridges of O11", "se"], || {
+            bridge_off(passages::first_of_leaf)
+        }),
+    ];
+    all.extend(passages::intervals());
+    all.extend(bursts::cases());
+    all.extend([
+        case(["brightness-steps", "L = 0, 1e-12, 1, 255, 1e6; dvs346 and gs2e-si", "Th"], bursts::steps),
+        case(["units", "one K in six readings", "ulp"], units),
+        case(["noise-of-units", "events of a pixel at rest, six readings, grey 1, 16, 128", "rel"], noise),
+        case(["thresholds", "Th 1e-3, 1e3; A = 1.2 with B = .7: polarity, interval", "se"], || {
+            passages::thresholds()
+        }),
+    ]);
+    all
+}
+
+/// The probability that a voltage of that drift and of variance 2 leaves through the barrier that far up, not through
+/// the one that far down.
+#[must_use]
+pub fn polarity(on_share: impl Fn(f64, f64, f64) -> f64) -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("polarity") {
+        let [drift, up, down] = [given[0], given[1], given[2]];
+        let point = Point::absolute(on_share(drift, up, down), wanted[0], 5e-16);
+        worst.see(point, || format!("2 mu/s^2 = {drift:e}, up {up}"));
+    }
+    worst.found()
+}
+
+/// The time of the first touch, as a share of a bridge's length, from its ends' distances `a` and `g`, its variance, and
+/// a normal and a uniform draw: both roots of the inverse Gaussian's transform, where `a` and the variance are 1.
+#[must_use]
+pub fn root(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> Found {
+    /// The draw takes the larger root where the smaller is less likely than this.
+    const LIKELY: f64 = 0.99;
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("root") {
+        let [phi, z] = [given[0], given[1]];
+        let [smaller, larger, likelihood] = [wanted[0], wanted[1], wanted[2]];
+        let second = (likelihood < LIKELY).then_some((LIKELY, larger));
+        for (u, share) in [(0.0, smaller)].into_iter().chain(second) {
+            let found = touch_time(1.0, phi, 1.0, z, u);
+            let point = Point::relative(found, share, 1e-15);
+            // A time that is none is off by more than any share.
+            let point = if found > 0.0 { point } else { Point { error: f64::INFINITY, ..point } };
+            worst.see(point, || format!("phi {phi:e}, z {z:e}, u {u}"));
+        }
+    }
+    worst.found()
+}
+
+/// The set that the GS2E paper prints without units.
+const PRINTED: [f64; 6] = [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5];
+
+/// The units of a reading, as the table of answers names them.
+fn reading(microsecond: f64, white: f64) -> Units {
+    let time = [TimeUnit::Us, TimeUnit::Ms, TimeUnit::S];
+    let time = time.into_iter().find(|unit| unit.of_a_microsecond().to_bits() == microsecond.to_bits());
+    let brightness = if white > 1.0 { Brightness::Grey255 } else { Brightness::Unit };
+    Units { time: time.expect("us, ms or s"), brightness }
+}
+
+fn units() -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("units") {
+        let units = reading(given[0], given[1]);
+        for (i, (found, wanted)) in units.to_official(PRINTED).into_iter().zip(wanted).enumerate() {
+            let ulp = wanted.next_up() - wanted;
+            worst.see(Point::scaled(found, wanted, ulp, 4.0), || format!("k{} of {units:?}", i + 1));
+        }
+    }
+    worst.found()
+}
+
+/// Rates of both polarities together. The form that is used where drift hardly counts leaves out a share of 1e-8.
+fn noise() -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("noise") {
+        let units = reading(given[0], given[1]);
+        let found = Voltmeter::new(units.to_official(PRINTED)).noise(given[2]).total_hz;
+        worst.see(Point::relative(found, wanted[0], 1e-8), || format!("grey {} of {units:?}", given[2]));
+    }
+    worst.found()
+}

@@ -1,0 +1,206 @@
+//! First passages by counting: which barrier, and when.
+
+use super::interval_law::Exit;
+use crate::event::Polarity;
+use crate::image::Size;
+use crate::seed::{Cell, Draws, Seed, Space};
+use crate::sensor::voltmeter::{Barriers, Emit, Leaf, Span, Voltmeter};
+use crate::study::stress::answers::{Answer, answers};
+use crate::study::stress::clips::{Train, by_pixel, clip, ks, run};
+use crate::study::stress::{Area, Case, Found, Point, Worst};
+use std::ops::ControlFlow;
+
+/// Standard errors that a count may be off: 6e-5 for each of a dozen.
+const ERRORS: f64 = 4.0;
+/// Paths that are counted.
+const PATHS: u64 = 40_000;
+/// Of the Kolmogorov-Smirnov distance times the root of the sample: alpha 1e-4.
+const KS_LIMIT: f64 = 2.23;
+
+/// How many standard errors a count is off.
+fn share(count: u64, n: u64, wanted: f64) -> Point {
+    let (found, n) = (count as f64 / n as f64, n as f64);
+    Point::scaled(found, wanted, (wanted * (1.0 - wanted) / n).sqrt(), ERRORS)
+}
+
+/// The first event of a path from `x` to `y` of this variance, between barriers at 1 and -1.
+pub(super) fn first_of_leaf([x, y]: [f64; 2], variance: f64, draws: Draws) -> Option<Polarity> {
+    /// Of a leaf, ns; any would do.
+    const LENGTH: f64 = 1024.0;
+    struct First(Option<Polarity>);
+    impl Emit for First {
+        fn event(&mut self, _: f64, polarity: Polarity) -> ControlFlow<()> {
+            self.0 = Some(polarity);
+            ControlFlow::Break(())
+        }
+    }
+    let barriers = Barriers { up: 1.0, down: 1.0 };
+    let mut leaf = Leaf { barriers, variance: variance / LENGTH, draws, time: 0.0 };
+    let mut first = First(None);
+    let _ = leaf.cross(x, Span { end: y, until: LENGTH }, &mut Vec::new(), &mut first);
+    first.0
+}
+
+fn draws(index: u64) -> Draws {
+    Seed(11).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
+}
+
+/// Paths whose first event is OFF, of [`PATHS`]; `end` draws each one's far end.
+fn count_off(
+    first: &impl Fn([f64; 2], f64, Draws) -> Option<Polarity>,
+    (x, variance): (f64, f64),
+    end: impl Fn(&mut Draws) -> f64,
+) -> u64 {
+    let is_off = |i: &u64| {
+        let mut draws = draws(*i);
+        let y = end(&mut draws);
+        first([x, y], variance, draws) == Some(Polarity::Off)
+    };
+    (0..PATHS).filter(is_off).count() as u64
+}
+
+/// How often the first event of a path with drift is OFF; `first` is given the path's ends, its variance, and draws.
+#[must_use]
+pub fn first_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("first-off") {
+        let [x, drift, variance] = [given[0], given[1], given[2]];
+        let end = |draws: &mut Draws| x + drift + variance.sqrt() * draws.normal();
+        let count = count_off(&first, (x, variance), end);
+        worst.see(share(count, PATHS, wanted[0]), || format!("x = {x}, mu T = {drift}"));
+    }
+    worst.found()
+}
+
+/// The same for paths whose ends are given.
+#[must_use]
+pub fn bridge_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("bridge-off") {
+        let [x, y, variance] = [given[0], given[1], given[2]];
+        let count = count_off(&first, (x, variance), |_| y);
+        worst.see(share(count, PATHS, wanted[0]), || format!("from {x} to {y}, variance {variance}"));
+    }
+    worst.found()
+}
+
+/// [`first_off`] of a sensor whose thresholds are as far from 0 as 1 and -1 are from `x`.
+pub(super) fn first_off_of_sensor() -> Found {
+    const SIZE: Size = Size { width: 250, height: 160 };
+    const END: i64 = 1000;
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("first-off") {
+        let [x, drift, variance] = [given[0], given[1], given[2]];
+        let end = END as f64;
+        let k = [1.0, 1.0, 0.0, drift / end, 0.0, (variance / end).sqrt()];
+        let sensor = Voltmeter {
+            threshold_on: 1.0 - x,
+            threshold_off: 1.0 + x,
+            max_events_per_pixel_frame: u32::MAX,
+            ..Voltmeter::new(k)
+        };
+        let (events, _) = run(&sensor, &clip(SIZE, &[0, END], |_, _, _| 77.0), 3);
+        let pixels = by_pixel(SIZE, &events);
+        let off = |train: &&Train| train.first().is_some_and(|event| event.1 == Polarity::Off);
+        let count = pixels.iter().filter(off).count() as u64;
+        worst.see(share(count, pixels.len() as u64, wanted[0]), || format!("x = {x}, mu T = {drift}"));
+    }
+    worst.found()
+}
+
+/// Intervals that are taken of each pixel, from its first frame on.
+const TAKEN: usize = 32;
+const WATCHED: Size = Size { width: 16, height: 8 };
+/// A root cell of the sensor's clock, us: how long it goes in one step where no barrier is in reach.
+const CELL_US: f64 = 1048.576;
+
+/// The first intervals of pixels of constant brightness, us, each with its polarity. `spread` bounds the squared
+/// coefficient of variation.
+fn intervals_of(process: Exit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f64, Polarity)> {
+    let Exit { drift, variance, up, down } = process;
+    let k = [1.0, 1.0, 0.0, drift, 0.0, variance.sqrt()];
+    let sensor = Voltmeter {
+        threshold_on: up,
+        threshold_off: down,
+        max_events_per_pixel_frame: u32::MAX,
+        ..Voltmeter::new(k)
+    };
+    // 5.5 deviations of the number of events more than are taken, so that none is cut off.
+    let watched = mean_us * (TAKEN as f64 + 4.0 + 5.5 * (1.5 * TAKEN as f64 * spread).sqrt());
+    #[expect(clippy::cast_possible_truncation, reason = "below the clock's end")]
+    let end = watched.ceil() as i64;
+    let (events, _) = run(&sensor, &clip(WATCHED, &[0, end], |_, _, _| 77.0), seed);
+    let mut intervals = Vec::new();
+    for train in by_pixel(WATCHED, &events) {
+        let mut before = 0;
+        for &(t, polarity) in train.iter().take(TAKEN) {
+            intervals.push(((t - before) as f64 * 1e-3, polarity));
+            before = t;
+        }
+    }
+    intervals
+}
+
+/// The mean interval at equal thresholds of 1, by the hyperbolic tangent.
+fn mean_interval(nu: f64, variance: f64) -> f64 {
+    if nu > 0.0 { libm::tanh(nu) / (nu * variance) } else { 1.0 / variance }
+}
+
+/// KS distance of intervals from the series, at each of these variances a cell of the clock.
+fn interval_case(nu: f64, variances: &[f64]) -> Found {
+    let mut worst = Worst::default();
+    for (seed, per_cell) in (1..).zip(variances) {
+        let variance = per_cell / CELL_US;
+        let process = Exit { drift: nu * variance, variance, up: 1.0, down: 1.0 };
+        let spread = if nu > 1.5 { 1.0 / nu } else { 2.0 / 3.0 };
+        let found = intervals_of(process, [mean_interval(nu, variance), spread], seed);
+        let all = WATCHED.pixels() * TAKEN;
+        let at = || format!("s^2 T = {per_cell:e}, {all} intervals");
+        worst.see(Point::count(found.len() as u64, all as u64), at);
+        let distance = ks(found.iter().map(|(t, _)| *t).collect(), |t| process.by(t));
+        worst.see(Point::absolute(distance, 0.0, KS_LIMIT), at);
+    }
+    worst.found()
+}
+
+/// A case a ratio of drift to noise. Where events are rarest they are thousands of cells apart, where most frequent a
+/// thousand nanoseconds or more, so that whole nanoseconds do not show in the distance.
+pub(super) fn intervals<'a>() -> Vec<Case<'a>> {
+    let case = |words, nu, variances: &'static [f64]| {
+        Case::new(Area::Sensor, words, move || interval_case(nu, variances))
+    };
+    let unit = "KS sqrt N";
+    vec![
+        case(
+            ["intervals-nu-0", "s^2 T/Th^2 = 1e-3, 1, 50 over a cell T of the clock", unit],
+            0.0,
+            &[1e-3, 1.0, 50.0],
+        ),
+        case(["intervals-nu-.1", "the same", unit], 0.1, &[1e-3, 1.0, 50.0]),
+        case(["intervals-nu-1", "the same", unit], 1.0, &[1e-3, 1.0, 50.0]),
+        case(["intervals-nu-3", "the same", unit], 3.0, &[1e-3, 1.0, 50.0]),
+        case(["intervals-nu-10", "s^2 T/Th^2 = 1e-4, 1, 50", unit], 10.0, &[1e-4, 1.0, 50.0]),
+        case(["intervals-nu-100", "s^2 T/Th^2 = 1e-5, 1e-3, 1", unit], 100.0, &[1e-5, 1e-3, 1.0]),
+        case(["intervals-nu-5500", "s^2 T/Th^2 = 1e-6, 1e-3, 1e-2", unit], 5500.0, &[1e-6, 1e-3, 1e-2]),
+    ]
+}
+
+/// Small, large and unequal thresholds: polarity and mean interval against their closed forms.
+pub(super) fn thresholds() -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("renewal") {
+        let process = Exit { drift: given[0], variance: given[1], up: given[2], down: given[3] };
+        let [on_share, mean] = [wanted[0], wanted[1]];
+        // Unequal thresholds spread intervals a little more.
+        let found = intervals_of(process, [mean, 1.0], 5);
+        let n = found.len() as f64;
+        let on = found.iter().filter(|(_, polarity)| *polarity == Polarity::On).count();
+        let [up, down] = [given[2], given[3]];
+        let at = |what| move || format!("{what}, A = {up:e}, B = {down:e}");
+        worst.see(share(on as u64, found.len() as u64, on_share), at("polarity"));
+        let average = found.iter().map(|(t, _)| t).sum::<f64>() / n;
+        let variance = found.iter().map(|(t, _)| (t - average) * (t - average)).sum::<f64>() / (n - 1.0);
+        worst.see(Point::scaled(average, mean, (variance / n).sqrt(), ERRORS), at("interval"));
+    }
+    worst.found()
+}

@@ -1,0 +1,198 @@
+//! The renderers at the edges of their arithmetic: needles, giants, stacks, ties, what is no number, and whole pictures.
+
+pub mod blobs;
+mod counting;
+mod needles;
+mod pictures;
+mod sameness;
+pub mod scenes;
+
+pub use needles::needles;
+
+use super::{Area, Case, NotRun, Outcome};
+use crate::render::backend::Backend;
+use crate::render::reference::Reference;
+use crate::render::{Channels, RenderError, Rendered, Style, View, Work};
+use crate::scene::Gaussians;
+use std::sync::Arc;
+
+/// What cases of the renderers are run with.
+#[derive(Debug, Default)]
+pub struct Stage {
+    /// The back ends by name, or why one is not there.
+    pub backends: Vec<(&'static str, Result<Backend, NotRun>)>,
+    /// A scene of one's own, beside the embedded one.
+    pub scene: Option<Arc<Gaussians>>,
+}
+
+/// Bits of a back end's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// 32.
+    Single,
+    /// 64.
+    Double,
+}
+
+/// A renderer as cases use it.
+#[derive(Debug, Clone, Copy)]
+struct Player<'a>(&'a Backend);
+
+impl Player<'_> {
+    fn precision(self) -> Precision {
+        match self.0 {
+            Backend::Reference => Precision::Double,
+            Backend::Cpu | Backend::Gpu(_) | Backend::Unopened(_) => Precision::Single,
+        }
+    }
+
+    /// Of many scenes as many as this one renders in seconds: a GPU takes a tenth of a second to set one up. Shapes that
+    /// come in fives are met in every direction all the same.
+    fn some<T>(self, all: Vec<T>) -> impl Iterator<Item = T> {
+        all.into_iter().step_by(if self.0.takes_gpu() { 3 } else { 1 })
+    }
+
+    /// One picture.
+    fn picture(
+        self,
+        scene: &Arc<Gaussians>,
+        style: Style,
+        view: &View,
+        want: Channels,
+    ) -> Result<(Rendered, Work), NotRun> {
+        let mut out = Rendered::default();
+        let work = self.0.renderer(scene.clone(), style).and_then(|mut r| r.render(view, want, &mut out));
+        Ok((out, work.map_err(not_run)?))
+    }
+}
+
+/// A GPU may have no room, or be lost; the scenes and views of cases are sound.
+fn not_run(error: RenderError) -> NotRun {
+    match error {
+        RenderError::Gpu(error) => NotRun(error.to_string()),
+        other => panic!("a case is rendered: {other}"),
+    }
+}
+
+/// The luminance of every pixel and its rate, by the reference in 64 bits.
+fn exact(scene: &Arc<Gaussians>, style: Style, view: &View) -> Vec<[f64; 2]> {
+    let reference = Reference::new(scene.clone(), style).and_then(|reference| reference.luminance(view));
+    reference.unwrap_or_else(|e| panic!("a case is rendered: {e}"))
+}
+
+/// The opacity of every pixel.
+fn alphas(image: &Rendered) -> Vec<f64> {
+    let plane = image.alpha.iter().flat_map(|plane| plane.pixels());
+    plane.map(|&alpha| f64::from(alpha)).collect()
+}
+
+/// Every value of every image, as bits, so that NaN equals itself.
+fn bits(image: &Rendered) -> Vec<u32> {
+    let planes = [&image.luminance, &image.alpha, &image.depth, &image.doubtful];
+    let grey = planes.into_iter().flatten().flat_map(|plane| plane.pixels().iter());
+    let colour = image.rgb.iter().flat_map(|plane| plane.pixels().as_flattened());
+    grey.chain(colour).map(|v| v.to_bits()).collect()
+}
+
+type Run = fn(&Stage, Player<'_>) -> Outcome;
+
+/// Every case of each back end.
+#[must_use]
+pub fn cases(stage: &Stage) -> Vec<Case<'_>> {
+    let of = |(name, backend): &'_ (&'static str, Result<Backend, NotRun>)| {
+        let precision = backend.as_ref().map_or(Precision::Single, |backend| Player(backend).precision());
+        let table = table(precision, stage.scene.is_some());
+        let cases = table.into_iter().map(|(words, run)| case(stage, (*name, backend.clone()), words, run));
+        cases.collect::<Vec<_>>()
+    };
+    stage.backends.iter().flat_map(of).collect()
+}
+
+fn case<'a>(
+    stage: &'a Stage,
+    (name, backend): (&'static str, Result<Backend, NotRun>),
+    words: [&'static str; 3],
+    run: Run,
+) -> Case<'a> {
+    let run = move || run(stage, Player(backend.as_ref().map_err(Clone::clone)?));
+    let [case, regime, unit] = words;
+    Case { area: Area::Splat, name: case, regime, unit, backend: Some(name), run: Box::new(run) }
+}
+
+/// The cases of a back end of this precision.
+fn table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], Run)> {
+    let mut table: Vec<([&'static str; 3], Run)> = vec![
+        (["needles", "aspect 10 .. 1e6, long axis 10 .. 30,000 px; near the mean", "power"], |_, by| {
+            needles::near(by)
+        }),
+        (["needles-from-afar", "long axis 300, 1000, 3000 px, half of it away; 99 %", "alpha"], |_, by| {
+            needles::far(by)
+        }),
+        (["needles-undilated", "the determinants' ratio with and without d = .3", "rel"], |_, by| {
+            needles::undilated(by)
+        }),
+        (["world-offset", "0, 1e2, 1e4, 1e6, where sums are exact", "values"], |_, by| sameness::offset(by)),
+        (["world-offset-px", "1e2, 1e4, 1e6, where they are not: the place of a blob", "px"], |_, by| {
+            sameness::offset_px(by)
+        }),
+        (["opaque-stack", "1,000 layers of alpha .004 .. .99999; layers, stops", "1"], |_, by| {
+            counting::stack(by)
+        }),
+        (["ties", "equal depths, 1 .. 7 threads, in the order of the file", "values"], |_, by| {
+            sameness::ties(by)
+        }),
+        (["no-numbers", "NaN, infinite, overflowing: as without that Gaussian", "values"], |_, by| {
+            sameness::unsound(by)
+        }),
+        (["quaternions", "scaled by 2^-20 .. 2^20, and zero", "values"], |_, by| sameness::quaternions(by)),
+        (["counted", "giant, behind, faint, sigma_z/z .09 .. .5", "Gaussians"], |_, by| {
+            counting::counted(by)
+        }),
+        (["near-plane", "z = .2 (gsplat .01) +- 1 ulp, 0, -1", "Gaussians"], |_, by| {
+            counting::near_plane(by)
+        }),
+    ];
+    table.extend(pictures(precision));
+    if own_scene {
+        table.extend(own_pictures(precision));
+    }
+    table
+}
+
+/// The cases of the embedded scene.
+fn pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
+    let grey = ["luminance-path", "one channel in place of three", "1"];
+    let mut table: Vec<([&'static str; 3], Run)> =
+        vec![(grey, |_, by| pictures::luminance(&pictures::embedded(), by))];
+    if precision == Precision::Single {
+        let value = ["picture", "still life, 32 bits against 64: 99 % of values, and the rest", "1"];
+        let rate = ["luminance-rate", "dL/dt in 32 bits against 64, 99 % of pixels", "of largest"];
+        table.push((value, |_, by| pictures::value(&pictures::embedded(), by)));
+        table.push((rate, |_, by| pictures::rate(&pictures::embedded(), by)));
+    } else {
+        let rate = ["luminance-rate", "dL/dt against differences, where nothing jumps", "of largest"];
+        let jumps = ["luminance-jumps", "pixels in which something jumps within 0.2 us", "of all"];
+        table.push((rate, |_, _| Ok(pictures::rate_by_differences(&pictures::embedded()))));
+        table.push((jumps, |_, _| Ok(pictures::jumps(&pictures::embedded()))));
+    }
+    table
+}
+
+/// The same of the scene that the user names.
+fn own_pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
+    let grey = ["own-luminance-path", "the scene given: one channel in place of three", "1"];
+    let mut table: Vec<([&'static str; 3], Run)> =
+        vec![(grey, |stage, by| pictures::luminance(&pictures::own(stage), by))];
+    if precision == Precision::Single {
+        let value = ["own-picture", "the scene given, 32 bits against 64: 99 %, and the rest", "1"];
+        let rate = ["own-luminance-rate", "dL/dt in 32 bits against 64, 99 % of pixels", "of largest"];
+        table.push((value, |stage, by| pictures::value(&pictures::own(stage), by)));
+        table.push((rate, |stage, by| pictures::rate(&pictures::own(stage), by)));
+    } else {
+        let rate = ["own-luminance-rate", "dL/dt against differences, where nothing jumps", "of largest"];
+        let jumps = ["own-luminance-jumps", "pixels in which something jumps within 0.2 us", "of all"];
+        table.push((rate, |stage, _| Ok(pictures::rate_by_differences(&pictures::own(stage)))));
+        table.push((jumps, |stage, _| Ok(pictures::jumps(&pictures::own(stage)))));
+    }
+    table
+}

@@ -1,0 +1,101 @@
+//! What is blended, stopped, left out or doubtful, as the rules say.
+
+use super::blobs::{ALL, OFFICIAL};
+use super::scenes::{self, ALL_RULES, Counts};
+use super::{Player, Precision, alphas};
+use crate::image::Size;
+use crate::render::backend::Backend;
+use crate::render::{Rules, Style, Work};
+use crate::study::stress::{Outcome, Point, Worst};
+use std::sync::Arc;
+
+/// Layers of equal opacity, capped at 0.99, are a geometric series until the one that would leave less than 1e-4.
+pub(super) fn stack(by: Player<'_>) -> Outcome {
+    const LAYERS: i32 = 1000;
+    let mut worst = Worst::default();
+    for opacity in [0.004, 0.009, 0.02, 0.5, 0.99, 0.99999_f64] {
+        let alpha = opacity.min(0.99);
+        // 0.01 squared is below 1e-4 in 32 bits, and by decree in 64.
+        let left = |n: i32| libm::pow(1.0 - alpha, f64::from(n));
+        let blended = (1..=LAYERS).take_while(|n| left(*n) >= 1.000_001e-4).count();
+        let sum = |first: i32| -> f64 {
+            (first..LAYERS)
+                .take(blended.saturating_sub(first.unsigned_abs() as usize))
+                .step_by(2)
+                .map(|i| alpha * left(i))
+                .sum()
+        };
+        let wanted = [sum(0), sum(1), 0.0];
+        let (scene, view) = scenes::stack(LAYERS.unsigned_abs() as usize, opacity);
+        let (image, work) = by.picture(&Arc::new(scene), OFFICIAL, &view, ALL)?;
+        let rgb = image.rgb.map_or([f32::NAN; 3], |rgb| rgb.pixels()[0]);
+        for (found, wanted) in rgb.into_iter().zip(wanted) {
+            let point = Point::absolute(f64::from(found), wanted, 1e-4);
+            worst.see(point, || format!("{opacity}: colour"));
+        }
+        worst.see(Point::count(work.blended, blended as u64), || format!("{opacity}: layers"));
+        let stops = u64::from(blended < LAYERS.unsigned_abs() as usize);
+        worst.see(Point::count(work.stopped, stops), || format!("{opacity}: stops"));
+    }
+    Ok(worst.found())
+}
+
+fn counts(work: Work) -> Counts {
+    let Work { gaussians, behind, degenerate, outside, affine_doubtful, affine_invalid, .. } = work;
+    Counts { gaussians, behind, degenerate, outside, doubtful: affine_doubtful, invalid: affine_invalid }
+}
+
+/// How many Gaussians are counted otherwise.
+fn miscounted(found: Counts, wanted: Counts) -> u64 {
+    let of = |c: Counts| [c.gaussians, c.behind, c.degenerate, c.outside, c.doubtful, c.invalid];
+    of(found).into_iter().zip(of(wanted)).map(|(a, b)| a.abs_diff(b)).sum()
+}
+
+/// Against what is known of twelve Gaussians, and in 32 bits against the reference in a crowd.
+pub(super) fn counted(by: Player<'_>) -> Outcome {
+    let mut worst = Worst::default();
+    let (scene, view, wanted) = scenes::counted();
+    let scene = Arc::new(scene);
+    for rules in ALL_RULES {
+        let (_, work) = by.picture(&scene, Style { rules, ..OFFICIAL }, &view, ALL)?;
+        let point = Point::count(miscounted(counts(work), wanted), 0);
+        worst.see(point, || format!("{rules:?}: {:?}", counts(work)));
+    }
+    if by.precision() == Precision::Double {
+        return Ok(worst.found());
+    }
+    let (scene, mut view) = scenes::askew(6000);
+    view.world_from_camera.translation.z = 0.5;
+    view.camera = view.camera.resized(Size { width: 64, height: 37 });
+    let scene = Arc::new(scene);
+    for rules in ALL_RULES {
+        for antialiased in [false, true] {
+            let style = Style { rules, antialiased, ..OFFICIAL };
+            let (_, work) = by.picture(&scene, style, &view, ALL)?;
+            let (_, wanted) = Player(&Backend::Reference).picture(&scene, style, &view, ALL)?;
+            let at = |what| move || format!("{what}, a crowd, {rules:?}, antialiased {antialiased}");
+            // 32 bits widen an extent by 0.02 px against rounding, and few are so near to it.
+            let outside = Point::absolute(work.outside as f64, wanted.outside as f64, 6.0);
+            worst.see(outside, at("outside"));
+            let [work, wanted] = [work, wanted].map(|work| counts(Work { outside: 0, ..work }));
+            worst.see(Point::count(miscounted(work, wanted), 0), at("others"));
+        }
+    }
+    Ok(worst.found())
+}
+
+pub(super) fn near_plane(by: Player<'_>) -> Outcome {
+    let mut worst = Worst::default();
+    for rules in ALL_RULES {
+        // Of gsplat at the plane itself too.
+        let (near, at) = if rules == Rules::Gsplat { (0.01_f32, 0) } else { (0.2, 1) };
+        for (z, behind) in [(near.next_down(), 1), (near, at), (near.next_up(), 0), (-1.0, 1), (0.0, 1)] {
+            let (scene, view) = scenes::at_depth(z);
+            let (image, work) = by.picture(&Arc::new(scene), Style { rules, ..OFFICIAL }, &view, ALL)?;
+            worst.see(Point::count(work.behind, behind), || format!("{rules:?}, depth {z}: behind"));
+            let seen = u64::from(alphas(&image).iter().any(|alpha| *alpha > 0.0));
+            worst.see(Point::count(seen, 1 - behind), || format!("{rules:?}, depth {z}: seen"));
+        }
+    }
+    Ok(worst.found())
+}

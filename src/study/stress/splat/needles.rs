@@ -1,0 +1,122 @@
+//! Long thin Gaussians: what of their shape survives the projection.
+
+use super::blobs::OFFICIAL;
+use super::scenes::{self, DILATION, Needle};
+use super::{Player, Precision, alphas, exact};
+use crate::render::{Channels, Rules, Style};
+use crate::study::stress::{Found, NotRun, Outcome, Point, Worst};
+use std::sync::Arc;
+
+const EXACT: Style = Style { rules: Rules::Exact, ..OFFICIAL };
+const ALPHA: Channels = Channels {
+    rgb: false,
+    luminance: false,
+    alpha: true,
+    depth: false,
+    flow: false,
+    luminance_rate: false,
+    doubtful: false,
+};
+
+/// A needle's value at every pixel over that at its mean: in 64 bits its luminance, which images cannot hold.
+fn shape(by: Player<'_>, needle: &Needle, style: Style) -> Result<Vec<f64>, NotRun> {
+    let (scene, view) = (Arc::new(needle.scene()), needle.view());
+    if by.precision() == Precision::Double {
+        let whole = needle.luminance();
+        return Ok(exact(&scene, style, &view).into_iter().map(|[grey, _]| grey / whole).collect());
+    }
+    let whole = needle.opacity();
+    let (image, _) = by.picture(&scene, style, &view, ALPHA)?;
+    Ok(alphas(&image).into_iter().map(|alpha| alpha / whole).collect())
+}
+
+pub(super) fn near(by: Player<'_>) -> Outcome {
+    needles(by.some(scenes::needles()), |needle| shape(by, needle, EXACT), by.precision())
+}
+
+/// Near a needle's mean its power is the square of the distance across it over the smaller eigenvalue, which is the
+/// determinant over the larger: what is lost in either shows there in full. `shape` gives `exp(-power)` at each pixel.
+///
+/// # Errors
+/// Where `shape` does.
+pub fn needles(
+    needles: impl IntoIterator<Item = Needle>,
+    shape: impl Fn(&Needle) -> Result<Vec<f64>, NotRun>,
+    precision: Precision,
+) -> Result<Found, NotRun> {
+    let mut worst = Worst::default();
+    for needle in needles {
+        let [_, narrow] = needle.variances().map(|v| v + DILATION);
+        for (value, [distance, power]) in shape(&needle)?.into_iter().zip(needle.powers()) {
+            if !(0.05..2.0).contains(&power) || distance > 8.0 {
+                continue;
+            }
+            // How far the two distances that enter, each up to the distance over the smaller deviation, can be rounded.
+            let reach = (2.0 * power).sqrt() * distance / narrow.sqrt();
+            let limit = match precision {
+                // 2e-6 of the determinant; three roundings of each distance; alpha >= 0.13 is 1 - T, rounded at 6e-8,
+                // and 2^-q errs by 2e-7.
+                Precision::Single => 2e-6 * power + 6.0 * 6e-8 * reach + 1e-6,
+                // 1e-13, and the same roundings 2^-29 times as large.
+                Precision::Double => 1e-13 * power + 6.0 * 1.2e-16 * reach + 2e-15,
+            };
+            let point = Point::absolute(-libm::log(value), power, limit);
+            worst.see(point, || format!("{needle:?}"));
+        }
+    }
+    Ok(worst.found())
+}
+
+/// As far from the mean as half of the needle's deviation: 99 % of the pixels by the table of numerics.md 7.2. In 64 bits
+/// 1e-13; at 1500 px doubles are 2e-13 px apart, and the edge of a needle is 0.6 px wide.
+pub(super) fn far(by: Player<'_>) -> Outcome {
+    let mut worst = Worst::default();
+    for (long_px, single, double) in [(300.0, 8e-6, 1e-13), (1000.0, 4.7e-5, 1e-13), (3000.0, 7.5e-5, 3e-13)]
+    {
+        let mut errors = Vec::new();
+        for needle in by.some(oblique(long_px)) {
+            let wanted = needle.powers().into_iter().map(|[_, power]| libm::exp(-power));
+            let pairs = shape(by, &needle, EXACT)?.into_iter().zip(wanted).filter(|(found, _)| *found > 0.0);
+            errors.extend(pairs.map(|(found, wanted)| (found - wanted).abs()));
+        }
+        errors.sort_by(f64::total_cmp);
+        let limit = if by.precision() == Precision::Single { single } else { double };
+        let most = errors[errors.len() * 99 / 100];
+        worst.see(Point::absolute(most, 0.0, limit), || format!("{long_px} px, {} pixels", errors.len()));
+    }
+    Ok(worst.found())
+}
+
+/// Needles that cross the picture askew, their means half of a deviation away.
+fn oblique(long_px: f64) -> Vec<Needle> {
+    let shapes =
+        [10.0, 100.0, 1e3, 1e4].into_iter().flat_map(|a| [0.1, 0.3, 0.7, 1.2, 1.5].map(|angle| (a, angle)));
+    shapes.map(|(aspect, angle)| Needle { long_px, aspect, angle, offset: long_px / 2.0 }).collect()
+}
+
+/// Antialiased rules weaken a needle by the root of its determinant without the dilation over that with it.
+pub(super) fn undilated(by: Player<'_>) -> Outcome {
+    /// Below this the rules keep the ratio.
+    const FLOOR: f64 = 2.5e-5;
+    /// Where a pixel shows it to six digits.
+    const SEEN: f64 = 0.02;
+    let mut worst = Worst::default();
+    for needle in by.some(scenes::needles()) {
+        let [a, b] = needle.variances();
+        let ratio = (a / (a + DILATION)) * (b / (b + DILATION));
+        let values = shape(by, &needle, Style { antialiased: true, ..EXACT })?;
+        let nearest = needle.powers().into_iter().zip(values).min_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));
+        let Some(([_, power], found)) = nearest else { continue };
+        let wanted = ratio.sqrt() * libm::exp(-power);
+        if ratio <= FLOOR || wanted < SEEN {
+            continue;
+        }
+        let limit = match by.precision() {
+            // 2e-6 of the determinants, and 1 - T, rounded at 6e-8, and 2^-q, which errs by 2e-7.
+            Precision::Single => 2e-6 + 2.6e-7 / wanted,
+            Precision::Double => 1e-13,
+        };
+        worst.see(Point::relative(found, wanted, limit), || format!("{needle:?}"));
+    }
+    Ok(worst.found())
+}

@@ -1,0 +1,214 @@
+//! Whole pictures: 32 bits against 64, one channel against three, and how fast luminance changes.
+
+use super::blobs::{ALL, OFFICIAL};
+use super::{Player, Precision, Stage, exact};
+use crate::camera::Camera;
+use crate::image::{Size, luminance as grey_of};
+use crate::render::backend::Backend;
+use crate::render::{Channels, Rendered, Rules, Style, Velocity, View};
+use crate::scene::Gaussians;
+use crate::scene::procedural::{self, StillLife};
+use crate::se3::rotation::exp;
+use crate::se3::{Se3, look_at};
+use crate::study::stress::{Found, Outcome, Point, Worst};
+use glam::DVec3;
+use std::sync::Arc;
+
+const SIZE: Size = Size { width: 80, height: 45 };
+
+/// A scene, a view of it by a camera that moves, and the rules that it is rendered by.
+pub(super) struct Set {
+    scene: Arc<Gaussians>,
+    view: View,
+    rules: &'static [Rules],
+}
+
+/// A camera that moves in every direction at once.
+fn moving(camera: Camera, world_from_camera: Se3, unit: f64) -> View {
+    let velocity =
+        Velocity { linear: DVec3::new(0.6, -0.3, 0.8) * unit, angular: DVec3::new(0.2, 0.7, -0.5) };
+    View { velocity, ..View::still(camera, world_from_camera) }
+}
+
+/// The embedded still life.
+pub(super) fn embedded() -> Set {
+    let life = StillLife { gaussians: 3000, views: 6, ..StillLife::default() };
+    let key = procedural::capture(&life).views.swap_remove(2);
+    let view = moving(key.camera.resized(SIZE), key.world_from_camera, 1.0);
+    Set { scene: Arc::new(procedural::gaussians(&life)), view, rules: &[Rules::Official, Rules::Soft] }
+}
+
+/// The scene of the command line, from beside it: its median in the middle, as far away as two medians of the distances
+/// from there.
+pub(super) fn own(stage: &Stage) -> Set {
+    let scene = stage.scene.clone().expect("there are cases of it where it is there");
+    let middle = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    let places: Vec<DVec3> =
+        (0..scene.len()).map(|i| scene.position(i)).filter(|place| place.is_finite()).collect();
+    let median = DVec3::from([0, 1, 2].map(|k| middle(places.iter().map(|p| p[k]).collect())));
+    let radius = middle(places.iter().map(|p| (*p - median).length()).collect()).max(1e-9);
+    let way = DVec3::new(0.6, -0.35, -1.0).normalize();
+    let rotation = look_at(-way, DVec3::NEG_Y).expect("not along the picture's top");
+    let focal = f64::from(SIZE.width);
+    let [cx, cy] = [SIZE.width, SIZE.height].map(|edge| f64::from(edge) / 2.0);
+    let camera = Camera { size: SIZE, fx: focal, fy: focal, cx, cy };
+    let pose = Se3 { rotation, translation: median + way * (2.0 * radius) };
+    Set { view: moving(camera, pose, radius), scene, rules: &[Rules::Official] }
+}
+
+impl Set {
+    /// The same under each of its rules.
+    fn styles(&self) -> impl Iterator<Item = Style> {
+        self.rules.iter().map(|rules| Style { rules: *rules, background: [0.1, 0.3, 0.2], ..OFFICIAL })
+    }
+}
+
+/// The 99 % quantile, and the largest.
+fn quantiles(mut errors: Vec<f64>) -> [f64; 2] {
+    errors.sort_by(f64::total_cmp);
+    [errors[(errors.len() - 1) * 99 / 100], errors[errors.len() - 1]]
+}
+
+fn colours(image: &Rendered) -> Vec<[f32; 3]> {
+    image.rgb.iter().flat_map(|rgb| rgb.pixels()).copied().collect()
+}
+
+/// A layer at 1/255 that one of them leaves out, or two whose depths change places: few pixels, and little.
+pub(super) fn value(set: &Set, by: Player<'_>) -> Outcome {
+    let mut worst = Worst::default();
+    for style in set.styles() {
+        let (found, _) = by.picture(&set.scene, style, &set.view, ALL)?;
+        let (wanted, _) = Player(&Backend::Reference).picture(&set.scene, style, &set.view, ALL)?;
+        let (found, wanted) = (colours(&found), colours(&wanted));
+        let pairs = found.as_flattened().iter().zip(wanted.as_flattened());
+        let [most, largest] = quantiles(pairs.map(|(a, b)| f64::from((a - b).abs())).collect());
+        worst.see(Point::absolute(most, 0.0, 1e-4), || format!("{:?}: 99 %", style.rules));
+        worst.see(Point::absolute(largest, 0.0, 5e-2), || format!("{:?}: largest", style.rules));
+    }
+    Ok(worst.found())
+}
+
+/// The luminance channel is the luminance of the colours; in 64 bits it is the sum of those of three scenes of which each
+/// keeps one colour.
+pub(super) fn luminance(set: &Set, by: Player<'_>) -> Outcome {
+    let mut worst = Worst::default();
+    for style in set.styles() {
+        let pairs = if by.precision() == Precision::Double {
+            one_by_one(set, style)
+        } else {
+            let want = Channels { luminance: true, ..Channels::default() };
+            let (grey, _) = by.picture(&set.scene, style, &set.view, want)?;
+            let (rgb, _) =
+                by.picture(&set.scene, style, &set.view, Channels { rgb: true, ..Channels::default() })?;
+            let grey = grey.luminance.iter().flat_map(|plane| plane.pixels()).map(|v| f64::from(*v));
+            grey.zip(colours(&rgb).into_iter().map(|c| f64::from(grey_of(c)))).collect()
+        };
+        let limit = if by.precision() == Precision::Double { 1e-13 } else { 2e-6 };
+        for (i, (found, wanted)) in pairs.into_iter().enumerate() {
+            worst.see(Point::absolute(found, wanted, limit), || format!("{:?}, pixel {i}", style.rules));
+        }
+    }
+    Ok(worst.found())
+}
+
+/// Luminance in 64 bits, and that of red, green and blue alone.
+fn one_by_one(set: &Set, style: Style) -> Vec<(f64, f64)> {
+    /// So dark that it is clamped at 0 whatever the harmonics add.
+    const DARK: f32 = -1e6;
+    let whole = exact(&set.scene, style, &set.view);
+    let alone = |channel: usize| {
+        let mut scene = (*set.scene).clone();
+        let length = scene.sh_len();
+        let mut background = [0.0; 3];
+        background[channel] = style.background[channel];
+        for first in scene.sh.iter_mut().step_by(length) {
+            (0..3).filter(|c| *c != channel).for_each(|c| first[c] = DARK);
+        }
+        exact(&Arc::new(scene), Style { background, ..style }, &set.view)
+    };
+    let parts = [0, 1, 2].map(alone);
+    let sum = |i: usize| parts.iter().map(|part| part[i][0]).sum();
+    whole.iter().enumerate().map(|(i, grey)| (grey[0], sum(i))).collect()
+}
+
+/// In 32 bits against the reference.
+pub(super) fn rate(set: &Set, by: Player<'_>) -> Outcome {
+    let mut worst = Worst::default();
+    for style in set.styles() {
+        let want = Channels { luminance_rate: true, ..Channels::default() };
+        let (found, _) = by.picture(&set.scene, style, &set.view, want)?;
+        let wanted = exact(&set.scene, style, &set.view);
+        let largest = wanted.iter().fold(0.0, |m: f64, [_, rate]| m.max(rate.abs()));
+        let found = found.luminance_rate.iter().flat_map(|plane| plane.pixels());
+        let errors = found.zip(&wanted).map(|(a, [_, b])| (f64::from(*a) - b).abs() / largest);
+        let [most, _] = quantiles(errors.collect());
+        worst.see(Point::absolute(most, 0.0, 1e-5), || format!("{:?}", style.rules));
+    }
+    Ok(worst.found())
+}
+
+/// The reference's rates against differences of its own values, over the largest of them.
+pub(super) fn rate_by_differences(set: &Set) -> Found {
+    let mut worst = Worst::default();
+    for style in set.styles() {
+        let rates = exact(&set.scene, style, &set.view);
+        let Differences { wide, narrow } = Differences::of(set, style);
+        let largest = narrow.iter().fold(0.0, |m: f64, rate| m.max(rate.abs()));
+        for i in (0..rates.len()).filter(|i| is_smooth(wide[*i], narrow[*i], largest)) {
+            let point = Point::scaled(rates[i][1], narrow[i], largest, 1e-5);
+            worst.see(point, || format!("{:?}, pixel {i}", style.rules));
+        }
+    }
+    worst.found()
+}
+
+/// Pixels that have no rate: at least 99 % must have one.
+pub(super) fn jumps(set: &Set) -> Found {
+    let mut worst = Worst::default();
+    for style in set.styles() {
+        let Differences { wide, narrow } = Differences::of(set, style);
+        let largest = narrow.iter().fold(0.0, |m: f64, rate| m.max(rate.abs()));
+        let rough = wide.iter().zip(&narrow).filter(|(a, b)| !is_smooth(**a, **b, largest)).count();
+        let share = rough as f64 / wide.len() as f64;
+        worst.see(Point::absolute(share, 0.0, 0.01), || format!("{:?}", style.rules));
+    }
+    worst.found()
+}
+
+/// Whether two differences say the same: they do not where a layer comes, goes or changes places.
+fn is_smooth(wide: f64, narrow: f64, largest: f64) -> bool {
+    (wide - narrow).abs() <= 1e-5 * largest
+}
+
+/// Central differences of luminance over 0.2 us and over half of that: in so short a time hardly two depths change places,
+/// and of differences over it 64 bits keep nine digits.
+struct Differences {
+    wide: Vec<f64>,
+    narrow: Vec<f64>,
+}
+
+impl Differences {
+    fn of(set: &Set, style: Style) -> Self {
+        const H: f64 = 1e-7;
+        let grey = |seconds: f64| -> Vec<f64> {
+            exact(&set.scene, style, &after(&set.view, seconds)).into_iter().map(|[value, _]| value).collect()
+        };
+        let over = |h: f64| -> Vec<f64> {
+            grey(h).iter().zip(grey(-h)).map(|(later, earlier)| (later - earlier) / (2.0 * h)).collect()
+        };
+        Self { wide: over(H), narrow: over(H / 2.0) }
+    }
+}
+
+/// The view after `seconds`, to the first order of its velocity.
+fn after(view: &View, seconds: f64) -> View {
+    let Se3 { rotation, translation } = view.world_from_camera;
+    let world_from_camera = Se3 {
+        rotation: rotation * exp(view.velocity.angular * seconds),
+        translation: translation + rotation * view.velocity.linear * seconds,
+    };
+    View { world_from_camera, ..*view }
+}

@@ -1,0 +1,136 @@
+//! Paths and speeds: lengths of curves that all but stop, rotations near nothing and near a half turn, speed laws, and
+//! what a path far from the origin loses.
+
+mod lengths;
+mod smoothness;
+
+pub use lengths::length;
+pub use smoothness::{joints, rates};
+
+use super::answers::{Answer, answers};
+use super::{Area, Case, Found, Point, Worst};
+use crate::se3::rotation::{exp, log};
+use crate::se3::{Se3, look_at};
+use crate::speed::function::Expression;
+use crate::speed::list::List;
+use crate::speed::{Law, Meaning, Speed};
+use crate::trajectory::refine::{Refine, refine};
+use crate::trajectory::sample::Summation;
+use crate::trajectory::{Made, NamedPose, Timing};
+use crate::units::{Hertz, Ratio};
+use glam::{DQuat, DVec3};
+use std::f64::consts::PI;
+
+/// Every case of paths.
+#[must_use]
+pub fn cases<'a>() -> Vec<Case<'a>> {
+    let case = |words, run: fn() -> Found| Case::new(Area::Trajectory, words, run);
+    vec![
+        case(["arc-length", "near-cusps to 1e-9 of their way, a cusp, a speed ratio of 50", "of S"], || {
+            length(lengths::measured)
+        }),
+        case(["inversion", "the same curves, 200 lengths each", "of S"], lengths::inversion),
+        case(["log-exp", "0, 1e-10, 1e-6, 1e-3, .3, 1, 3, pi - 1e-9, pi up to its sign", "rel"], || {
+            turns(log)
+        }),
+        case(["exp", "the same", "1"], exponentials),
+        case(["published-speed-law", "the integral of 0.25 sin t + 1.1", "1"], law),
+        case(["blend-integral", "the integral of levels 1, 0.5, 2, blended over 0.1", "1"], blend),
+        case(["body-rate", "cubic and cumulative curves, against differences of 4th order", "rad"], || {
+            rates(&smoothness::curves())
+        }),
+        case(["c2-at-knots", "one-sided differences of both rates, step 1e-4", "rad, units"], || {
+            joints(&smoothness::curves())
+        }),
+        case(["far-from-origin", "a capture 1e6 away and its twin at 0", "of S"], far_away),
+    ]
+}
+
+/// The rotation vector of an exponential is the vector that it is of; `log` is what undoes it.
+#[must_use]
+pub fn turns(log: impl Fn(DQuat) -> DVec3) -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, .. } in answers("turn") {
+        let r = DVec3::new(given[0], given[1], given[2]);
+        let (angle, found) = (r.length(), log(exp(r)));
+        // At a half turn both directions are the same turn.
+        let ends = if angle > PI - 1e-12 { [r, -r] } else { [r, r] };
+        let error = (found - ends[0]).length().min((found - ends[1]).length());
+        let error = if angle > 0.0 { error / angle } else { error };
+        let point = Point { computed: found.length(), answer: angle, error, limit: 1e-15 };
+        worst.see(point, || format!("{angle} about {:.2}", r.normalize_or_zero()));
+    }
+    worst.found()
+}
+
+fn exponentials() -> Found {
+    let mut worst = Worst::default();
+    for Answer { given, wanted } in answers("turn") {
+        let found = exp(DVec3::new(given[0], given[1], given[2])).to_array();
+        for (i, (found, wanted)) in found.into_iter().zip(wanted).enumerate() {
+            worst.see(Point::absolute(found, wanted, 1e-15), || format!("component {i} of {given:?}"));
+        }
+    }
+    worst.found()
+}
+
+fn law() -> Found {
+    let mut worst = Worst::default();
+    let law = Expression::parse("0.25*sin(t) + 1.1").expect("the published law");
+    let answers = answers("law");
+    let found = law.distances(answers.len() - 1);
+    for (found, Answer { given, wanted }) in found.into_iter().zip(answers) {
+        worst.see(Point::absolute(found, wanted[0], 1e-14), || format!("t = {}", given[0]));
+    }
+    worst.found()
+}
+
+fn blend() -> Found {
+    let mut worst = Worst::default();
+    let list = List::new(vec![1.0, 0.5, 2.0], 0.1, Meaning::Speed).expect("positive levels");
+    for Answer { given, wanted } in answers("blend") {
+        let point = Point::absolute(list.distance(given[0]), wanted[0], 1e-14);
+        worst.see(point, || format!("t = {}", given[0]));
+    }
+    worst.found()
+}
+
+/// A hand-held half circle about the origin: centres on a grid of 2^-20, so that adding such an offset loses nothing.
+fn half_circle(offset: DVec3) -> Vec<(String, Se3)> {
+    let pose = |i: i32| {
+        let phi = PI * f64::from(i) / 29.0 + 0.02 * libm::sin(f64::from(7 * i));
+        let centre = DVec3::new(2.0 * libm::cos(phi), 2.0 * libm::sin(phi), 0.4);
+        let centre = (centre * f64::from(1 << 20)).round() / f64::from(1 << 20);
+        let rotation = look_at(-centre, DVec3::Z).expect("it looks inwards");
+        (format!("{i:02}.jpg"), Se3 { rotation, translation: centre + offset })
+    };
+    (0..30).map(pose).collect()
+}
+
+fn made(offset: DVec3) -> Made {
+    let views = half_circle(offset);
+    let views: Vec<NamedPose<'_>> =
+        views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
+    let speed = Speed::Function(Expression::parse("0.25*sin(t) + 1.1").expect("the published law"));
+    let rate = Hertz(Ratio::new(2400, 1).expect("positive"));
+    let timing = Timing { speed: &speed, rate, law: Summation::Sum };
+    refine(&views, &Refine::default(), timing).expect("a sound capture")
+}
+
+fn far_away() -> Found {
+    let mut worst = Worst::default();
+    let here = made(DVec3::ZERO).trajectory.world_from_camera;
+    let length: f64 = here.windows(2).map(|w| (w[1].translation - w[0].translation).length()).sum();
+    for offset in [DVec3::splat(1e6), DVec3::new(1_048_576.0, -2_097_152.0, 1e6)] {
+        let there = made(offset).trajectory.world_from_camera;
+        for (i, (a, b)) in here.iter().zip(&there).enumerate() {
+            let way = (b.translation - offset - a.translation).length();
+            worst.see(Point { error: way / length, ..Point::absolute(way, 0.0, 1e-9) }, || {
+                format!("pose {i}")
+            });
+            let turn = log(a.rotation.conjugate() * b.rotation).length();
+            worst.see(Point::absolute(turn, 0.0, 1e-9), || format!("turn of pose {i}"));
+        }
+    }
+    worst.found()
+}

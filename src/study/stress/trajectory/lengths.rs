@@ -1,0 +1,88 @@
+//! Curves whose length has a closed form, and whose speed all but vanishes or changes fast.
+
+use crate::se3::arc_length::ArcLength;
+use crate::se3::spline::Place;
+use crate::study::stress::{Found, Point, Worst};
+
+/// A speed over `x` in [0, 1].
+#[derive(Debug, Clone, Copy)]
+enum Curve {
+    /// `sqrt((x - c)^2 + e^2)`: passes a stop at `c` at a distance of `e`.
+    NearCusp { at: f64, distance: f64 },
+    /// The semicubical parabola `((x - c)^2, (x - c)^3)`, which stops at `c` and turns back.
+    Cusp { at: f64 },
+    /// `1 + 49/(1 + (40 (x - 0.4))^2)`.
+    Burst,
+}
+
+impl Curve {
+    fn speed(self, x: f64) -> f64 {
+        match self {
+            Self::NearCusp { at, distance } => libm::hypot(x - at, distance),
+            Self::Cusp { at } => (x - at).abs() * (4.0 + 9.0 * (x - at) * (x - at)).sqrt(),
+            Self::Burst => {
+                let w = 40.0 * (x - 0.4);
+                1.0 + 49.0 / (1.0 + w * w)
+            }
+        }
+    }
+
+    /// Its integral, but for a constant.
+    fn integral(self, x: f64) -> f64 {
+        match self {
+            Self::NearCusp { at, distance: e } => {
+                let u = x - at;
+                0.5 * (u * libm::hypot(u, e) + e * e * libm::asinh(u / e))
+            }
+            Self::Cusp { at } => {
+                let u = x - at;
+                let root = (4.0 + 9.0 * u * u).sqrt();
+                (root * root * root - 8.0).copysign(u) / 27.0
+            }
+            Self::Burst => x + 49.0 / 40.0 * libm::atan(40.0 * (x - 0.4)),
+        }
+    }
+
+    fn length(self, x: f64) -> f64 {
+        self.integral(x) - self.integral(0.0)
+    }
+}
+
+fn curves() -> Vec<Curve> {
+    let places = [0.1, 0.25, 0.3719, 0.5, 0.9999];
+    let distances = [1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9];
+    let near = places.iter().flat_map(|at| distances.map(|distance| Curve::NearCusp { at: *at, distance }));
+    near.chain(places.map(|at| Curve::Cusp { at })).chain([Curve::Burst]).collect()
+}
+
+/// The length of a curve of that speed over [0, 1], as paths are measured.
+pub(super) fn measured(speed: &dyn Fn(f64) -> f64) -> f64 {
+    ArcLength::measure(&[1.0], |at: Place| speed(at.x)).total()
+}
+
+/// Lengths by `measure` from speeds over [0, 1].
+#[must_use]
+pub fn length(measure: impl Fn(&dyn Fn(f64) -> f64) -> f64) -> Found {
+    let mut worst = Worst::default();
+    for curve in curves() {
+        let found = measure(&|x| curve.speed(x));
+        worst.see(Point::relative(found, curve.length(1.0), 1e-7), || format!("{curve:?}"));
+    }
+    worst.found()
+}
+
+/// Where a curve has a length, its closed form says that it has that length there.
+pub(super) fn inversion() -> Found {
+    const LENGTHS: u32 = 200;
+    let mut worst = Worst::default();
+    for curve in curves() {
+        let arc = ArcLength::measure(&[1.0], |at: Place| curve.speed(at.x));
+        for k in 0..=LENGTHS {
+            let wanted = curve.length(1.0) * f64::from(k) / f64::from(LENGTHS);
+            let found = curve.length(arc.invert(wanted).x);
+            let point = Point::scaled(found, wanted, curve.length(1.0), 1e-12);
+            worst.see(point, || format!("{curve:?}, {wanted:.3} of its length"));
+        }
+    }
+    worst.found()
+}

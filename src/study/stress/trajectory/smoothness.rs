@@ -1,0 +1,103 @@
+//! How fast curves of poses move and turn, and whether they do so evenly where their pieces meet.
+
+use crate::se3::Se3;
+use crate::se3::Twist;
+use crate::se3::rotation::{exp, log};
+use crate::se3::spline::Place;
+use crate::study::stress::{Found, Point, Worst};
+use crate::trajectory::curve::{Curve, PoseCurve};
+use glam::DVec3;
+
+/// Poses that turn by up to 1.5 rad from one to the next, unevenly.
+#[must_use]
+fn knots() -> (Vec<f64>, Vec<Se3>) {
+    let steps = vec![0.7, 1.3, 1.0, 0.4, 1.1, 0.9];
+    let mut pose = Se3::IDENTITY;
+    let mut poses = vec![pose];
+    for i in 1..=steps.len() {
+        let wave = |k: usize| libm::sin((k * i * i) as f64 + 0.5);
+        pose.rotation = (pose.rotation * exp(DVec3::new(wave(1), wave(2), wave(3)) * 0.85)).normalize();
+        pose.translation += DVec3::new(wave(4), 0.5 + wave(5), wave(6));
+        poses.push(pose);
+    }
+    (steps, poses)
+}
+
+/// The curves that are twice differentiable.
+pub(super) fn curves() -> Vec<Box<dyn PoseCurve>> {
+    let through = |curve: Curve| {
+        let (steps, knots) = knots();
+        curve.through(steps, &knots).expect("turns of less than 90 degrees")
+    };
+    vec![through(Curve::Cubic), through(Curve::Cumulative)]
+}
+
+/// The pose as seen from the pose at another place.
+fn seen(curve: &dyn PoseCurve, from: Place, x: f64) -> [DVec3; 2] {
+    let (a, b) = (curve.pose(from), curve.pose(Place { x, ..from }));
+    [b.translation - a.translation, log(a.rotation.conjugate() * b.rotation)]
+}
+
+/// Both rates inside the segments, against central differences of fourth order of the poses.
+#[must_use]
+pub fn rates(curves: &[Box<dyn PoseCurve>]) -> Found {
+    /// The difference is off by its fourth power over 30 times a fifth derivative, and by 1e-16 over it.
+    const STEP: f64 = 1e-3;
+    let mut worst = Worst::default();
+    for curve in curves {
+        for (segment, step) in curve.steps().iter().enumerate() {
+            for share in [0.1, 0.35, 0.5, 0.65, 0.9] {
+                let at = Place { segment, x: share * step };
+                let near = |k: f64| seen(&**curve, at, at.x + k * STEP);
+                let Twist { linear, angular } = curve.twist(at);
+                for (what, k, found) in [("linear", 0, linear), ("angular", 1, angular)] {
+                    let wide = near(2.0)[k] - near(-2.0)[k];
+                    let wanted = ((near(1.0)[k] - near(-1.0)[k]) * 8.0 - wide) / (12.0 * STEP);
+                    let error = (found - wanted).length();
+                    let point =
+                        Point { computed: found.length(), answer: wanted.length(), error, limit: 1e-8 };
+                    worst.see(point, || format!("{what} rate at {share} of segment {segment}"));
+                }
+            }
+        }
+    }
+    worst.found()
+}
+
+/// Whether both rates, and their derivatives, are the same on both sides of each inner knot.
+#[must_use]
+pub fn joints(curves: &[Box<dyn PoseCurve>]) -> Found {
+    const STEP: f64 = 1e-4;
+    let mut worst = Worst::default();
+    for curve in curves {
+        for knot in 1..curve.steps().len() {
+            let before =
+                |k: f64| curve.twist(Place { segment: knot - 1, x: curve.steps()[knot - 1] - k * STEP });
+            let after = |k: f64| curve.twist(Place { segment: knot, x: k * STEP });
+            for (what, part) in [("linear", linear as fn(Twist) -> DVec3), ("angular", angular)] {
+                let slope = |side: &dyn Fn(f64) -> Twist, sign: f64| {
+                    let [here, near, far] = [0.0, 1.0, 2.0].map(|k| part(side(k)));
+                    (near * 4.0 - far - here * 3.0) * (sign / (2.0 * STEP))
+                };
+                let pairs = [
+                    ("rate", part(before(0.0)), part(after(0.0))),
+                    ("acceleration", slope(&before, -1.0), slope(&after, 1.0)),
+                ];
+                for (of, left, right) in pairs {
+                    let error = (right - left).length();
+                    let point = Point { computed: right.length(), answer: left.length(), error, limit: 1e-3 };
+                    worst.see(point, || format!("{what} {of} at knot {knot}"));
+                }
+            }
+        }
+    }
+    worst.found()
+}
+
+fn linear(twist: Twist) -> DVec3 {
+    twist.linear
+}
+
+fn angular(twist: Twist) -> DVec3 {
+    twist.angular
+}

@@ -1,0 +1,132 @@
+//! `gs2e stress`: every row within its limit, and naive forms of what it judges beyond theirs.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+#![expect(clippy::print_stdout, reason = "the table")]
+
+mod naive;
+
+use crate::support::workspace::{Ended, Workspace};
+use crate::support::{gpu, shared};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The rows of a run, printed as a table.
+fn rows(ended: &Ended) -> Vec<Value> {
+    let rows: Vec<Value> =
+        ended.stdout.lines().map(|line| serde_json::from_str(line).expect("a record a line")).collect();
+    for row in &rows {
+        let word = |name: &str| row[name].as_str().unwrap_or_default().to_owned();
+        let figure = |name: &str| row[name].as_f64().map_or_else(String::new, |v| format!("{v:.1e}"));
+        println!(
+            "{:8} {:42} {:8} of {:8} {:10} {:.2} s {}",
+            word("verdict"),
+            word("id"),
+            figure("error"),
+            figure("limit"),
+            word("unit"),
+            row["seconds"].as_f64().unwrap_or(0.0),
+            word("at")
+        );
+    }
+    rows
+}
+
+fn run(args: &str) -> Ended {
+    let place = Workspace::new();
+    let output = place.command_with_gpu(args).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Ended { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// Areas in parallel, each in a process of its own.
+fn all_within(area: &str, at_least: usize) {
+    let ended = run(&format!("stress --json --area {area}"));
+    let rows = rows(&ended);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    assert!(rows.len() >= at_least && rows.iter().all(|row| row["area"] == area && row["verdict"] == "pass"));
+    assert!(rows.iter().all(|row| row["points"].as_u64() > Some(0) && row["seconds"].as_f64() >= Some(0.0)));
+    let ids: BTreeSet<&str> = rows.iter().filter_map(|row| row["id"].as_str()).collect();
+    assert_eq!(ids.len(), rows.len(), "each row has a name of its own");
+}
+
+#[test]
+fn the_sensor_is_within_its_limits() {
+    all_within("sensor", 20);
+}
+
+#[test]
+fn trajectories_are_within_their_limits() {
+    all_within("trajectory", 9);
+}
+
+#[test]
+fn the_clock_is_within_its_limits() {
+    all_within("clock", 8);
+}
+
+/// On the CPU, by the reference with the limits of 64 bits, and on a GPU, one in software too; with a captured scene
+/// where there is one.
+#[test]
+fn the_renderers_are_within_their_limits() {
+    let own = shared::path("data/scenes/playbot_lod3.ply").map(std::fs::canonicalize);
+    let own =
+        own.and_then(Result::ok).map_or_else(String::new, |path| format!(" --scene {}", path.display()));
+    let ended = run(&format!("stress --json --area splat{own}"));
+    let rows = rows(&ended);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let mut verdicts: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for row in &rows {
+        verdicts
+            .entry(row["backend"].as_str().unwrap())
+            .or_default()
+            .insert(row["verdict"].as_str().unwrap());
+    }
+    let by_gpu = if gpu::device().is_some() { "pass" } else { "not-run" };
+    let wanted = [("cpu", "pass"), ("reference", "pass"), ("gpu", by_gpu)];
+    assert_eq!(verdicts, wanted.map(|(backend, verdict)| (backend, [verdict].into())).into());
+    // What 64 bits are asked for is no limit of 32.
+    let limit =
+        |id: &str| rows.iter().find(|row| row["id"] == id).and_then(|row| row["limit"].as_f64()).unwrap();
+    for case in ["needles-from-afar", "needles-undilated", "luminance-path"] {
+        assert!(limit(&format!("splat/{case}@reference")) < 1e-12, "{case}");
+        assert!(limit(&format!("splat/{case}@cpu")) > 1e-7, "{case}");
+    }
+    assert_eq!(rows.iter().any(|row| row["case"] == "own-picture"), !own.is_empty());
+}
+
+#[test]
+fn a_gpu_that_is_not_there_is_told_and_nothing_is_reported_of_it() {
+    let place = Workspace::new();
+    let told = place.ok("stress counted splat/near-plane splat/ties@gpu");
+    let lines: Vec<&str> = told.stdout.lines().collect();
+    assert_eq!(lines.len(), 7, "{}", told.stdout);
+    let begins = |word: &str| lines.iter().filter(|line| line.starts_with(word)).count();
+    assert_eq!((begins("ok"), begins("not run  splat/")), (4, 3), "{}", told.stdout);
+    assert!(told.stderr.contains("4 ok, 0 miss their limit, 3 not run"), "{}", told.stderr);
+    let told = place.gs2e("stress --backend gpu near-plane");
+    assert_eq!((told.code, told.stdout.as_str()), (2, ""), "{}", told.stderr);
+}
+
+#[test]
+fn what_is_asked_for_is_run_and_what_is_not_there_is_refused() {
+    let place = Workspace::new();
+    let told = place.ok("stress --area sensor --area clock polarity absolute-stamps --markdown t.md");
+    assert_eq!(told.stdout.lines().count(), 2, "{}", told.stdout);
+    let page = std::fs::read_to_string(place.path("t.md")).unwrap();
+    assert!(
+        page.contains("\n## sensor\n")
+            && page.contains("\n| absolute-stamps |")
+            && !page.contains("## splat")
+    );
+    let told = place.ok("stress --backend reference near-plane --quiet");
+    assert_eq!((told.stdout.as_str(), told.stderr.as_str()), ("", ""));
+    for (args, wanted) in [
+        ("stress --area colour", "sensor, trajectory, splat, clock"),
+        ("stress polarities", "no case is called `polarities`"),
+        ("stress near-plane --scene nowhere.ply", "nowhere.ply is not there"),
+        ("stress polarity --markdown nowhere/t.md", "a folder that is not there"),
+    ] {
+        let told = place.gs2e(args);
+        assert_eq!(told.code, 2, "{args}: {}", told.stderr);
+        assert!(told.stderr.contains(wanted), "{args}: {}", told.stderr);
+    }
+}
