@@ -29,15 +29,15 @@ const PINS: &str = "\
 given/capture capture 1 - 1f239bc3706bce6ad48cb95e467edac25bc8c05f00b22f1574cfe4d3134362b4 1e0e0dc66631d04197236d1f8eaba364597393244ef8abedd258f9527bdcecd7
 given/reconstruct reconstruct 1 - 1fda88689eebaf79bd69dc825d1d13c89d127b8e5922e8fbbdecea2344e6c91f f9d26ec341aaeefc6d12772e2167ee7c2c0613e6d37dba3ea374738e9a68cfc6
 given/base/trajectory trajectory 2 - d5c2dcf5ff34f00fbe458b8667219ca5f32ab3b71ed08701b9daadc1052aa2d3 97eb2ad797db5b7c46e6ea448914ecae323fc6d440b18f9799708281bea11b17
-given/base/events events 3 cpu/1 b88491926e675bfa2e6f291ec00ed739b945a1f49d8bf19108c0dad4c9dc61a7 7998bf800942c65fa76567e2045753bbd36261dcf1a2134cdd2d88cc2e2eae60
+given/base/events has another key, and with it other bytes: pin it anew
 given/base/sharp sharp 2 cpu/1 9107b40f174199b3f90163fc0ede60e8d655aa9536ed21a3ac4fb7e16ba4fb1b 46950ca3f60a2450125c71a7802a4e823ab0d1d2b0914997218bb90b682bc58c
-given/base/checks checks 4 - b6fb3342b2d95c7bfd1e8af9428fa0f6eda54d0669ceab2212c3fb3c1388249e cbd6e410646b8fbda7fe7204bc78864b5daa59e6162e71ac7d6de80e3c6597df
+given/base/checks has another key, and with it the same bytes: pin it anew
 spelled/capture capture 1 - 8fbda1239547ab3a4bfa6a46f504f7a88dd613ab58b5545cd419e0289d83b99e 87d60d8cc2c95af711b2471be4c4b464bb222c0187ecceb1c46f2caf068a3e0b
 spelled/reconstruct reconstruct 1 - bb522cd35603c8faa21430c3e65be173ba1e0af66737cadcfdaf000c44de2c8e 992bae2d6968045bc8f05e821f5414130d32cd1806221cc0e17cca847572c39d
 spelled/base/trajectory trajectory 2 - a124f5048c89e3ed2c5e8d13167dfa3ab52a94c54b0f3fb6cdf4ed1393f82e78 bc3d6236918fdd1d0589e995cceb31a15871308727960a6c385e233ed2e1c640
-spelled/base/events events 3 cpu/1 1b0d931c45ad8f5040252c2fe742256bbce6d38426491cc4a2b35cf0854e31aa 5921615863fa83a4e20e7a9b91b7dcc5df95adb3e60358e240a35189d8f6a42c
+spelled/base/events has another key, and with it other bytes: pin it anew
 spelled/base/sharp sharp 2 cpu/1 5a11dfc9aac211c6266dd1ccfcb86fabb61d5810cbdb7bc31d8309c4d6c8de14 33bf2126a261ba07204d7acc893b2bdf0f17a1c71b9c86087f0ea21adbb806b5
-spelled/base/checks checks 4 - d6f8974b6246a4e5816e91b9449583b1732462a64db5d3c3599d6bce35d16bd8 560c077556a6b783b8b68fb117280252cd9a70dbb2abe98c5112a6308b8b6ef3
+spelled/base/checks has another key, and with it the same bytes: pin it anew
 ";
 
 /// Nothing is left to a default that may change: such a change would move the key, and hide a change of bytes.
