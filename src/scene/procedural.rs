@@ -26,6 +26,7 @@ use light::Lit;
 use object::{Arrangement, Finish, Part};
 use serde::{Deserialize, Serialize};
 use shape::{Shape, Spot};
+pub(crate) use texture::{STEP, finalise};
 
 /// Parameters of the still life.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

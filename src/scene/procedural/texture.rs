@@ -3,16 +3,20 @@
 use super::draw::unit;
 use glam::DVec3;
 
-/// A number of 0 to 1 for the lattice point `(x, y)`: the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
+/// What SplitMix64 counts by (Steele, Lea, Flood 2014).
+pub(crate) const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// The finaliser of SplitMix64.
+pub(crate) fn finalise(mut z: u64) -> u64 {
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// A number of 0 to 1 for the lattice point `(x, y)`.
 pub(super) fn lattice(seed: u64, x: i64, y: i64) -> f64 {
-    let mix = |mut z: u64| {
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
-    let step = 0x9e37_79b9_7f4a_7c15_u64;
-    let row = mix(seed.wrapping_add(step).wrapping_add(y.cast_unsigned().wrapping_mul(step)));
-    unit(mix(row ^ x.cast_unsigned().wrapping_mul(step)))
+    let row = finalise(seed.wrapping_add(STEP).wrapping_add(y.cast_unsigned().wrapping_mul(STEP)));
+    unit(finalise(row ^ x.cast_unsigned().wrapping_mul(STEP)))
 }
 
 /// Smooth noise of 0 to 1 with features of size 1: the lattice's numbers, blended by quintics.

@@ -121,7 +121,7 @@ fn far_away() -> Found {
     let mut worst = Worst::default();
     let here = made(DVec3::ZERO).trajectory.world_from_camera;
     let length: f64 = here.windows(2).map(|w| (w[1].translation - w[0].translation).length()).sum();
-    for offset in [DVec3::splat(1e6), DVec3::new(1_048_576.0, -2_097_152.0, 1e6)] {
+    for offset in [DVec3::splat(1e6), DVec3::new(1.0, -2.0, 0.5) * f64::from(1 << 20)] {
         let there = made(offset).trajectory.world_from_camera;
         for (i, (a, b)) in here.iter().zip(&there).enumerate() {
             let way = (b.translation - offset - a.translation).length();

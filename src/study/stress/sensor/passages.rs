@@ -112,7 +112,7 @@ pub(super) fn first_off_of_sensor() -> Found {
 const TAKEN: usize = 32;
 const WATCHED: Size = Size { width: 16, height: 8 };
 /// A root cell of the sensor's clock, us: how long it goes in one step where no barrier is in reach.
-const CELL_US: f64 = 1048.576;
+const CELL_US: f64 = (1 << 20) as f64 * 1e-3;
 
 /// The first intervals of pixels of constant brightness, us, each with its polarity. `spread` bounds the squared
 /// coefficient of variation.

@@ -3,7 +3,7 @@
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::render::{Channels, Layering, Rules, Style, View};
-use crate::scene::{Gaussians, Screening, sh};
+use crate::scene::{Gaussians, Screening, procedural, sh};
 use crate::se3::Se3;
 use glam::{DQuat, DVec3};
 
@@ -83,11 +83,8 @@ impl Draws {
     /// The next.
     #[expect(clippy::should_implement_trait, reason = "draws never end")]
     pub fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+        self.0 = self.0.wrapping_add(procedural::STEP);
+        (procedural::finalise(self.0) >> 40) as f32 / (1 << 24) as f32
     }
 
     /// The next, between these.

@@ -17,7 +17,7 @@ pub(super) fn stack(by: Player<'_>) -> Outcome {
         let alpha = opacity.min(0.99);
         // 0.01 squared is below 1e-4 in 32 bits, and by decree in 64.
         let left = |n: i32| libm::pow(1.0 - alpha, f64::from(n));
-        let blended = (1..=LAYERS).take_while(|n| left(*n) >= 1.000_001e-4).count();
+        let blended = (1..=LAYERS).take_while(|n| left(*n) >= 1e-4 * (1.0 + 1e-6)).count();
         let sum = |first: i32| -> f64 {
             (first..LAYERS)
                 .take(blended.saturating_sub(first.unsigned_abs() as usize))
