@@ -81,6 +81,15 @@ impl Gaussians {
         (usize::from(self.sh_degree) + 1).pow(2)
     }
 
+    /// The same without the harmonics above a degree.
+    #[must_use]
+    pub fn with_degree(&self, degree: u8) -> Self {
+        let sh_degree = degree.min(self.sh_degree);
+        let kept = (usize::from(sh_degree) + 1).pow(2);
+        let sh = (0..self.len()).flat_map(|i| &self.sh_of(i)[..kept]).copied().collect();
+        Self { sh, sh_degree, ..self.clone() }
+    }
+
     /// The coefficients of Gaussian `i`.
     #[must_use]
     pub fn sh_of(&self, i: usize) -> &[[f32; 3]] {

@@ -1,16 +1,26 @@
 //! `gs2e study`: measurements over one scene.
 
+mod cost;
+mod subject;
 mod thresholds;
+mod work_precision;
 
 use super::Common;
 use super::console::Console;
+use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
+use crate::sensor::SimulateError;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `study`.
 #[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub(super) struct Study {
     #[command(subcommand)]
-    of: Of,
+    of: Option<Of>,
+    #[command(flatten)]
+    work_precision: work_precision::WorkPrecision,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -22,7 +32,31 @@ enum Of {
 impl Study {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         match self.of {
-            Of::Thresholds(study) => study.run(common, console),
+            Some(Of::Thresholds(study)) => study.run(common, console),
+            None => self.work_precision.run(common, console),
         }
     }
+}
+
+/// Whether a pass goes on after a frame.
+fn unless(cancelled: &AtomicBool) -> ControlFlow<()> {
+    if cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// Why a pass ended early.
+fn ended(error: SimulateError) -> Problem {
+    match error {
+        SimulateError::Interrupted => interrupted(),
+        e => Problem::failed("step-failed", format!("failed to simulate: {e}")),
+    }
+}
+
+fn interrupted() -> Problem {
+    let what = "interrupted: nothing is written";
+    Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
+}
+
+/// What is told where a frame cannot be rendered.
+fn not_rendered(error: &dyn std::error::Error) -> Problem {
+    Problem::failed("step-failed", format!("failed to render: {error}"))
 }

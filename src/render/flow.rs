@@ -5,7 +5,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
-use super::{Channels, Rendered, Renderer, Velocity, View};
+use super::{Channels, RenderError, Rendered, Renderer, Velocity, View};
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::{Se3, Twist};
@@ -39,7 +39,7 @@ pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
     Image::from_vec(size, moved)
 }
 
-/// Measures the median flow of a moving camera on small pictures.
+/// Measures the flow of a moving camera on small pictures.
 pub struct Meter {
     renderer: Box<dyn Renderer>,
     small: Camera,
@@ -48,7 +48,7 @@ pub struct Meter {
     rendered: Rendered,
 }
 
-/// Width of the small pictures, px: the median over their pixels is all that is asked.
+/// Width of the small pictures, px: a quantile over their pixels is all that is asked.
 const METER_WIDTH: u32 = 160;
 
 impl Meter {
@@ -78,16 +78,32 @@ impl std::fmt::Debug for Meter {
     }
 }
 
+impl Meter {
+    /// How fast the picture of a moving camera moves, px per unit of the velocity's time: so many percent of its pixels
+    /// move no faster. `None` where no pixel has a depth.
+    ///
+    /// # Errors
+    /// Where the frame cannot be rendered.
+    pub fn speed_px(
+        &mut self,
+        world_from_camera: &Se3,
+        velocity: Velocity,
+        percent: usize,
+    ) -> Result<Option<f64>, RenderError> {
+        let view = View { camera: self.small, world_from_camera: *world_from_camera, velocity };
+        let want = Channels { flow: true, ..Channels::default() };
+        self.renderer.render(&view, want, &mut self.rendered)?;
+        let flow = self.rendered.flow.as_ref().expect("flow was asked for").pixels();
+        let speeds = flow.iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
+        Ok(nearest_ranks(speeds, [percent]).map(|[speed]| f64::from(speed) * self.pixels))
+    }
+}
+
 impl FlowMeter for Meter {
     fn median_px(&mut self, world_from_camera: &Se3, twist: &Twist) -> Result<Option<f64>, String> {
         let linear = world_from_camera.rotation.conjugate() * twist.linear;
         let velocity = Velocity { linear, angular: twist.angular };
-        let view = View { camera: self.small, world_from_camera: *world_from_camera, velocity };
-        let want = Channels { flow: true, ..Channels::default() };
-        self.renderer.render(&view, want, &mut self.rendered).map_err(|e| e.to_string())?;
-        let flow = self.rendered.flow.as_ref().expect("flow was asked for").pixels();
-        let speeds = flow.iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
-        Ok(nearest_ranks(speeds, [50]).map(|[median]| f64::from(median) * self.pixels))
+        self.speed_px(world_from_camera, velocity, 50).map_err(|e| e.to_string())
     }
 }
 

@@ -17,11 +17,11 @@ const MARGIN: f64 = 24.0;
 
 /// A rectangle of the picture, px.
 #[derive(Debug, Clone, Copy)]
-struct Panel {
-    left: f64,
-    top: f64,
-    width: f64,
-    height: f64,
+pub(crate) struct Panel {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
 }
 
 /// The picture as SVG.
@@ -32,7 +32,7 @@ pub fn svg(trajectory: &Trajectory, report: &Report) -> String {
     let side = Panel { left: above.left + half + MARGIN, ..above };
     let top = above.top + above.height + MARGIN;
     let chart = Panel { left: MARGIN, top, width: WIDTH - 2.0 * MARGIN, height: HEIGHT - top - MARGIN };
-    let mut out = Svg::new();
+    let mut out = Svg::new([WIDTH, HEIGHT]);
     path::draw(&mut out, [above, side], &trajectory.world_from_camera, &report.linear_unit_s);
     let seconds = trajectory.stamps_us.last().copied().unwrap_or(0) as f64 * 1e-6;
     chart::draw(&mut out, chart, seconds, report);
@@ -40,30 +40,31 @@ pub fn svg(trajectory: &Trajectory, report: &Report) -> String {
 }
 
 /// SVG text under construction. Writing to a string cannot fail.
-struct Svg(String);
+pub(crate) struct Svg(String);
 
 impl Svg {
-    fn new() -> Self {
+    /// A white picture of this width and height, px.
+    pub(crate) fn new([width, height]: [f64; 2]) -> Self {
         let mut svg = Self(String::new());
         svg.line(&format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" \
-             height=\"{HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"none\" stroke-linejoin=\"round\">"
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+             height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"none\" stroke-linejoin=\"round\">"
         ));
-        svg.line(&format!("<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#ffffff\"/>"));
+        svg.line(&format!("<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>"));
         svg
     }
 
-    fn finish(mut self) -> String {
+    pub(crate) fn finish(mut self) -> String {
         self.line("</svg>");
         self.0
     }
 
-    fn line(&mut self, text: &str) {
+    pub(crate) fn line(&mut self, text: &str) {
         self.0.push_str(text);
         self.0.push('\n');
     }
 
-    fn frame(&mut self, panel: Panel) {
+    pub(crate) fn frame(&mut self, panel: Panel) {
         let Panel { left, top, width, height } = panel;
         self.line(&format!(
             "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" stroke=\"#cccccc\"/>"
@@ -71,7 +72,7 @@ impl Svg {
     }
 
     /// Text that starts (`anchor` "start"), is centred ("middle") or ends ("end") at a point.
-    fn text(&mut self, [x, y]: [f64; 2], anchor: &str, colour: &str, words: &str) {
+    pub(crate) fn text(&mut self, [x, y]: [f64; 2], anchor: &str, colour: &str, words: &str) {
         let words = words.replace('&', "&amp;").replace('<', "&lt;");
         self.line(&format!(
             "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{words}</text>"
@@ -79,7 +80,7 @@ impl Svg {
     }
 
     /// A line through points; points that are not finite are left out.
-    fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, width: f64) {
+    pub(crate) fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, width: f64) {
         let mut d = String::new();
         for [x, y] in points.into_iter().filter(|p| p[0].is_finite() && p[1].is_finite()) {
             let _ = write!(d, "{}{x:.2} {y:.2}", if d.is_empty() { "M" } else { "L" });

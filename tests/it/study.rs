@@ -1,4 +1,4 @@
-//! `gs2e study thresholds`, through the program. What it counts is held against planted jumps in the library.
+//! `gs2e study`, through the program. What it counts is held against planted truth in the library.
 
 use crate::support::workspace::{TINY, Workspace};
 use serde_json::Value;
@@ -75,4 +75,80 @@ fn what_cannot_be_swept_is_told() {
     let told = place.gs2e("study thresholds two.yaml");
     assert_eq!(told.code, 2);
     assert!(told.stderr.contains("is v2e, wanted a voltmeter"), "{}", told.stderr);
+}
+
+/// One path, even and flow steps, two rule sets: what a study writes, and what must come out of it.
+#[test]
+fn work_and_precision_of_a_built_scene() {
+    let place = Workspace::new();
+    let faster = [("arc: 6", "arc: 20"), ("factor: 2", "factor: 8"), ("gaussians: 500", "gaussians: 300")];
+    place.write("tiny.yaml", faster.iter().fold(TINY.to_owned(), |text, (from, to)| text.replace(from, to)));
+    place.ok("build tiny.yaml");
+    let study = "study tiny.yaml --rates 600,1200,2400 --seconds 0.019";
+    let told = place.ok(&format!("{study} --rules official,blended --to out")).stdout;
+    assert!(told.starts_with("`official linear` at 2400 frames a second costs "), "{told}");
+    let table = fs::read_to_string(place.path("out/work_precision.csv")).unwrap();
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let head = lines.next().unwrap();
+    let rows: Vec<Vec<&str>> = lines.collect();
+    // Two rule sets, two kinds of steps, three rates, three interpolations.
+    assert_eq!(rows.len(), 36);
+    let column = |name: &str| head.iter().position(|column| *column == name).unwrap();
+    let value = |key: [&str; 4], name: &str| -> f64 {
+        let row = rows.iter().find(|row| row[..4] == key).unwrap_or_else(|| panic!("no {key:?}"));
+        row[column(name)].parse().unwrap()
+    };
+    for (rules, share) in [("official", 1.0), ("blended", 0.3)] {
+        let of = |between, rate, name| value([rules, between, "uniform", rate], name);
+        let [linear, hermite] = ["linear", "hermite"].map(|between| of(between, "2400", "median_us"));
+        println!("{rules}: median {linear} us of linear, {hermite} us of hermite");
+        // Where the picture is smooth in time, cubics are what they promise; jumps stop them.
+        assert!(hermite < share * linear, "{rules}");
+        for between in ["linear", "hermite"] {
+            assert!(of(between, "2400", "median_us") < of(between, "600", "median_us"), "{rules} {between}");
+            assert!(of(between, "2400", "rms_th") < of(between, "600", "rms_th"), "{rules} {between}");
+        }
+        let [few, many] = ["600", "2400"].map(|rate| of("linear", rate, "frames"));
+        assert!((few - 13.0).abs() < 0.1 && (many - 47.0).abs() < 0.1, "{few} {many}");
+        assert!(value([rules, "linear", "flow", "600"], "frames") <= few);
+        let f1 = ["f1_10us", "f1_100us", "f1_1000us"].map(|name| of("hermite", "2400", name));
+        assert!(f1[0] <= f1[1] && f1[1] <= f1[2] && f1[2] > 0.8, "{f1:?}");
+    }
+    for name in ["rms", "count", "time_median", "time_p99", "f1"] {
+        let svg = fs::read_to_string(place.path(&format!("out/{name}.svg"))).unwrap();
+        assert!(svg.starts_with("<svg") && svg.contains("blended hermite"), "{name}");
+    }
+    let words = fs::read_to_string(place.path("out/summary.md")).unwrap();
+    assert!(words.contains("## Rule sets") && words.contains("| luminance in f64 |"), "{words}");
+    let json: Value =
+        serde_json::from_slice(&fs::read(place.path("out/work_precision.json")).unwrap()).unwrap();
+    let [value, rated] = ["value", "rated"].map(|kind| json["rules"][0]["costs"][kind].clone());
+    assert!(value["pairs"].as_f64() > Some(1000.0) && value["pairs"] == rated["pairs"], "{value} {rated}");
+    let pictures = json["pictures"].as_array().unwrap();
+    let in_32_bits = &pictures[0];
+    assert_eq!(in_32_bits["what"], "luminance");
+    assert!(in_32_bits["psnr_db"].as_f64() > Some(60.0), "{in_32_bits}");
+    // The same stream with the sensor's noise, in the folder that is the scene's own.
+    let told = place.ok(&format!("{study} --noise --rules soft --steps uniform --json")).stdout;
+    let json: Value = serde_json::from_str(&told).unwrap();
+    assert_eq!((json["noise"].as_bool(), json["rows"].as_array().unwrap().len()), (Some(true), 9));
+    assert!(place.path("study/tiny/summary.md").is_file());
+}
+
+#[test]
+fn what_cannot_be_studied_is_told() {
+    let place = Workspace::with_tiny();
+    let refused = |args: &str, wanted: &str| {
+        let told = place.gs2e(&format!("study tiny.yaml {args}"));
+        assert_eq!(told.code, 2, "{args}: {}", told.stderr);
+        assert!(told.stderr.contains(wanted), "{args}: {}", told.stderr);
+    };
+    refused("--rates 500", "--finest 9600 is no even multiple of it");
+    refused("--rates 600,300", "wanted rising numbers");
+    refused("--rules sharp", "invalid value 'sharp'");
+    refused("--trajectory other", "tiny has no trajectory `other`");
+    place.ok("build tiny.yaml");
+    refused("--seconds 3", "reach beyond the trajectory's end");
+    refused("--rates 150 --seconds 0.003", "hold fewer than two steps at 150 frames a second");
+    refused("--start=-1", "numbers from 0");
 }

@@ -1,36 +1,25 @@
 //! `gs2e study thresholds`: a sweep of the contrast threshold.
 
-use crate::artifact::{Artifact, Files, Motion};
-use crate::camera::{self, Camera};
-use crate::cli::build::opening;
+use super::subject::{self, Subject};
+use super::{ended, not_rendered, unless};
 use crate::cli::console::Console;
-use crate::cli::message::{Level, Message};
 use crate::cli::output::{self, Output};
 use crate::cli::problem::{Exit, Problem};
 use crate::cli::{Common, Targets, on_interrupt};
 use crate::event::picture::grid;
 use crate::frames::rendered::RenderedFrames;
 use crate::image::png;
-use crate::plan::Plan;
-use crate::plan::assess::{Assessment, assess};
-use crate::recipe::{self, Recipe};
 use crate::render::backend::Backend;
 use crate::render::{Layering, RenderError, Rules, Style};
-use crate::scene::Gaussians;
 use crate::seed::{Purpose, Seed};
 use crate::sensor::front_end::Seen;
-use crate::sensor::voltmeter::{Between, Voltmeter};
-use crate::sensor::{Sensor, Sensors, SimulateError};
-use crate::source::Capture;
-use crate::store::{Access, Store};
+use crate::sensor::voltmeter::Between;
 use crate::study::thresholds::{Found, Row, Sweep, sweep};
 use crate::trajectory::Trajectory;
 use serde_json::json;
 use std::io::{self, Write};
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 /// Arguments of `study thresholds`.
 #[derive(Debug, clap::Args)]
@@ -77,15 +66,15 @@ const GAP: u32 = 4;
 impl Thresholds {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         self.screen(console)?;
-        let recipe = self.the_recipe()?;
-        let name = self.the_trajectory(&recipe)?;
-        let sensor = the_sensor(&recipe)?;
+        let recipe = subject::recipe(&self.recipe)?;
+        let name = subject::trajectory(&recipe, self.trajectory.as_deref())?;
+        let sensor = subject::sensor(&recipe)?;
         common.limit_cores();
         let backend = common.backend()?;
         let seed = Seed::derive(recipe.seed, &recipe.scene, &name, Purpose::Sensor);
         let scene = format!("{}/{name}", recipe.scene);
         let asked = recipe.render;
-        let built = Built::open(recipe, &name, common)?;
+        let built = Subject::open(recipe, &name, common)?;
         let range = self.range(&built.motion.trajectory)?;
         let trajectory = part(&built.motion.trajectory, range.clone());
         let middle = trajectory.stamps_us.last().map_or(0, |last| last / 2);
@@ -113,27 +102,6 @@ impl Thresholds {
             return Err(Problem::usage("thresholds", what));
         }
         Ok(())
-    }
-
-    fn the_recipe(&self) -> Result<Recipe, Problem> {
-        let mut recipes = recipe::read_all(std::slice::from_ref(&self.recipe))?;
-        match (recipes.pop(), recipes.len()) {
-            (Some(recipe), 0) => Ok(recipe),
-            (_, others) => {
-                let what = format!("{} holds {} recipes, wanted one", self.recipe.display(), others + 1);
-                Err(Problem::usage("recipe", what).help("name the one that is meant"))
-            }
-        }
-    }
-
-    fn the_trajectory(&self, recipe: &Recipe) -> Result<String, Problem> {
-        let names: Vec<&str> = recipe.trajectories.iter().map(|t| t.name.as_str()).collect();
-        let wanted = self.trajectory.as_deref().unwrap_or(names[0]);
-        if names.contains(&wanted) {
-            return Ok(wanted.to_owned());
-        }
-        let what = format!("{} has no trajectory `{wanted}`; it has {}", recipe.scene, names.join(", "));
-        Err(Problem::usage("no-trajectory", what))
     }
 
     /// The poses of the time that is asked for.
@@ -224,44 +192,7 @@ fn interval_ns(trajectory: &Trajectory) -> i64 {
     1000 * intervals.max().unwrap_or(0)
 }
 
-/// The sensor whose thresholds are swept.
-fn the_sensor(recipe: &Recipe) -> Result<Voltmeter, Problem> {
-    match &recipe.sensors {
-        Sensors::One(Sensor::Voltmeter(sensor)) => Ok(sensor.clone()),
-        Sensors::One(other) => {
-            let what = format!("the sensor of {} is {}, wanted a voltmeter", recipe.scene, other.name());
-            Err(Problem::usage("sensor", what))
-        }
-        Sensors::Named(_) => {
-            let what = format!("{} has several sensors, wanted one", recipe.scene);
-            Err(Problem::usage("sensor", what).help("a recipe with `sensor`"))
-        }
-    }
-}
-
-/// What the store has of a trajectory.
-struct Built {
-    camera: Camera,
-    gaussians: Arc<Gaussians>,
-    motion: Motion,
-}
-
-impl Built {
-    fn open(recipe: Recipe, trajectory: &str, common: &Common) -> Result<Self, Problem> {
-        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
-        let (scene, camera) = (recipe.scene.clone(), recipe.camera);
-        let plan = Plan::new(vec![recipe], &common.renderers()?.knowing(&store));
-        let assessed = assess(&plan, &store)?;
-        let shelf = Shelf { scene: &scene, plan: &plan, assessed: &assessed, store: &store };
-        let capture: Capture = shelf.open("capture")?;
-        let own = capture.camera().map(|(own, _)| own);
-        Ok(Self {
-            camera: camera::choose(camera, own.as_ref()).expect("recipes without views write a whole camera"),
-            gaussians: Arc::new(shelf.open("reconstruct")?),
-            motion: shelf.open(&format!("{trajectory}/trajectory"))?,
-        })
-    }
-
+impl Subject {
     /// Renders and sweeps.
     fn sweep(
         &self,
@@ -270,10 +201,7 @@ impl Built {
         (backend, style): (Backend, Style),
     ) -> Result<Found, Problem> {
         let cancel = on_interrupt()?;
-        let mut tap = |_: usize| match cancel.load(Ordering::Relaxed) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        };
+        let mut tap = |_: usize| unless(&cancel);
         // The picture as a continuous function of the view, which no GPU renders yet.
         let smooth = Style { rules: Rules::Soft, order: Layering::Blended, ..style };
         let velocities = self.motion.velocities();
@@ -285,39 +213,11 @@ impl Built {
                 Between::Linear | Between::Catmull => frames,
             })
         };
-        let failed =
-            |e: &dyn std::error::Error| Problem::failed("step-failed", format!("failed to render: {e}"));
-        let mut released = frames(&backend, style).map_err(|e| failed(&e))?;
+        let mut released = frames(&backend, style).map_err(|e| not_rendered(&e))?;
         let smooth_by = if backend.takes_gpu() { Backend::Cpu } else { backend };
-        let mut smooth = frames(&smooth_by, smooth).map_err(|e| failed(&e))?;
+        let mut smooth = frames(&smooth_by, smooth).map_err(|e| not_rendered(&e))?;
         let front_end = asked.sensor.front_end;
         let mut seen = (Seen::new(&mut released, front_end), Seen::new(&mut smooth, front_end));
-        sweep(asked, (&mut seen.0, &mut seen.1), &mut tap).map_err(|e| match e {
-            SimulateError::Interrupted => {
-                let what = "interrupted: nothing is written";
-                Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", what))
-            }
-            e => Problem::failed("step-failed", format!("failed to simulate: {e}")),
-        })
-    }
-}
-
-/// The products of one scene.
-struct Shelf<'a> {
-    scene: &'a str,
-    plan: &'a Plan,
-    assessed: &'a [Assessment],
-    store: &'a Store,
-}
-
-impl Shelf<'_> {
-    fn open<A: Artifact>(&self, name: &str) -> Result<A, Problem> {
-        let found = self.plan.steps().iter().zip(self.assessed).find(|(step, _)| step.name == name);
-        let Some(outputs) = found.and_then(|(_, assessed)| assessed.outputs.as_ref()) else {
-            let message = format!("{}/{name} is not built, or no longer up to date", self.scene);
-            return Err(Problem::failed("not-built", message).step(self.scene, name).help("gs2e build"));
-        };
-        A::open(&Files::of(outputs, self.store))
-            .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))
+        sweep(asked, (&mut seen.0, &mut seen.1), &mut tap).map_err(ended)
     }
 }

@@ -1,0 +1,99 @@
+//! What a study is of: a recipe's scene and one of its trajectories, as the store has them.
+
+use crate::artifact::{Artifact, Files, Motion};
+use crate::camera::{self, Camera};
+use crate::cli::Common;
+use crate::cli::build::opening;
+use crate::cli::problem::Problem;
+use crate::plan::Plan;
+use crate::plan::assess::{Assessment, assess};
+use crate::recipe::{self, Recipe};
+use crate::scene::Gaussians;
+use crate::sensor::voltmeter::Voltmeter;
+use crate::sensor::{Sensor, Sensors};
+use crate::source::Capture;
+use crate::store::{Access, Store};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The one recipe of a file or folder.
+pub(super) fn recipe(path: &Path) -> Result<Recipe, Problem> {
+    let mut recipes = recipe::read_all(std::slice::from_ref(&path.to_owned()))?;
+    match (recipes.pop(), recipes.len()) {
+        (Some(recipe), 0) => Ok(recipe),
+        (_, others) => {
+            let what = format!("{} holds {} recipes, wanted one", path.display(), others + 1);
+            Err(Problem::usage("recipe", what).help("name the one that is meant"))
+        }
+    }
+}
+
+/// The name of the trajectory that is meant: the first, where none is named.
+pub(super) fn trajectory(recipe: &Recipe, wanted: Option<&str>) -> Result<String, Problem> {
+    let names: Vec<&str> = recipe.trajectories.iter().map(|t| t.name.as_str()).collect();
+    let wanted = wanted.unwrap_or(names[0]);
+    if names.contains(&wanted) {
+        return Ok(wanted.to_owned());
+    }
+    let what = format!("{} has no trajectory `{wanted}`; it has {}", recipe.scene, names.join(", "));
+    Err(Problem::usage("no-trajectory", what))
+}
+
+/// The recipe's one sensor, a voltmeter.
+pub(super) fn sensor(recipe: &Recipe) -> Result<Voltmeter, Problem> {
+    match &recipe.sensors {
+        Sensors::One(Sensor::Voltmeter(sensor)) => Ok(sensor.clone()),
+        Sensors::One(other) => {
+            let what = format!("the sensor of {} is {}, wanted a voltmeter", recipe.scene, other.name());
+            Err(Problem::usage("sensor", what))
+        }
+        Sensors::Named(_) => {
+            let what = format!("{} has several sensors, wanted one", recipe.scene);
+            Err(Problem::usage("sensor", what).help("a recipe with `sensor`"))
+        }
+    }
+}
+
+/// What the store has of a trajectory.
+pub(super) struct Subject {
+    pub(super) camera: Camera,
+    pub(super) gaussians: Arc<Gaussians>,
+    pub(super) motion: Motion,
+}
+
+impl Subject {
+    pub(super) fn open(recipe: Recipe, trajectory: &str, common: &Common) -> Result<Self, Problem> {
+        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+        let (scene, camera) = (recipe.scene.clone(), recipe.camera);
+        let plan = Plan::new(vec![recipe], &common.renderers()?.knowing(&store));
+        let assessed = assess(&plan, &store)?;
+        let shelf = Shelf { scene: &scene, plan: &plan, assessed: &assessed, store: &store };
+        let capture: Capture = shelf.open("capture")?;
+        let own = capture.camera().map(|(own, _)| own);
+        Ok(Self {
+            camera: camera::choose(camera, own.as_ref()).expect("recipes without views write a whole camera"),
+            gaussians: Arc::new(shelf.open("reconstruct")?),
+            motion: shelf.open(&format!("{trajectory}/trajectory"))?,
+        })
+    }
+}
+
+/// The products of one scene.
+struct Shelf<'a> {
+    scene: &'a str,
+    plan: &'a Plan,
+    assessed: &'a [Assessment],
+    store: &'a Store,
+}
+
+impl Shelf<'_> {
+    fn open<A: Artifact>(&self, name: &str) -> Result<A, Problem> {
+        let found = self.plan.steps().iter().zip(self.assessed).find(|(step, _)| step.name == name);
+        let Some(outputs) = found.and_then(|(_, assessed)| assessed.outputs.as_ref()) else {
+            let message = format!("{}/{name} is not built, or no longer up to date", self.scene);
+            return Err(Problem::failed("not-built", message).step(self.scene, name).help("gs2e build"));
+        };
+        A::open(&Files::of(outputs, self.store))
+            .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))
+    }
+}

@@ -1,0 +1,206 @@
+//! Error over cost, both logarithmic: a curve a method, with the sensor's own jitter and the renderer's floor.
+
+use super::grid::Steps;
+use super::pick::Measure;
+use super::{Row, Study};
+use crate::sensor::voltmeter::Between;
+use crate::trajectory::picture::{Panel, Svg};
+use std::ops::RangeInclusive;
+
+const SIZE: [f64; 2] = [960.0, 560.0];
+const INNER: Panel = Panel { left: 80.0, top: 46.0, width: 590.0, height: 450.0 };
+/// Of the rule sets, in order.
+const COLOURS: [&str; 5] = ["#d1495b", "#2a7fb8", "#3a8f4f", "#8a5fb0", "#c98a1b"];
+const GREY: &str = "#333333";
+/// Room at both ends of an axis, as a factor.
+const ROOM: f64 = 1.25;
+/// Where the legend begins, and how far its lines are apart, px.
+const LEGEND: [f64; 2] = [690.0, 60.0];
+const LINE: f64 = 18.0;
+
+/// A logarithmic axis.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    low: f64,
+    high: f64,
+}
+
+impl Axis {
+    fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
+        (low > 0.0 && low.is_finite()).then(|| Self { low: low / ROOM, high: high * ROOM })
+    }
+
+    fn share(self, value: f64) -> f64 {
+        libm::log(value / self.low) / libm::log(self.high / self.low)
+    }
+
+    /// 1, 2 and 5 times the powers of ten on it; the powers alone where it is long.
+    fn marks(self) -> Vec<f64> {
+        let decades = libm::log10(self.high / self.low);
+        let digits: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        #[expect(clippy::cast_possible_truncation, reason = "exponents of floats are small")]
+        let powers: RangeInclusive<i32> =
+            libm::floor(libm::log10(self.low)) as i32..=libm::ceil(libm::log10(self.high)) as i32;
+        let all = powers.flat_map(|power| digits.iter().map(move |digit| digit * libm::exp10(power.into())));
+        all.filter(|mark| (self.low..=self.high).contains(mark)).collect()
+    }
+}
+
+/// The picture of one measure as SVG; `None` where no setting has an error by it.
+#[must_use]
+pub fn svg(study: &Study, measure: Measure) -> Option<String> {
+    let shown: Vec<(&Row, f64)> = study.rows.iter().filter_map(|row| Some((row, measure.of(row)?))).collect();
+    let lines = lines(study, measure);
+    let cost = Axis::around(shown.iter().map(|(row, _)| row.core_s()))?;
+    let lowest = shown.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
+    // A floor far below everything would only squeeze the curves.
+    let floors = lines.iter().map(|line| line.error).filter(|error| *error > 0.2 * lowest);
+    let error = Axis::around(shown.iter().map(|(_, error)| *error).chain(floors))?;
+    let mut out = Svg::new(SIZE);
+    let title = format!("{}: {}", study.scene, measure.title());
+    out.text([INNER.left, 28.0], "start", GREY, &title);
+    axes(&mut out, cost, error);
+    let at = |row: &Row, value: f64| point(cost.share(row.core_s()), error.share(value));
+    let mut entries: Vec<(String, Look)> = Vec::new();
+    for (row, _) in &shown {
+        let method = row.method();
+        if entries.iter().any(|(name, _)| *name == method) {
+            continue;
+        }
+        let mut curve: Vec<&(&Row, f64)> = shown.iter().filter(|(row, _)| row.method() == method).collect();
+        curve.sort_by_key(|(row, _)| row.rate);
+        let look = Look::of(study, row);
+        look.curve(&mut out, &curve.iter().map(|(row, value)| at(row, *value)).collect::<Vec<_>>());
+        entries.push((method, look));
+    }
+    for line in lines.iter().filter(|line| (error.low..=error.high).contains(&line.error)) {
+        let ends = [0.0, 1.0].map(|x| point(x, error.share(line.error)));
+        dashed(&mut out, &ends, line.colour, "2 4");
+        out.text([ends[1][0] + 4.0, ends[1][1] + 4.0], "start", line.colour, &line.words);
+    }
+    legend(&mut out, &entries, error, &lines);
+    Some(out.finish())
+}
+
+fn point(x: f64, y: f64) -> [f64; 2] {
+    [INNER.left + INNER.width * x, INNER.top + INNER.height * (1.0 - y)]
+}
+
+fn axes(out: &mut Svg, cost: Axis, error: Axis) {
+    out.frame(INNER);
+    let bottom = INNER.top + INNER.height;
+    for mark in cost.marks() {
+        let [x, _] = point(cost.share(mark), 0.0);
+        out.polyline([[x, INNER.top], [x, bottom]], "#eeeeee", 1.0);
+        out.text([x, bottom + 18.0], "middle", GREY, &plain(mark));
+    }
+    for mark in error.marks() {
+        let [_, y] = point(0.0, error.share(mark));
+        out.polyline([[INNER.left, y], [INNER.left + INNER.width, y]], "#eeeeee", 1.0);
+        out.text([INNER.left - 8.0, y + 4.0], "end", GREY, &plain(mark));
+    }
+    out.text([INNER.left + INNER.width / 2.0, bottom + 42.0], "middle", GREY, "core-seconds");
+}
+
+/// A mark: one digit and zeros.
+fn plain(mark: f64) -> String {
+    if (1e-4..1e5).contains(&mark) { format!("{}", (mark * 1e6).round() / 1e6) } else { format!("{mark:e}") }
+}
+
+/// How a method is drawn: rules by colour, interpolation by dashes, steps by marks.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    colour: &'static str,
+    dashes: &'static str,
+    filled: bool,
+}
+
+impl Look {
+    fn of(study: &Study, row: &Row) -> Self {
+        let rules = study.rules.iter().position(|of| of.rules == row.rules).unwrap_or(0);
+        let dashes = match row.between {
+            Between::Hermite => "none",
+            Between::Catmull => "8 4",
+            Between::Linear => "2 3",
+        };
+        Self { colour: COLOURS[rules % COLOURS.len()], dashes, filled: row.steps == Steps::Uniform }
+    }
+
+    fn curve(self, out: &mut Svg, points: &[[f64; 2]]) {
+        dashed(out, points, self.colour, self.dashes);
+        let fill = if self.filled { self.colour } else { "#ffffff" };
+        for [x, y] in points {
+            out.line(&format!(
+                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"3\" fill=\"{fill}\" stroke=\"{}\"/>",
+                self.colour
+            ));
+        }
+    }
+}
+
+fn dashed(out: &mut Svg, points: &[[f64; 2]], colour: &str, dashes: &str) {
+    out.line(&format!("<g stroke-dasharray=\"{dashes}\">"));
+    out.polyline(points.iter().copied(), colour, 1.4);
+    out.line("</g>");
+}
+
+/// An error that is not a setting's.
+struct Line {
+    error: f64,
+    colour: &'static str,
+    words: String,
+}
+
+/// The floor of each rule set, and the sensor's jitter, as far as the measure has them.
+fn lines(study: &Study, measure: Measure) -> Vec<Line> {
+    let mut lines = Vec::new();
+    for (of, colour) in study.rules.iter().zip(COLOURS) {
+        let floor = of.fit.map(|fit| fit.f).filter(|f| measure == Measure::Rms && *f > 0.0);
+        lines.extend(floor.map(|error| Line { error, colour, words: format!("floor of {}", of.rules) }));
+    }
+    let jitter = study.rules.first().and_then(|of| of.jitter);
+    let jitter = jitter.and_then(|jitter| match measure {
+        Measure::Rms => Some(jitter.rms_th),
+        Measure::Median => Some(jitter.us),
+        Measure::Count | Measure::P99 | Measure::F1 => None,
+    });
+    let jitter = jitter.filter(|error| *error > 0.0);
+    lines.extend(jitter.map(|error| Line { error, colour: GREY, words: "sensor's own jitter".to_owned() }));
+    lines
+}
+
+fn legend(out: &mut Svg, entries: &[(String, Look)], error: Axis, lines: &[Line]) {
+    let [x, mut y] = LEGEND;
+    // Names of the lines stand at the right end of these; the legend keeps out of their way.
+    let taken: Vec<f64> = lines.iter().map(|line| point(1.0, error.share(line.error))[1]).collect();
+    for (method, look) in entries {
+        while taken.iter().any(|at| (at - y).abs() < LINE) {
+            y += LINE;
+        }
+        look.curve(out, &[[x, y], [x + 34.0, y]]);
+        out.text([x + 44.0, y + 4.0], "start", GREY, method);
+        y += LINE;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_marked_at_round_numbers() {
+        let t = |low, high, wanted: &[f64]| {
+            let found = Axis { low, high }.marks();
+            assert_eq!(found.len(), wanted.len(), "{found:?}");
+            assert!(found.iter().zip(wanted).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{found:?}");
+        };
+        t(0.7, 6.0, &[1.0, 2.0, 5.0]);
+        t(0.03, 0.2, &[0.05, 0.1, 0.2]);
+        t(1e-4, 2.0, &[1e-4, 1e-3, 1e-2, 0.1, 1.0]);
+        assert_eq!(plain(0.05), "0.05");
+        assert_eq!(plain(2e-5), "2e-5");
+        let axis = Axis::around([1.0, 100.0].into_iter()).unwrap();
+        assert!((axis.share(10.0) - 0.5).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,108 @@
+//! Which frames a setting sees. Every grid is a part of one fine sequence, so that one rendering of it serves all.
+
+use serde::Serialize;
+
+/// How the times of frames are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Steps {
+    /// At a frame rate.
+    Uniform,
+    /// So that the picture moves equally far in each step (`numerics.md` 3.4, rule 1).
+    Flow,
+}
+
+/// Some of the frames of a fine sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// How they were chosen.
+    pub steps: Steps,
+    /// Frames a second; of flow steps, that of the uniform grid that has as many frames.
+    pub rate: u32,
+    /// Numbers of the fine frames, rising: the first and the last of the sequence are among them, and an even number of
+    /// steps lies between two, so that each interval has its middle.
+    pub places: Vec<usize>,
+}
+
+impl Grid {
+    /// Every so many-th of `intervals + 1` fine frames.
+    ///
+    /// # Panics
+    /// Unless `rate` divides `finest` into an even number, and `intervals` is even.
+    #[must_use]
+    pub fn uniform(rate: u32, finest: u32, intervals: usize) -> Self {
+        assert!(finest.is_multiple_of(2 * rate) && intervals.is_multiple_of(2), "intervals have a middle");
+        let every = (finest / rate) as usize;
+        let places = (0..intervals).step_by(every).chain([intervals]).collect();
+        Self { steps: Steps::Uniform, rate, places }
+    }
+
+    /// The grid of the shortest flow steps that has no more frames than a uniform one. `flows` is how far the picture moves in each fine interval, px.
+    #[must_use]
+    pub fn flow(flows: &[f64], uniform: &Self) -> Self {
+        let most = flows.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * flows.len() as f64;
+        let (mut low, mut high) = (0.0, most);
+        for _ in 0..60 {
+            let middle = f64::midpoint(low, high);
+            if places(flows, middle).len() <= uniform.places.len() { high = middle } else { low = middle }
+        }
+        Self { steps: Steps::Flow, rate: uniform.rate, places: places(flows, high) }
+    }
+}
+
+/// The longest even steps over which the highest flow in them, for their whole length, moves the picture `px` at most.
+fn places(flows: &[f64], px: f64) -> Vec<usize> {
+    let mut places = vec![0];
+    let mut at = 0;
+    while at < flows.len() {
+        let mut highest = 0.0f64;
+        let mut end = at;
+        for pair in flows[at..].chunks(2) {
+            highest = pair.iter().copied().fold(highest, f64::max);
+            let length = end + pair.len() - at;
+            if end > at && highest * length as f64 > px {
+                break;
+            }
+            end = at + length;
+        }
+        at = end;
+        places.push(at);
+    }
+    places
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uniform_grids_hold_both_ends() {
+        assert_eq!(Grid::uniform(600, 2400, 12).places, [0, 4, 8, 12]);
+        assert_eq!(Grid::uniform(600, 2400, 10).places, [0, 4, 8, 10]);
+    }
+
+    #[test]
+    fn flow_steps_go_by_the_highest_flow_ahead() {
+        // Slow, then eight times as fast.
+        let flows: Vec<f64> = (0..32).map(|j| if j < 16 { 1.0 } else { 8.0 }).collect();
+        assert_eq!(places(&flows, 16.0), [0, 16, 18, 20, 22, 24, 26, 28, 30, 32]);
+        // A step does not reach into the fast part that it would be too long for.
+        assert_eq!(places(&flows, 12.0)[..4], [0, 12, 16, 18]);
+        let even = Grid::flow(&[1.0; 32], &Grid::uniform(100, 800, 32));
+        assert_eq!(even.places, [0, 8, 16, 24, 32]);
+    }
+
+    #[test]
+    fn flow_steps_have_no_more_frames_than_asked() {
+        let flows: Vec<f64> = (0..960).map(|j| 1.0 + 0.9 * libm::sin(f64::from(j) * 0.02)).collect();
+        for rate in [150, 300, 600, 1200, 2400] {
+            let uniform = Grid::uniform(rate, 9600, 960);
+            let flow = Grid::flow(&flows, &uniform);
+            let (found, wanted) = (flow.places.len(), uniform.places.len());
+            assert!(found <= wanted && found * 10 >= wanted * 7, "{rate}: {found} of {wanted}");
+            assert!(flow.places.windows(2).all(|w| (w[1] - w[0]).is_multiple_of(2) && w[0] < w[1]));
+        }
+        let still = Grid::flow(&[0.0; 96], &Grid::uniform(150, 9600, 96));
+        assert_eq!(still.places, [0, 96]);
+    }
+}

@@ -1,0 +1,276 @@
+//! One pass over the fine frames of a rule set, from which every setting is fed.
+
+use super::Spent;
+use super::errors::Packed;
+use super::grid::Grid;
+use super::voltage::{Seen, Voltages};
+use crate::frames::{Frame, Frames};
+use crate::image::Size;
+use crate::seed::Seed;
+use crate::sensor::voltmeter::{Between, Voltmeter};
+use crate::sensor::{Model as _, Pixels, SensorError, SimulateError};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// What is fed.
+#[derive(Debug)]
+pub struct Setup<'a> {
+    /// The sensor of every setting; its interpolation is replaced.
+    pub sensor: &'a Voltmeter,
+    /// Seed of its noise, one for all.
+    pub seed: Seed,
+    /// The grids.
+    pub grids: &'a [Grid],
+    /// The interpolations, of each grid.
+    pub between: &'a [Between],
+}
+
+/// What one setting made of the frames.
+#[derive(Debug)]
+pub struct Fed {
+    /// Number of the grid.
+    pub grid: usize,
+    /// Brightness between its frames.
+    pub between: Between,
+    /// Of k1 V at interval middles, in thresholds.
+    pub rms_th: f64,
+    /// Its events, sorted.
+    pub events: Vec<u64>,
+    /// By its sensor.
+    pub spent: Spent,
+}
+
+/// What a pass made.
+#[derive(Debug)]
+pub struct Passed {
+    /// Events of the finest frames, `hermite`, sorted.
+    pub reference: Vec<u64>,
+    /// The settings, grid by grid.
+    pub fed: Vec<Fed>,
+    /// Mean luminance of the first frame, grey.
+    pub grey: f64,
+}
+
+/// Feeds the settings from fine frames that have rates. `clock` says what was spent so far; `tap` is called after each
+/// frame and may break the pass off.
+///
+/// # Errors
+/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+pub fn pass(
+    setup: &Setup<'_>,
+    frames: &mut dyn Frames,
+    clock: &dyn Fn() -> Spent,
+    tap: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Result<Passed, SimulateError> {
+    let size = frames.size();
+    let mut reference = Sensing::start(setup, Between::Hermite, size)?;
+    let mut gridded = setup.grids.iter().map(|grid| Gridded::start(setup, grid, size));
+    let mut gridded = gridded.by_ref().collect::<Result<Vec<_>, _>>()?;
+    let mut grey = 0.0;
+    while let Some(frame) = frames.next()? {
+        reference.see(&frame, clock)?;
+        if frame.index == 0 {
+            let sum: f64 = frame.luminance.pixels().iter().map(|l| f64::from(*l)).sum();
+            grey = sum / size.pixels() as f64;
+        }
+        let wanted = gridded.iter().any(|grid| grid.wants(frame.index));
+        let seen = wanted.then(|| Arc::new(Seen::new(&frame, setup.sensor.k[1])));
+        if let Some(seen) = seen {
+            gridded.iter_mut().try_for_each(|grid| grid.see(&frame, &seen, clock))?;
+        }
+        if tap(frame.index).is_break() {
+            return Err(SimulateError::Interrupted);
+        }
+    }
+    let mut fed = Vec::new();
+    for (number, grid) in gridded.into_iter().enumerate() {
+        grid.end(setup, number, clock, &mut fed)?;
+    }
+    Ok(Passed { reference: reference.end(clock)?.0, fed, grey })
+}
+
+/// A sensor at work.
+struct Sensing {
+    pixels: Box<dyn Pixels>,
+    events: Packed,
+    spent: Spent,
+}
+
+impl Sensing {
+    fn start(setup: &Setup<'_>, between: Between, size: Size) -> Result<Self, SensorError> {
+        let sensor = Voltmeter { between, ..setup.sensor.clone() };
+        let pixels = sensor.start(size, [0, 0], setup.seed)?;
+        Ok(Self { pixels, events: Packed::new(size.width), spent: Spent::default() })
+    }
+
+    fn see(&mut self, frame: &Frame, clock: &dyn Fn() -> Spent) -> Result<(), SensorError> {
+        let before = clock();
+        self.pixels.advance(frame, &mut self.events)?;
+        self.spent += clock() - before;
+        Ok(())
+    }
+
+    fn end(mut self, clock: &dyn Fn() -> Spent) -> Result<(Vec<u64>, Spent), SensorError> {
+        let before = clock();
+        self.pixels.finish(&mut self.events)?;
+        let spent = self.spent + (clock() - before);
+        Ok((self.events.sorted(), spent))
+    }
+}
+
+/// The settings of one grid.
+struct Gridded<'a> {
+    grid: &'a Grid,
+    /// Its next frame, by its number among the grid's.
+    next: usize,
+    sensing: Vec<Sensing>,
+    voltages: Voltages,
+}
+
+impl<'a> Gridded<'a> {
+    fn start(setup: &Setup<'_>, grid: &'a Grid, size: Size) -> Result<Self, SensorError> {
+        let sensing = setup.between.iter().map(|between| Sensing::start(setup, *between, size));
+        Ok(Self {
+            grid,
+            next: 0,
+            sensing: sensing.collect::<Result<_, _>>()?,
+            voltages: Voltages::new(setup.between),
+        })
+    }
+
+    /// The fine frame in the middle of the interval before the next frame.
+    fn middle(&self) -> Option<usize> {
+        let interval = self.grid.places.get(self.next.checked_sub(1)?..=self.next)?;
+        Some(usize::midpoint(interval[0], interval[1]))
+    }
+
+    fn wants(&self, fine: usize) -> bool {
+        self.grid.places.get(self.next) == Some(&fine) || self.middle() == Some(fine)
+    }
+
+    fn see(&mut self, frame: &Frame, seen: &Arc<Seen>, clock: &dyn Fn() -> Spent) -> Result<(), SensorError> {
+        if self.middle() == Some(frame.index) {
+            self.voltages.middle(seen);
+        }
+        if self.grid.places.get(self.next) == Some(&frame.index) {
+            self.sensing.iter_mut().try_for_each(|sensing| sensing.see(frame, clock))?;
+            self.voltages.node(seen);
+            self.next += 1;
+        }
+        Ok(())
+    }
+
+    fn end(
+        self,
+        setup: &Setup<'_>,
+        number: usize,
+        clock: &dyn Fn() -> Spent,
+        fed: &mut Vec<Fed>,
+    ) -> Result<(), SensorError> {
+        let in_thresholds =
+            setup.sensor.k[0] / f64::midpoint(setup.sensor.threshold_on, setup.sensor.threshold_off);
+        let rms = self.voltages.finish();
+        for ((sensing, rms), between) in self.sensing.into_iter().zip(rms).zip(setup.between) {
+            let (events, spent) = sensing.end(clock)?;
+            fed.push(Fed { grid: number, between: *between, rms_th: rms * in_thresholds, events, spent });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::errors::Errors;
+    use super::*;
+    use crate::frames::FrameError;
+    use crate::image::Image;
+    use crate::sensor::voltmeter::Preset;
+    use crate::units::Timestamp;
+
+    const SIZE: Size = Size { width: 8, height: 8 };
+    const INTERVALS: usize = 960;
+    const FINEST: u32 = 9600;
+
+    /// `k1 V` of each pixel is a sine of its own phase with an amplitude of 6 thresholds, and a frequency of 30 Hz.
+    struct Waves(usize);
+
+    impl Frames for Waves {
+        fn size(&self) -> Size {
+            SIZE
+        }
+
+        fn len(&self) -> usize {
+            INTERVALS + 1
+        }
+
+        #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
+        fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+            if self.0 > INTERVALS {
+                return Ok(None);
+            }
+            let [k1, k2, ..] = Preset::Dvs346.k();
+            let index = self.0;
+            let us = (index as f64 * 1e6 / f64::from(FINEST)).round() as i64;
+            self.0 += 1;
+            let omega = 60.0 * std::f64::consts::PI;
+            let (mut luminance, mut rate) = (Image::filled(SIZE, 0.0f32), Image::filled(SIZE, 0.0f32));
+            for (i, (l, r)) in luminance.pixels_mut().iter_mut().zip(rate.pixels_mut()).enumerate() {
+                let phase = us as f64 * 1e-6 * omega + i as f64;
+                let level = 90.0 * libm::exp(6.0 / k1 * libm::sin(phase));
+                *l = (level - k2) as f32;
+                *r = (level * 6.0 / k1 * omega * libm::cos(phase)) as f32;
+            }
+            Ok(Some(Frame { index, t: Timestamp::from_micros(us), luminance, rate: Some(rate) }))
+        }
+    }
+
+    fn passed() -> Passed {
+        let [k1, k2, ..] = Preset::Dvs346.k();
+        let sensor = Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+        let grids = [300, 600].map(|rate| Grid::uniform(rate, FINEST, INTERVALS));
+        let between = [Between::Linear, Between::Catmull, Between::Hermite];
+        let setup = Setup { sensor: &sensor, seed: Seed(1), grids: &grids, between: &between };
+        let mut go_on = |_| ControlFlow::Continue(());
+        pass(&setup, &mut Waves(0), &Spent::default, &mut go_on).unwrap()
+    }
+
+    /// Over whole periods the curvature of a sine of amplitude A is `A w^2/sqrt(2)` rms, so that lines miss middles by
+    /// `h^2/8` of it; Hermite's cubics by `h^4/384` of the fourth derivative, `A w^4/sqrt(2)`.
+    #[test]
+    fn planted_waves_have_the_errors_of_the_textbook() {
+        let passed = passed();
+        let omega = 60.0 * std::f64::consts::PI;
+        let amplitude = 6.0 / f64::sqrt(2.0);
+        for (grid, rate) in [(0, 300.0), (1, 600.0)] {
+            let rms = |b: usize| passed.fed[3 * grid + b].rms_th;
+            let w = omega / rate;
+            // The next terms of both series are w^2/48 and w^2/32 of the first; stamps round by 0.5 us of h.
+            let slack = w * w / 30.0 + 0.5e-6 * rate * 8.0;
+            for (found, wanted) in
+                [(rms(0), amplitude * w * w / 8.0), (rms(2), amplitude * libm::pow(w, 4.0) / 384.0)]
+            {
+                assert!((found / wanted - 1.0).abs() < slack, "{rate}: {found}, wanted {wanted}");
+            }
+            assert!(rms(2) < rms(1) && rms(1) < rms(0));
+        }
+    }
+
+    #[test]
+    fn finer_frames_and_cubics_make_the_events_of_the_reference() {
+        let passed = passed();
+        // Three periods of 12 thresholds up and down: 72 events of a pixel, but for the turns.
+        let each = passed.reference.len() as f64 / SIZE.pixels() as f64;
+        assert!((60.0..72.0).contains(&each), "{each}");
+        let errors: Vec<Errors> =
+            passed.fed.iter().map(|fed| Errors::of(&fed.events, &passed.reference)).collect();
+        let median = |at: usize| errors[at].median_us.unwrap();
+        // Linear at 300 and 600 Hz: times fall with the square of the step.
+        assert!((3.0..5.0).contains(&(median(0) / median(3))), "{} {}", median(0), median(3));
+        for grid in [0, 3] {
+            assert!(median(grid + 2) < 0.2 * median(grid), "{errors:?}");
+            assert!(errors[grid + 2].miscount <= errors[grid].miscount);
+        }
+        assert!(errors[5].f1[0] > 0.98, "{errors:?}");
+        assert!((50.0..120.0).contains(&passed.grey));
+    }
+}

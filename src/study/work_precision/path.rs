@@ -1,0 +1,76 @@
+//! A built trajectory as a continuous motion, so that every sampling of it is one of the same path.
+
+use crate::render::Velocity;
+use crate::se3::Se3;
+use crate::se3::rotation_spline::Unsettled;
+use crate::se3::spline::Place;
+use crate::trajectory::curve::{Cubic, PoseCurve as _};
+
+/// The C2 spline over time through the poses of a trajectory.
+#[derive(Debug, Clone)]
+pub struct Path {
+    curve: Cubic,
+    seconds: Vec<f64>,
+}
+
+impl Path {
+    /// Through these poses at these times.
+    ///
+    /// # Errors
+    /// Where the rotation spline does not settle.
+    ///
+    /// # Panics
+    /// Unless there are two poses and one time each, strictly increasing.
+    pub fn through(poses: &[Se3], seconds: Vec<f64>) -> Result<Self, Unsettled> {
+        let steps = seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        Ok(Self { curve: Cubic::through(steps, poses)?, seconds })
+    }
+
+    /// From the first pose to the last, s.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.seconds[self.seconds.len() - 1] - self.seconds[0]
+    }
+
+    /// Pose `world_from_camera`, and how the camera moves in its own axes, so many seconds after the first pose.
+    #[must_use]
+    pub fn at(&self, seconds: f64) -> (Se3, Velocity) {
+        let t = self.seconds[0] + seconds;
+        let last = self.seconds.len() - 2;
+        let segment = self.seconds[1..=last].partition_point(|start| *start <= t);
+        let at = Place { segment, x: t - self.seconds[segment] };
+        let (pose, twist) = (self.curve.pose(at), self.curve.twist(at));
+        let linear = pose.rotation.conjugate() * twist.linear;
+        (pose, Velocity { linear, angular: twist.angular })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::se3::rotation::exp;
+    use glam::DVec3;
+
+    /// A cubic path that turns evenly about one axis: the spline is the path itself.
+    #[test]
+    fn a_path_of_its_own_kind_is_met_between_the_poses() {
+        let turn = DVec3::new(0.3, -0.2, 0.5);
+        let pose = |t: f64| Se3 {
+            rotation: exp(turn * t),
+            translation: DVec3::new(t * t * t, 1.0 - t, 2.0 * t * t),
+        };
+        let seconds: Vec<f64> = vec![1.0, 1.2, 1.3, 1.7, 2.0, 2.1];
+        let poses: Vec<Se3> = seconds.iter().map(|t| pose(*t)).collect();
+        let path = Path::through(&poses, seconds).unwrap();
+        assert!((path.seconds() - 1.1).abs() < 1e-12);
+        for t in [1.0f64, 1.1, 1.3, 1.55, 1.99, 2.1] {
+            let (found, velocity) = path.at(t - 1.0);
+            let wanted = pose(t);
+            assert!((found.translation - wanted.translation).length() < 1e-12, "{t}");
+            assert!((found.rotation.dot(wanted.rotation).abs() - 1.0).abs() < 1e-12, "{t}");
+            let world = DVec3::new(3.0 * t * t, -1.0, 4.0 * t);
+            assert!((wanted.rotation * velocity.linear - world).length() < 1e-10, "{t}");
+            assert!((velocity.angular - turn).length() < 1e-9, "{t}: {:?}", velocity.angular);
+        }
+    }
+}

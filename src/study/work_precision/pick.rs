@@ -1,0 +1,196 @@
+//! Which setting is cheapest at which error.
+
+use super::Row;
+use serde::Serialize;
+
+/// What an error is measured as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measure {
+    /// RMS of k1 V at interval middles, in thresholds.
+    Rms,
+    /// Miscounted events, summed over pixels and polarities, as a share of all.
+    Count,
+    /// Median time between matched events, us.
+    Median,
+    /// What 99 % of these times do not exceed, us.
+    P99,
+    /// 1 - F1 of events within 100 us.
+    F1,
+}
+
+impl Measure {
+    /// All.
+    pub const ALL: [Self; 5] = [Self::Rms, Self::Count, Self::Median, Self::P99, Self::F1];
+
+    /// The error of a row; `None` where it has none, or none that a logarithm can show.
+    #[must_use]
+    pub fn of(self, row: &Row) -> Option<f64> {
+        let value = match self {
+            Self::Rms => Some(row.rms_th),
+            Self::Count => Some(row.errors.miscount),
+            Self::Median => row.errors.median_us,
+            Self::P99 => row.errors.p99_us,
+            Self::F1 => Some(1.0 - row.errors.f1[1]),
+        };
+        value.filter(|value| *value > 0.0 && value.is_finite())
+    }
+
+    /// What it is called, with its unit.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Rms => "RMS of k1 V at interval middles, thresholds",
+            Self::Count => "events miscounted, share of all",
+            Self::Median => "median time error, us",
+            Self::P99 => "99 % of time errors, us",
+            Self::F1 => "1 - F1 of events within 100 us",
+        }
+    }
+
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rms => "rms",
+            Self::Count => "count",
+            Self::Median => "time_median",
+            Self::P99 => "time_p99",
+            Self::F1 => "f1",
+        }
+    }
+}
+
+/// A place on a curve of error over cost.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Place {
+    /// Core seconds.
+    pub core_s: f64,
+    /// Frames.
+    pub frames: f64,
+    /// Whether the curve begins here already below the error: less would do too.
+    pub at_most: bool,
+}
+
+/// A method at the error that was asked for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Offer {
+    /// Rules, interpolation and steps.
+    pub method: String,
+    /// Where its curve reaches the error; `None` where it does not.
+    pub place: Option<Place>,
+    /// Its lowest error.
+    pub lowest: f64,
+    /// What that costs, core seconds.
+    pub lowest_core_s: f64,
+}
+
+/// What every method costs at one error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Pick {
+    /// As what the error is measured.
+    pub measure: Measure,
+    /// The error.
+    pub error: f64,
+    /// Core seconds of the setting that has it, which the others are held against.
+    pub base_core_s: f64,
+    /// The methods, the cheapest first, those that do not reach it last.
+    pub offers: Vec<Offer>,
+}
+
+impl Pick {
+    /// Of `rows` at the error that `base` has.
+    #[must_use]
+    pub fn at(measure: Measure, base: &Row, rows: &[Row]) -> Option<Self> {
+        let error = measure.of(base)?;
+        let mut names: Vec<String> = Vec::new();
+        for row in rows.iter().map(Row::method) {
+            if !names.contains(&row) {
+                names.push(row);
+            }
+        }
+        let mut offers: Vec<Offer> = Vec::new();
+        for method in names {
+            let of_method = rows.iter().filter(|row| row.method() == method);
+            let curve = of_method.filter_map(|row| Some(Point::of(row, measure.of(row)?))).collect();
+            offers.extend(offer(method, curve, error));
+        }
+        let cost = |offer: &Offer| offer.place.map_or(f64::INFINITY, |place| place.core_s);
+        offers.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+        Some(Self { measure, error, base_core_s: base.core_s(), offers })
+    }
+
+    /// The cheapest method at this error.
+    #[must_use]
+    pub fn cheapest(&self) -> Option<(&Offer, Place)> {
+        self.offers.first().and_then(|offer| Some((offer, offer.place?)))
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    core_s: f64,
+    frames: f64,
+    error: f64,
+}
+
+impl Point {
+    fn of(row: &Row, error: f64) -> Self {
+        Self { core_s: row.core_s(), frames: row.frames as f64, error }
+    }
+}
+
+fn offer(method: String, mut curve: Vec<Point>, error: f64) -> Option<Offer> {
+    curve.sort_by(|a, b| a.frames.total_cmp(&b.frames));
+    let lowest = curve.iter().min_by(|a, b| a.error.total_cmp(&b.error))?;
+    let (lowest, lowest_core_s) = (lowest.error, lowest.core_s);
+    Some(Offer { method, place: reaches(&curve, error), lowest, lowest_core_s })
+}
+
+/// Where a curve first has at most this error, straight in logarithms between its points.
+fn reaches(curve: &[Point], error: f64) -> Option<Place> {
+    let at = curve.iter().position(|point| point.error <= error)?;
+    let to = curve[at];
+    let Some(from) = at.checked_sub(1).map(|before| curve[before]) else {
+        return Some(Place { core_s: to.core_s, frames: to.frames, at_most: true });
+    };
+    let share = libm::log(from.error / error) / libm::log(from.error / to.error);
+    let along = |a: f64, b: f64| a * libm::pow(b / a, share);
+    Some(Place {
+        core_s: along(from.core_s, to.core_s),
+        frames: along(from.frames, to.frames),
+        at_most: false,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Costs that rise with the frames, errors that fall with a power of them down to a floor.
+    fn curve(cost: f64, c: f64, p: f64, floor: f64) -> Vec<Point> {
+        let frames = [100.0, 200.0, 400.0, 800.0, 1600.0];
+        frames
+            .map(|frames| Point { core_s: cost * frames, frames, error: c / libm::pow(frames, p) + floor })
+            .to_vec()
+    }
+
+    #[test]
+    fn planted_curves_are_met_between_their_points() {
+        // 1e4/n^2 is 0.04 at 500 frames, which lies on the straight line in logarithms.
+        let place = reaches(&curve(0.5, 1e4, 2.0, 0.0), 0.04).unwrap();
+        assert!((place.frames - 500.0).abs() < 1e-9 && (place.core_s - 250.0).abs() < 1e-9, "{place:?}");
+        assert!(!place.at_most);
+        let at_once = reaches(&curve(0.5, 1e4, 2.0, 0.0), 2.0).unwrap();
+        assert!(at_once.at_most && (at_once.frames - 100.0).abs() < 1e-12);
+        assert_eq!(reaches(&curve(0.5, 1e4, 2.0, 0.1), 0.1), None, "it stalls above");
+    }
+
+    #[test]
+    fn an_offer_says_how_low_its_curve_goes() {
+        let offer = offer("soft hermite".into(), curve(2.0, 1e4, 2.0, 0.01), 1e-3).unwrap();
+        assert_eq!(offer.place, None);
+        assert!((offer.lowest - (1e4 / 1600.0 / 1600.0 + 0.01)).abs() < 1e-15);
+        assert!((offer.lowest_core_s - 3200.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,241 @@
+//! The table of a study for programs, and in words.
+
+use super::grid::Steps;
+use super::pick::{Measure, Offer, Pick, Place};
+use super::{Row, Study, name};
+use crate::image::Size;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+
+/// Writes a row a setting.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "rules,between,steps,rate_hz,frames,rms_th,events,reference_events,count_error,miscount,f1_10us,f1_100us,\
+         f1_1000us,median_us,p99_us,render_core_s,render_wall_s,sensor_core_s,sensor_wall_s,core_s,wall_s,pairs,peak_mb"
+    )?;
+    let may = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    for row in &study.rows {
+        let e = &row.errors;
+        let steps = if row.steps == Steps::Flow { "flow" } else { "uniform" };
+        write!(out, "{},{},{steps},{},{},", row.rules, name(row.between), row.rate, row.frames)?;
+        write!(out, "{},{},{},{},{},", row.rms_th, e.events, e.reference, e.count, e.miscount)?;
+        write!(out, "{},{},{},{},{},", e.f1[0], e.f1[1], e.f1[2], may(e.median_us), may(e.p99_us))?;
+        write!(out, "{},{},", row.render.core_s, row.render.wall_s)?;
+        write!(out, "{},{},", row.sensor.core_s, row.sensor.wall_s)?;
+        write!(out, "{},{},", row.core_s(), row.render.wall_s + row.sensor.wall_s)?;
+        writeln!(out, "{},{}", row.pairs, may(row.peak_mb))?;
+    }
+    Ok(())
+}
+
+/// The study in words: which setting is cheapest at which error. Markdown.
+#[must_use]
+pub fn words(study: &Study) -> String {
+    let mut out = String::new();
+    let Size { width, height } = study.size;
+    let noise = if study.noise { "the sensor's noise, the same in all" } else { "no noise" };
+    let _ = writeln!(
+        out,
+        "# Work and precision: {}\n\n{width}x{height} px, {:.1} ms, references at {} frames a second, {noise}, {} cores.\n",
+        study.scene,
+        1e3 * study.seconds,
+        study.finest,
+        study.cores
+    );
+    let Some(base) = study.base() else { return out };
+    let _ = writeln!(out, "{}\n", paragraph(study));
+    picks(&mut out, study, base);
+    rules(&mut out, study);
+    pictures(&mut out, study);
+    settings(&mut out, study);
+    out
+}
+
+/// What a user should take from it.
+#[must_use]
+pub fn paragraph(study: &Study) -> String {
+    let Some(base) = study.base() else { return String::new() };
+    let mut said = format!(
+        "`{}` at {} frames a second costs {} core-seconds.",
+        base.method(),
+        base.rate,
+        short(base.core_s())
+    );
+    for pick in study.picks() {
+        let what = pick.measure.title();
+        let Some((offer, place)) = pick.cheapest() else { continue };
+        let _ = write!(
+            said,
+            " At its {what} of {}, the cheapest is `{}` with {}{} frames: {} core-seconds, {:.2} times fewer.",
+            short(pick.error),
+            offer.method,
+            at_most(&place),
+            place.frames.round(),
+            short(place.core_s),
+            pick.base_core_s / place.core_s
+        );
+    }
+    if let Some((lowest, found)) = study.below_the_floor().filter(|_| study.rules.len() > 1) {
+        let first = &study.rules[0].rules;
+        let _ = match found {
+            Some(row) => write!(
+                said,
+                " `{first}` gets no nearer to its own limit than an RMS of {} thresholds; below it is `{}` at {} frames \
+                 a second: {} for {} core-seconds.",
+                short(lowest),
+                row.method(),
+                row.rate,
+                short(row.rms_th),
+                short(row.core_s())
+            ),
+            None => write!(
+                said,
+                " The lowest RMS, {} thresholds, is of `{first}`: no other rule set gets below it at these rates.",
+                short(lowest)
+            ),
+        };
+    }
+    said
+}
+
+fn at_most(place: &Place) -> &'static str {
+    if place.at_most { "at most " } else { "" }
+}
+
+/// What every method costs at the errors of the base.
+fn picks(out: &mut String, study: &Study, base: &Row) {
+    let picks = study.picks();
+    let _ = write!(
+        out,
+        "## Core-seconds at the error of `{}`, {} frames a second\n\nIn brackets the frames, and how many times fewer \
+         core-seconds than it. `-`: not reached; the lowest error that is.\n\n| method |",
+        base.method(),
+        base.rate
+    );
+    for pick in &picks {
+        let _ = write!(out, " {}: {} |", pick.measure.title(), short(pick.error));
+    }
+    let _ = writeln!(out, "\n|---|{}", "---|".repeat(picks.len()));
+    let mut methods: Vec<&str> =
+        picks.iter().flat_map(|pick| &pick.offers).map(|offer| offer.method.as_str()).collect();
+    methods.sort_unstable();
+    methods.dedup();
+    for method in methods {
+        let _ = write!(out, "| {method} |");
+        for pick in &picks {
+            let offer = pick.offers.iter().find(|offer| offer.method == method);
+            let _ = write!(out, " {} |", offer.map_or_else(String::new, |offer| cell(pick, offer)));
+        }
+        out.push('\n');
+    }
+    out.push('\n');
+}
+
+fn cell(pick: &Pick, offer: &Offer) -> String {
+    let Some(place) = offer.place else { return format!("- ({})", short(offer.lowest)) };
+    let times = pick.base_core_s / place.core_s;
+    format!("{}{} ({:.0}, {times:.2}x)", at_most(&place), short(place.core_s), place.frames)
+}
+
+fn rules(out: &mut String, study: &Study) {
+    let _ = writeln!(
+        out,
+        "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e = C h^p + f` with h in ms; f is what \
+         jumps of the renderer leave.\n\n| rules | reference events | p | C | floor f, thresholds | sensor's own jitter, \
+         thresholds | us | frame, core ms | with rate | pairs a pixel |\n|---|---|---|---|---|---|---|---|---|---|"
+    );
+    for of in &study.rules {
+        let fit = of.fit.map_or_else(
+            || "| | |".to_owned(),
+            |fit| format!("{:.2} | {} | {}", fit.p, short(fit.c * libm::pow(1e-3, fit.p)), short(fit.f)),
+        );
+        let jitter = of.jitter.map_or_else(
+            || " | ".to_owned(),
+            |jitter| format!("{} | {}", short(jitter.rms_th), short(jitter.us)),
+        );
+        let _ = writeln!(
+            out,
+            "| {} ({}) | {} | {fit} | {jitter} | {} | {:.2}x | {} |",
+            of.rules,
+            of.class,
+            of.reference,
+            short(1e3 * of.costs.value.frame.core_s),
+            of.costs.rated.frame.core_s / of.costs.value.frame.core_s,
+            short(of.costs.value.pairs / study.size.pixels() as f64),
+        );
+    }
+    out.push('\n');
+}
+
+fn pictures(out: &mut String, study: &Study) {
+    if study.pictures.is_empty() {
+        return;
+    }
+    let _ = writeln!(
+        out,
+        "## Pictures against f64\n\n| rules | rendered | core ms | pairs a pixel | peak MB | PSNR, dB | worst, grey |\n\
+         |---|---|---|---|---|---|---|"
+    );
+    for picture in &study.pictures {
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            picture.rules,
+            picture.what,
+            short(1e3 * picture.cost.frame.core_s),
+            short(picture.cost.pairs / study.size.pixels() as f64),
+            picture.cost.peak_mb.map_or_else(String::new, short),
+            picture.psnr_db.map_or_else(|| "equal".to_owned(), |db| format!("{db:.1}")),
+            short(picture.worst_grey),
+        );
+    }
+    out.push('\n');
+}
+
+fn settings(out: &mut String, study: &Study) {
+    let _ = writeln!(
+        out,
+        "## Settings\n\n| method | rate | frames | core s (render, sensor) | RMS, thresholds | miscounted | count | F1 at \
+         10, 100, 1000 us | median us | 99 % us |\n|---|---|---|---|---|---|---|---|---|---|"
+    );
+    for row in &study.rows {
+        let e = &row.errors;
+        let us = |measure: Measure| measure.of(row).map_or_else(|| "0".to_owned(), short);
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} ({}, {}) | {} | {} | {} | {:.4}, {:.4}, {:.4} | {} | {} |",
+            row.method(),
+            row.rate,
+            row.frames,
+            short(row.core_s()),
+            short(row.render.core_s),
+            short(row.sensor.core_s),
+            short(row.rms_th),
+            short(e.miscount),
+            short(e.count),
+            e.f1[0],
+            e.f1[1],
+            e.f1[2],
+            us(Measure::Median),
+            us(Measure::P99),
+        );
+    }
+}
+
+/// Three digits.
+fn short(value: f64) -> String {
+    match value.abs() {
+        size if size < f64::MIN_POSITIVE => "0".to_owned(),
+        size if size >= 100.0 => format!("{value:.0}"),
+        size if size >= 10.0 => format!("{value:.1}"),
+        size if size >= 1.0 => format!("{value:.2}"),
+        size if size >= 0.1 => format!("{value:.3}"),
+        size if size >= 0.01 => format!("{value:.4}"),
+        size if size >= 1e-3 => format!("{value:.5}"),
+        _ => format!("{value:.1e}"),
+    }
+}

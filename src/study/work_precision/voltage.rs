@@ -1,0 +1,172 @@
+//! How far brightness between frames is from what is rendered there: the signal's own error, before any event.
+
+use crate::frames::Frame;
+use crate::sensor::voltmeter::Between;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// `V = ln(L + k2)` of a frame and its rate of change, where the frame has it.
+#[derive(Debug)]
+pub(super) struct Seen {
+    seconds: f64,
+    v: Vec<f64>,
+    rate: Vec<f64>,
+}
+
+impl Seen {
+    pub(super) fn new(frame: &Frame, k2: f64) -> Self {
+        let luminance = frame.luminance.pixels();
+        let level = |l: &f32| f64::from(l.max(0.0)) + k2;
+        let v = luminance.par_iter().map(|l| libm::log(level(l))).collect();
+        let rate = frame.rate.as_ref().map_or_else(Vec::new, |rate| {
+            rate.pixels().iter().zip(luminance).map(|(rate, l)| f64::from(*rate) / level(l)).collect()
+        });
+        Self { seconds: frame.t.seconds(), v, rate }
+    }
+}
+
+/// The intervals of one grid: each is judged at its middle when the frame after it is there too.
+#[derive(Debug)]
+pub(super) struct Voltages {
+    between: Vec<Between>,
+    /// The frame before an interval, its two ends and the one after it.
+    window: [Option<Arc<Seen>>; 4],
+    middles: VecDeque<Arc<Seen>>,
+    /// Of the squares, by method.
+    sums: Vec<f64>,
+    count: usize,
+}
+
+impl Voltages {
+    pub(super) fn new(between: &[Between]) -> Self {
+        let sums = vec![0.0; between.len()];
+        let (window, middles) = (Default::default(), VecDeque::new());
+        Self { between: between.to_vec(), window, middles, sums, count: 0 }
+    }
+
+    /// A frame of the grid.
+    pub(super) fn node(&mut self, seen: &Arc<Seen>) {
+        self.shift(Some(seen.clone()));
+    }
+
+    /// The frame in the middle of the interval that begins at the last node.
+    pub(super) fn middle(&mut self, seen: &Arc<Seen>) {
+        self.middles.push_back(seen.clone());
+    }
+
+    /// Root of the mean square over pixels and intervals, by method.
+    pub(super) fn finish(mut self) -> Vec<f64> {
+        self.shift(None);
+        let count = self.count.max(1) as f64;
+        self.sums.iter().map(|sum| (sum / count).sqrt()).collect()
+    }
+
+    fn shift(&mut self, after: Option<Arc<Seen>>) {
+        self.window.rotate_left(1);
+        self.window[3] = after;
+        let [before, Some(from), Some(to), after] = &self.window else { return };
+        let Some(middle) = self.middles.pop_front() else { return };
+        let interval = Interval { before: before.as_deref(), from, to, after: after.as_deref() };
+        let s = (middle.seconds - from.seconds) / (to.seconds - from.seconds);
+        for (sum, between) in self.sums.iter_mut().zip(&self.between) {
+            let squares: Vec<f64> = (0..from.v.len())
+                .into_par_iter()
+                .map(|i| interval.value(*between, i, s) - middle.v[i])
+                .map(|error| error * error)
+                .collect();
+            *sum += squares.iter().sum::<f64>();
+        }
+        self.count += from.v.len();
+    }
+}
+
+struct Interval<'a> {
+    before: Option<&'a Seen>,
+    from: &'a Seen,
+    to: &'a Seen,
+    after: Option<&'a Seen>,
+}
+
+impl Interval<'_> {
+    /// `V` of pixel `i` at a share of the interval (`numerics.md` 3.1).
+    fn value(&self, between: Between, i: usize, s: f64) -> f64 {
+        let h = self.to.seconds - self.from.seconds;
+        let (v0, rise) = (self.from.v[i], self.to.v[i] - self.from.v[i]);
+        let slopes = match between {
+            Between::Linear => return v0 + s * rise,
+            Between::Hermite => [self.from.rate[i], self.to.rate[i]],
+            Between::Catmull => [self.slope(self.before, i, rise / h), self.slope(self.after, i, rise / h)],
+        };
+        let [a, b] = slopes.map(|m| m * h);
+        v0 + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
+    }
+
+    /// The slope at the end towards `beyond`: the secants on both sides, each weighted by the other's length.
+    fn slope(&self, beyond: Option<&Seen>, i: usize, own: f64) -> f64 {
+        let Some(beyond) = beyond else { return own };
+        let end = if beyond.seconds < self.from.seconds { self.from } else { self.to };
+        let (h, other) = (self.to.seconds - self.from.seconds, (beyond.seconds - end.seconds).abs());
+        let secant = (beyond.v[i] - end.v[i]) / (beyond.seconds - end.seconds);
+        (secant * h + own * other) / (h + other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{Image, Size};
+    use crate::units::Timestamp;
+
+    const K2: f64 = 20.0;
+    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
+
+    /// One pixel whose `V` and slope at a time are given, sampled at these microseconds; middles between them.
+    #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
+    fn rms(times_us: &[i64], signal: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
+        let seen = |t: i64| {
+            let (v, slope) = signal(t as f64 * 1e-6);
+            let level = libm::exp(v);
+            let one = |value: f64| Image::filled(Size { width: 1, height: 1 }, value as f32);
+            let frame = Frame {
+                index: 0,
+                t: Timestamp::from_micros(t),
+                luminance: one(level - K2),
+                rate: Some(one(level * slope)),
+            };
+            Arc::new(Seen::new(&frame, K2))
+        };
+        let mut voltages = Voltages::new(&ALL);
+        for pair in times_us.windows(2) {
+            voltages.node(&seen(pair[0]));
+            voltages.middle(&seen(i64::midpoint(pair[0], pair[1])));
+        }
+        voltages.node(&seen(*times_us.last().unwrap()));
+        voltages.finish()
+    }
+
+    /// Frames are f32 at about 100 grey: `V` is off by 1e2 * 6e-8 / 120.
+    const ROUNDING: f64 = 2e-7;
+
+    #[test]
+    fn a_parabola_misses_a_line_by_h_squared_over_eight_of_its_bend() {
+        // Even steps of 2 ms: linear is off by h^2/8 * 2q at each middle; the parabola is in both cubics, but for Catmull
+        // in its one-sided end intervals, where the slope is off by q h and the middle by q h^2/8.
+        let (q, h) = (2000.0, 2e-3);
+        let found = rms(&[0, 2000, 4000, 6000, 8000], |t| (4.5 + q * t * t - 8.0 * t, 2.0 * q * t - 8.0));
+        let line = q * h * h / 4.0;
+        let catmull = (0.5f64).sqrt() * q * h * h / 8.0;
+        for (found, wanted) in found.iter().zip([line, catmull, 0.0]) {
+            assert!((found - wanted).abs() < ROUNDING, "{found} {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_cubic_is_a_hermite_curves_own_at_uneven_steps() {
+        let cubic = |t: f64| (4.5 + 1e5 * t * t * t - 40.0 * t, 3e5 * t * t - 40.0);
+        let [linear, catmull, hermite] = rms(&[0, 1000, 4000, 5000, 9000, 10_000], cubic)[..] else {
+            panic!()
+        };
+        assert!(hermite < ROUNDING && linear > 1e-3 && catmull < linear, "{linear} {catmull} {hermite}");
+    }
+}
