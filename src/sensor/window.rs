@@ -3,25 +3,28 @@
 //! Windows end between microseconds, and files are sorted within a microsecond too: what falls into a window's last,
 //! unfinished microsecond waits for the next window.
 
-use crate::event::{Event, EventSink, Polarity};
+use crate::event::{Event, EventSink, Label, Polarity};
 use crate::units::Timestamp;
 
 /// An event as one number whose order is the file order, then nanoseconds: microseconds since the window's first
-/// (21 bits), row (16), column (16), polarity (1), nanoseconds in the microsecond (10).
+/// (20 bits), row (16), column (16), polarity (1), nanoseconds in the microsecond (10), label (1). The label is last, so
+/// that it moves no event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Packed(u64);
 
 /// Longest window, ns: its events fit [`Packed`], with the microseconds that it begins and ends in.
-pub(super) const LONGEST: i64 = 1000 << 20;
+pub(super) const LONGEST: i64 = 1000 * ((1 << MICROS_BITS) - 1);
 
-const MICROS_SHIFT: u32 = 43;
+const MICROS_BITS: u32 = 20;
+const MICROS_SHIFT: u32 = u64::BITS - MICROS_BITS;
 
 impl Packed {
     /// An event `ns` after the start of the microsecond that its window begins in.
-    pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity) -> Self {
+    pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity, label: Label) -> Self {
         let (us, rest) = (ns / 1000, ns % 1000);
-        debug_assert!(us < 1 << 21, "an event {ns} ns after the window's start is within it");
-        Self(us << MICROS_SHIFT | u64::from(y) << 27 | u64::from(x) << 11 | (polarity as u64) << 10 | rest)
+        debug_assert!(us < 1 << MICROS_BITS, "an event {ns} ns after the window's start is within it");
+        let place = u64::from(y) << 28 | u64::from(x) << 12;
+        Self(us << MICROS_SHIFT | place | (polarity as u64) << 11 | rest << 1 | label as u64)
     }
 
     fn micros(self) -> i64 {
@@ -31,10 +34,11 @@ impl Packed {
     #[expect(clippy::cast_possible_truncation, reason = "fields of 16 bits")]
     fn event(self, first_us: i64) -> Event {
         Event {
-            t: Timestamp((first_us + self.micros()) * 1000 + (self.0 & 0x3ff).cast_signed()),
-            x: (self.0 >> 11) as u16,
-            y: (self.0 >> 27) as u16,
-            polarity: if self.0 >> 10 & 1 == 1 { Polarity::On } else { Polarity::Off },
+            t: Timestamp((first_us + self.micros()) * 1000 + (self.0 >> 1 & 0x3ff).cast_signed()),
+            x: (self.0 >> 12) as u16,
+            y: (self.0 >> 28) as u16,
+            polarity: if self.0 >> 11 & 1 == 1 { Polarity::On } else { Polarity::Off },
+            label: if self.0 & 1 == 1 { Label::Signal } else { Label::Noise },
         }
     }
 }
@@ -60,7 +64,7 @@ impl Windows {
     }
 
     /// Sorts by counting the events of each microsecond; within one there are few, and often in order.
-    #[expect(clippy::cast_possible_truncation, reason = "an event's microsecond has 21 bits")]
+    #[expect(clippy::cast_possible_truncation, reason = "an event's microsecond has 20 bits")]
     fn sort(&mut self) {
         let Self { events, sorted, places, .. } = self;
         let last = events.iter().max().map_or(0, |event| event.micros().cast_unsigned() as usize);
@@ -116,7 +120,7 @@ const CHUNK: usize = 1 << 16;
 
 /// Pairs in the same microsecond and pixel: two events are one pair, three are three.
 fn pairs(sorted: &[Packed]) -> u64 {
-    let same = |a: &Packed, b: &Packed| a.0 >> 11 == b.0 >> 11;
+    let same = |a: &Packed, b: &Packed| a.0 >> 12 == b.0 >> 12;
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
 }
 
@@ -125,7 +129,7 @@ mod tests {
     use super::*;
 
     fn event(ns: i64, x: u16, y: u16, polarity: Polarity) -> Event {
-        Event { t: Timestamp(ns), x, y, polarity }
+        Event { t: Timestamp(ns), x, y, polarity, label: Label::Signal }
     }
 
     /// Closes windows that end at those times, each with its events, and returns what came out at once.
@@ -134,7 +138,8 @@ mod tests {
         let mut outputs = Vec::new();
         for &(end, events) in windows {
             let base = state.first_us * 1000;
-            let pack = |e: &Event| Packed::new((e.t.0 - base).cast_unsigned(), [e.x, e.y], e.polarity);
+            let ns = |e: &Event| (e.t.0 - base).cast_unsigned();
+            let pack = |e: &Event| Packed::new(ns(e), [e.x, e.y], e.polarity, e.label);
             state.add(&mut events.iter().map(pack).collect());
             let mut sink = Vec::new();
             state.close(end.div_euclid(1000), &mut sink).unwrap();
@@ -154,6 +159,23 @@ mod tests {
         let (outputs, same) = run(&[(1 << 20, &[c, a, b]), (2 << 20, &[e, d])], 2098);
         assert_eq!(outputs, [vec![a], vec![d, c, b, e], vec![]]);
         assert_eq!(same, 0);
+    }
+
+    #[test]
+    fn labels_go_along_and_order_nothing_that_files_tell_apart() {
+        let at = |ns, x, label| Event { label, ..event(ns, x, 0, Polarity::On) };
+        let (signal, noise) = (Label::Signal, Label::Noise);
+        let sorted = [at(7100, 1, signal), at(7200, 1, noise), at(7100, 2, noise), at(8000, 0, signal)];
+        let [a, b, c, d] = sorted;
+        assert_eq!(run(&[(1 << 20, &[d, b, c, a])], 1049).0[0], sorted);
+    }
+
+    #[test]
+    fn the_longest_window_holds_its_last_nanosecond() {
+        // It begins in the last nanosecond of a microsecond, where its end is farthest from that microsecond's start.
+        let last = LONGEST.cast_unsigned() + 999;
+        let event = Packed::new(last, [65_535; 2], Polarity::On, Label::Signal).event(0);
+        assert_eq!(event.t, Timestamp(last.cast_signed()));
     }
 
     #[test]
