@@ -7,37 +7,50 @@ use crate::event::{Event, EventSink, Label, Polarity};
 use crate::units::Timestamp;
 
 /// An event as one number whose order is the file order, then nanoseconds: microseconds since the window's first
-/// (20 bits), row (16), column (16), polarity (1), nanoseconds in the microsecond (10), label (1). The label is last, so
-/// that it moves no event.
+/// (above all), row (16 bits), column (16), and a number below [`REST`] of polarity, nanoseconds in the microsecond and
+/// label. The label is last, so that it moves no event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Packed(u64);
 
 /// Longest window, ns: its events fit [`Packed`], with the microseconds that it begins and ends in.
-pub(super) const LONGEST: i64 = 1000 * ((1 << MICROS_BITS) - 1);
+pub(super) const LONGEST: i64 = 1000 << 20;
 
-const MICROS_BITS: u32 = 20;
-const MICROS_SHIFT: u32 = u64::BITS - MICROS_BITS;
+/// Two polarities, 1000 nanoseconds, two labels.
+const REST: u64 = 4000;
+/// Of an event's polarity in the rest, whose last bit is the label.
+const POLARITY: u64 = 2000;
+/// A microsecond: rows, columns and the rest.
+const MICRO: u64 = REST << 32;
+
+// Where a window of the longest kind begins and ends within microseconds, it reaches into one more.
+const _: () = assert!(u64::MAX / MICRO > LONGEST.cast_unsigned() / 1000 + 1);
 
 impl Packed {
     /// An event `ns` after the start of the microsecond that its window begins in.
     pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity, label: Label) -> Self {
         let (us, rest) = (ns / 1000, ns % 1000);
-        debug_assert!(us < 1 << MICROS_BITS, "an event {ns} ns after the window's start is within it");
-        let place = u64::from(y) << 28 | u64::from(x) << 12;
-        Self(us << MICROS_SHIFT | place | (polarity as u64) << 11 | rest << 1 | label as u64)
+        debug_assert!(us < u64::MAX / MICRO, "an event {ns} ns after the window's start is within it");
+        let place = us << 32 | u64::from(y) << 16 | u64::from(x);
+        Self(place * REST + polarity as u64 * POLARITY + (rest << 1 | label as u64))
     }
 
     fn micros(self) -> i64 {
-        (self.0 >> MICROS_SHIFT).cast_signed()
+        (self.0 / MICRO).cast_signed()
+    }
+
+    /// Microsecond, row and column.
+    fn place(self) -> u64 {
+        self.0 / REST
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "fields of 16 bits")]
     fn event(self, first_us: i64) -> Event {
+        let (place, rest) = (self.place(), self.0 % REST);
         Event {
-            t: Timestamp((first_us + self.micros()) * 1000 + (self.0 >> 1 & 0x3ff).cast_signed()),
-            x: (self.0 >> 12) as u16,
-            y: (self.0 >> 28) as u16,
-            polarity: if self.0 >> 11 & 1 == 1 { Polarity::On } else { Polarity::Off },
+            t: Timestamp((first_us + self.micros()) * 1000 + (rest % POLARITY >> 1).cast_signed()),
+            x: place as u16,
+            y: (place >> 16) as u16,
+            polarity: if rest >= POLARITY { Polarity::On } else { Polarity::Off },
             label: if self.0 & 1 == 1 { Label::Signal } else { Label::Noise },
         }
     }
@@ -64,7 +77,7 @@ impl Windows {
     }
 
     /// Sorts by counting the events of each microsecond; within one there are few, and often in order.
-    #[expect(clippy::cast_possible_truncation, reason = "an event's microsecond has 20 bits")]
+    #[expect(clippy::cast_possible_truncation, reason = "an event's microsecond has 21 bits")]
     fn sort(&mut self) {
         let Self { events, sorted, places, .. } = self;
         let last = events.iter().max().map_or(0, |event| event.micros().cast_unsigned() as usize);
@@ -73,7 +86,7 @@ impl Windows {
         }
         places.clear();
         places.resize(last + 2, 0);
-        let micros = |event: &Packed| (event.0 >> MICROS_SHIFT) as usize;
+        let micros = |event: &Packed| event.micros().cast_unsigned() as usize;
         events.iter().for_each(|event| places[micros(event) + 1] += 1);
         for i in 1..places.len() {
             places[i] += places[i - 1];
@@ -105,7 +118,7 @@ impl Windows {
         }
         self.events.drain(..count);
         for event in &mut self.events {
-            event.0 -= finished.cast_unsigned() << MICROS_SHIFT;
+            event.0 -= finished.cast_unsigned() * MICRO;
         }
         self.first_us = end_us;
         Ok(())
@@ -120,7 +133,7 @@ const CHUNK: usize = 1 << 16;
 
 /// Pairs in the same microsecond and pixel: two events are one pair, three are three.
 fn pairs(sorted: &[Packed]) -> u64 {
-    let same = |a: &Packed, b: &Packed| a.0 >> 12 == b.0 >> 12;
+    let same = |a: &Packed, b: &Packed| a.place() == b.place();
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
 }
 

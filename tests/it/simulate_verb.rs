@@ -15,6 +15,7 @@ use gs2e::render::backend::Backend;
 use gs2e::render::{Antialiased, Layering, RenderChoice, Rules};
 use gs2e::scene;
 use gs2e::seed::Seed;
+use gs2e::sensor::noise::HotPixels;
 use gs2e::sensor::simulate;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
 use gs2e::trajectory::Trajectory;
@@ -279,9 +280,11 @@ fn every_format_and_every_filter_holds_the_stream() {
 #[test]
 fn labels_are_written_where_they_are_asked_for() {
     let place = workspace();
-    let asked = RIGHT.replace("e.txt", "e.h5 --labels");
-    place.ok(&asked);
-    let wanted = by_library(&Voltmeter { labels: true, ..Voltmeter::new(Preset::Dvs346.k()) }, 7);
+    place.write("s.yaml", "voltmeter: { hot_pixels: { share: 0.1, rate: 900 } }\n");
+    place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
+    let hot_pixels = HotPixels { share: 0.1, rate: 900.0 };
+    let sensor = Voltmeter { labels: true, hot_pixels, ..Voltmeter::new(Preset::Dvs346.k()) };
+    let wanted = by_library(&sensor, 7);
     let (reader, events) = read_h5(&place.path("e.h5"));
     let labels = |events: &[Event]| events.iter().map(|event| event.label).collect::<Vec<_>>();
     assert!(reader.labelled() && as_lines(&events) == as_lines(&wanted));

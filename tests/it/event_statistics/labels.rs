@@ -178,11 +178,11 @@ fn without_labels(sensor: &Sensor) -> Sensor {
 fn labels_change_no_event() {
     let clip = moving(SIZE);
     for sensor in models() {
-        let (labelled, account) = run(sensor.as_model(), &clip, 5);
+        let (labelled, account) = run(sensor.as_model(), &clip, 3);
         let plain = all(without_labels(&sensor).as_model(), &clip, Label::Signal);
         let stripped: Vec<Event> = labelled.iter().map(|e| Event { label: Label::Signal, ..*e }).collect();
         assert!(stripped == plain, "{sensor:?}");
-        assert_eq!(account, run(without_labels(&sensor).as_model(), &clip, 5).1);
+        assert_eq!(account, run(without_labels(&sensor).as_model(), &clip, 3).1);
         let noise = labelled.iter().filter(|event| event.label == Label::Noise).count();
         assert!(noise > 50 && noise + 50 < labelled.len(), "{noise} of {} in {sensor:?}", labelled.len());
     }
