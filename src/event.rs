@@ -22,6 +22,29 @@ pub enum Polarity {
     On = 1,
 }
 
+/// Whether the pixel's brightness made an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+#[repr(u8)]
+pub enum Label {
+    /// A sensor's noise; 0 in files.
+    Noise = 0,
+    /// A change of brightness; 1 in files. What every event of a stream without labels has.
+    #[default]
+    Signal = 1,
+}
+
+impl Label {
+    /// The label that a file holds as this number.
+    #[must_use]
+    pub fn of(stored: u8) -> Option<Self> {
+        match stored {
+            0 => Some(Self::Noise),
+            1 => Some(Self::Signal),
+            _ => None,
+        }
+    }
+}
+
 /// One event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
@@ -33,6 +56,8 @@ pub struct Event {
     pub y: u16,
     /// Brighter or darker.
     pub polarity: Polarity,
+    /// Signal or noise, where the stream has labels ([`Header::labelled`]).
+    pub label: Label,
 }
 
 impl Event {
@@ -81,6 +106,8 @@ pub struct Header {
     pub size: Size,
     /// How the stream was simulated; `None` where it was not, or nobody said.
     pub law: Option<LawStamp>,
+    /// Whether its events are labelled as signal or noise.
+    pub labelled: bool,
 }
 
 /// The law that a stream was simulated by, as event files carry it.

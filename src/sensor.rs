@@ -8,6 +8,7 @@ mod detector;
 pub mod esim;
 pub mod front_end;
 mod input;
+mod label;
 pub mod noise;
 mod own_events;
 mod pairs;
@@ -114,6 +115,9 @@ pub trait Model {
 
     /// Brightness contrast of one ON and of one OFF event, as a difference of natural logarithms.
     fn contrast(&self) -> (f64, f64);
+
+    /// Whether its events are labelled as signal or noise.
+    fn labels(&self) -> bool;
 
     /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the frames'
     /// top-left pixel, so that a crop draws the noise of the whole.

@@ -8,7 +8,7 @@
 use super::drift::DriftLaw;
 use super::tally::Observer;
 use super::{Finding, Limits, Subject, Verdict, judge};
-use crate::event::{Event, Polarity};
+use crate::event::{Event, Label, Polarity};
 use crate::frames::Frame;
 use crate::frames::anchors::Anchors;
 use crate::image::{Image, Size};
@@ -200,7 +200,13 @@ fn fire(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Eve
                 level = next;
                 let t = t0 + (t1 - t0) * ((level - from) / (to - from)).clamp(0.0, 1.0);
                 let (x, y) = (i % SIZE.width as usize, i / SIZE.width as usize);
-                events.push(Event { t: Timestamp(t.ceil() as i64), x: x as u16, y: y as u16, polarity });
+                events.push(Event {
+                    t: Timestamp(t.ceil() as i64),
+                    x: x as u16,
+                    y: y as u16,
+                    polarity,
+                    label: Label::Signal,
+                });
             }
             from = to;
         }

@@ -199,10 +199,11 @@ impl Tally {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::Label;
     use crate::units::Timestamp;
 
     fn event(t_us: i64, x: u16, y: u16, polarity: Polarity) -> Event {
-        Event { t: Timestamp::from_micros(t_us), x, y, polarity }
+        Event { t: Timestamp::from_micros(t_us), x, y, polarity, label: Label::Signal }
     }
 
     fn tally(events: &[Event]) -> Tally {

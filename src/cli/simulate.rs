@@ -84,6 +84,9 @@ pub(super) struct Simulate {
     /// an error else
     #[arg(long)]
     allow_cap: bool,
+    /// Label each event as signal or noise, in .h5 and .npz
+    #[arg(long)]
+    labels: bool,
     /// The events: .h5, .npz, .raw, .aedat4, .txt or .csv
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -113,6 +116,10 @@ impl Simulate {
         common.limit_cores();
         let sensor = sensor::choose(&self)?;
         let mut sequence = Sequence::open(&self)?;
+        if sensor.as_model().labels() && !format.keeps_labels() {
+            let what = format!("{} has no place for the labels of events", self.out.display());
+            return Err(Problem::usage("labels", what).help("write .h5 or .npz, or leave the labels out"));
+        }
         sensor::check_rates(&sensor, self.rates.is_some(), sequence.may_be_coloured)?;
         let screening = sensor.screen(sequence.rate());
         let screening = screening.map_err(|e| Problem::usage("sensor", format!("{}: {e}", self.sensor)))?;
@@ -135,7 +142,7 @@ impl Simulate {
         let model = sensor.as_model();
         let (c_on, c_off) = model.contrast();
         let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
-        let header = Header { size: sequence.frames.size(), law };
+        let header = Header { size: sequence.frames.size(), law, labelled: model.labels() };
         let (first_us, last_us) = sequence.span_us();
         let h5 = h5::Options { filter: self.h5_filter, t_offset_us: 0 }.spanning(first_us, last_us);
         let options = file::Options { zero_us: first_us, h5 };

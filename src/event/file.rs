@@ -48,6 +48,12 @@ impl Format {
     pub fn keeps_law(self) -> bool {
         self == Self::H5
     }
+
+    /// Whether it keeps which events are signal and which are noise.
+    #[must_use]
+    pub fn keeps_labels(self) -> bool {
+        matches!(self, Self::H5 | Self::Npz)
+    }
 }
 
 /// What the user says of a file that may not say it itself.
@@ -80,14 +86,18 @@ impl std::fmt::Debug for Opened {
 /// # Errors
 /// When it is not of that format, or nobody says the sensor's size.
 pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFileError> {
-    let mut offset_us = 0;
+    let (mut offset_us, mut labelled) = (0, false);
     let (header, source): (Option<Header>, Box<dyn EventSource>) = match format {
         Format::H5 => {
             let reader = h5::Reader::open(path)?;
-            offset_us = reader.offset_us();
+            (offset_us, labelled) = (reader.offset_us(), reader.labelled());
             (reader.header(), Box::new(reader))
         }
-        Format::Npz => (None, Box::new(npz::Reader::open(path)?)),
+        Format::Npz => {
+            let reader = npz::Reader::open(path)?;
+            labelled = reader.labelled();
+            (None, Box::new(reader))
+        }
         Format::Evt(_) => {
             let reader = evt::Reader::open(path)?;
             (Some(reader.header()), Box::new(reader))
@@ -107,7 +117,7 @@ pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFi
             return Err(EventFileError::Container(because));
         }
         (Some(header), _) => header,
-        (None, Some(size)) => Header { size, law: None },
+        (None, Some(size)) => Header { size, law: None, labelled },
         (None, None) => {
             let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
             return Err(EventFileError::Container(because.to_owned()));
@@ -163,7 +173,7 @@ pub fn create(
 ) -> Result<Box<dyn EventFile>, EventFileError> {
     let file: Box<dyn EventFile> = match format {
         Format::H5 => Box::new(h5::Writer::create_as(path, header, h5)?),
-        Format::Npz => Box::new(npz::Writer::create(path, header.size)?),
+        Format::Npz => Box::new(npz::Writer::create(path, header)?),
         Format::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
         Format::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
         Format::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
@@ -272,7 +282,7 @@ impl EventSource for Sorted<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Polarity;
+    use crate::event::{Label, Polarity};
 
     /// Gives chunk by chunk.
     struct Chunks(Vec<Vec<Event>>);
@@ -285,7 +295,7 @@ mod tests {
     }
 
     fn event(us: i64, x: u16) -> Event {
-        Event { t: Timestamp::from_micros(us), x, y: 0, polarity: Polarity::On }
+        Event { t: Timestamp::from_micros(us), x, y: 0, polarity: Polarity::On, label: Label::Signal }
     }
 
     fn all(chunks: &[&[Event]]) -> Result<Vec<Event>, EventFileError> {

@@ -5,6 +5,7 @@
 //! |---|---|---|
 //! | `events/x`, `events/y` | u16 | column and row |
 //! | `events/p` | u8 | 1 brighter, 0 darker |
+//! | `events/label` | u8 | 1 signal, 0 noise; only where the stream has labels |
 //! | `events/t` | u32 | microseconds since `t_offset`, non-decreasing |
 //! | `ms_to_idx` | u64 | entry `k`: number of the first event with `t >= 1000 k` |
 //! | `t_offset` | i64 | microseconds, 0 unless the stream has times that 32 bits do not hold |
@@ -12,6 +13,9 @@
 //!
 //! `ms_to_idx` reaches one entry past the last millisecond, so that DSEC's slicer reaches the tail: its length is
 //! `floor(t_end / 1000) + 2`, with `t_end` the later of the last event and the last stamp.
+//!
+//! Noise are events that the pixel's brightness did not make: those of hot pixels and shot noise, and those of whose
+//! threshold brightness has gone less than half since the pixel's event before (`sensor/label.rs` has the whole).
 //!
 //! All columns are chunked by 65,536 elements, and shuffled and deflated unless another [`Filter`] is asked for. The file
 //! is of the oldest kind (superblock 0, symbol tables, B-tree indices), which every HDF5 reader knows, and holds no time
@@ -35,6 +39,7 @@ const X: &str = "events/x";
 const Y: &str = "events/y";
 const P: &str = "events/p";
 const T: &str = "events/t";
+const LABEL: &str = "events/label";
 const MS_TO_IDX: &str = "ms_to_idx";
 const T_OFFSET: &str = "t_offset";
 

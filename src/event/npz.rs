@@ -1,4 +1,5 @@
-//! Event streams as NumPy archives: arrays `t` (int64, us), `x`, `y` (uint16) and `p` (uint8, 1 brighter, 0 darker).
+//! Event streams as NumPy archives: arrays `t` (int64, us), `x`, `y` (uint16) and `p` (uint8, 1 brighter, 0 darker); of
+//! a stream with labels `label` too (uint8, 1 signal, 0 noise).
 //!
 //! Entries are deflated and stamped 1980-01-01, the first day a zip archive knows: equal streams are equal bytes.
 
@@ -13,6 +14,9 @@ use zip::result::ZipError;
 
 /// Names of the arrays and their types in NumPy's notation, in the order of the archive.
 const ARRAYS: [(&str, &str); 4] = [("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "|u1")];
+
+/// Comes after them, where the stream has labels.
+const LABEL: (&str, &str) = ("label", "|u1");
 
 /// Times at and after this are refused: internal times are nanoseconds in 64 bits.
 const END_US: i64 = i64::MAX / 1000;

@@ -75,11 +75,12 @@ impl Order {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::Label;
     use crate::units::Timestamp;
 
     #[test]
     fn a_stream_is_sorted_on_the_sensor_and_in_time() {
-        let event = |ns, x, y| Event { t: Timestamp(ns), x, y, polarity: Polarity::On };
+        let event = |ns, x, y| Event { t: Timestamp(ns), x, y, polarity: Polarity::On, label: Label::Signal };
         let t = |second: Event, because: Option<&str>| {
             let mut order = Order::new(Size { width: 4, height: 3 }, 1 << 32);
             let result = order.admit(&[event(2_500, 2, 1), second]);

@@ -132,13 +132,16 @@ fn place(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: [u32
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::Label;
     use crate::units::Timestamp;
 
     #[test]
     fn colours_show_the_balance_within_the_window() {
         let mut picture = Picture::new(Size { width: 5, height: 1 }, 10..20);
         let mut see = |x, us, polarity| {
-            picture.append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity }]).unwrap();
+            picture
+                .append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity, label: Label::Signal }])
+                .unwrap();
         };
         see(0, 10, Polarity::On);
         see(1, 12, Polarity::Off);

@@ -120,6 +120,9 @@ fn voltmeter(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
     if !voltmeter.front_end.is_plain() {
         out["front_end"] = json!(voltmeter.front_end);
     }
+    if voltmeter.labels {
+        out["labels"] = json!(true);
+    }
     let raw = match raw {
         Some(schema::Sensor::Voltmeter(raw)) => raw.given().map(|(raw, _)| raw),
         _ => None,

@@ -236,8 +236,8 @@ pub(super) struct Voltmeter {
     pub allow_cap: Field<bool>,
     pub front_end: Field<FrontEnd>,
     pub hot_pixels: Field<HotPixels>,
-    /// A label for each event: signal or noise.
-    pub labels: Field<Later>,
+    /// Whether each event is labelled as signal or noise.
+    pub labels: Field<bool>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

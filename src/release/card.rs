@@ -111,9 +111,19 @@ source's own unit. Polarity 1 is brighter, 0 is darker. Brightness is display-en
 0.299 R + 0.587 G + 0.114 B, on the grey scale 0..255.
 ";
 
+/// What labels mean, where a stream has them.
+const LABELS: &str = "\
+`events/label`, where a stream has it, is 1 for signal and 0 for noise, which brightness did not make: events of hot \
+pixels and shot noise, and those of whose threshold brightness has gone less than half, in the event's direction, since \
+the pixel's event before.
+";
+
 /// How numbers are to be read, and which sensors see another brightness than most.
 fn conventions(scenes: &[BuiltScene<'_>]) -> String {
     let mut text = CONVENTIONS.to_owned();
+    if trajectories(scenes).flat_map(BuiltTrajectory::streams).any(|s| s.sensor.as_model().labels()) {
+        text.push_str(LABELS);
+    }
     let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
     let others: Vec<String> = sensors
         .map(|(scene, (name, sensor))| (scene.recipe.scene.clone(), name, sensor.as_model().front_end()))

@@ -104,6 +104,7 @@ impl EventSink for Kept<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::Label;
     use crate::units::Timestamp;
 
     #[test]
@@ -112,7 +113,7 @@ mod tests {
         let mut first_ones = FirstOnes::new(2, Size { width: 2, height: 1 });
         first_ones.stamps = vec![0, 10_000, 20_000, 90_000];
         let mut capped = Kept { sink: &mut all, by: &mut first_ones };
-        let event = |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity };
+        let event = |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity, label: Label::Signal };
         let (on, off) = (Polarity::On, Polarity::Off);
         // the third of pixel 0 in the first interval is at its very end, the next is in the second
         let first = [event(1000, 0, on), event(1000, 1, on), event(2000, 0, off), event(10_000, 0, off)];

@@ -12,6 +12,8 @@ pub(super) struct Course {
     pull: f64,
     rate: f64,
     length: f64,
+    /// What was added along the way, per ns.
+    tilt: f64,
 }
 
 /// The filter between two frames.
@@ -28,7 +30,7 @@ pub(super) struct Filtered {
 impl Course {
     /// A straight line, `length` ns long.
     pub(super) fn straight(from: f64, to: f64, length: f64) -> Self {
-        Self { from, to, slope: (to - from) / length, pull: 0.0, rate: 0.0, length }
+        Self { from, to, slope: (to - from) / length, pull: 0.0, rate: 0.0, length, tilt: 0.0 }
     }
 
     /// The filter's output over `length` ns.
@@ -36,14 +38,20 @@ impl Course {
         let Filtered { output, input: [from, to], rate } = *filter;
         let slope = (to - from) / length;
         let pull = rate * (output - from) + slope;
-        let mut course = Self { from: output, to: output, slope, pull, rate, length };
+        let mut course = Self { from: output, to: output, slope, pull, rate, length, tilt: 0.0 };
         course.to = output + course.rise(length);
         course
     }
 
     /// The same with `more` added along the way, evenly.
     pub(super) fn tilted(self, more: f64) -> Self {
-        Self { to: self.to + more, slope: self.slope + more / self.length, ..self }
+        let tilt = more / self.length;
+        Self { to: self.to + more, slope: self.slope + tilt, tilt: self.tilt + tilt, ..self }
+    }
+
+    /// What was added by `t` ns after the first frame: the brightness is the rest.
+    pub(super) fn added(&self, t: f64) -> f64 {
+        self.tilt * t
     }
 
     pub(super) fn length(&self) -> f64 {

@@ -2,10 +2,11 @@
 //! away from it. The part that ESIM and v2e share.
 
 use super::course::Course;
+use super::label;
 use super::noise::poisson::{Rates, Train};
 use super::noise::{Reference, Refractory, Site};
 use super::pairs::Writer;
-use crate::event::Polarity;
+use crate::event::{Label, Polarity};
 use crate::seed::Space;
 use std::ops::ControlFlow;
 
@@ -16,6 +17,9 @@ pub(super) struct Detector {
     pub(super) thresholds: [f64; 2],
     /// The brightness that it remembers.
     pub(super) reference: f64,
+    /// What of that was leak and not brightness: with what the course has added since the frame before, the leak since
+    /// the reference was last set.
+    leaked: f64,
     /// The first ns in which it may make an event again, counted from the frame before; 0 where that is past.
     dead: i64,
 }
@@ -42,7 +46,7 @@ impl Source<'_> {
 
 impl Detector {
     pub(super) fn new(thresholds: [f64; 2], reference: f64) -> Self {
-        Self { thresholds, reference, dead: 0 }
+        Self { thresholds, reference, leaked: 0.0, dead: 0 }
     }
 
     /// Goes along the course, making events. They are in order of time.
@@ -70,15 +74,17 @@ impl Detector {
             let ns = Writer::nanosecond(now);
             if ns >= self.dead {
                 let on = mark < source.on_share;
-                self.note(now, if on { Polarity::On } else { Polarity::Off }, refractory, writer)?;
+                let polarity = if on { Polarity::On } else { Polarity::Off };
+                self.note(now, (polarity, Label::Noise), refractory, writer)?;
                 if source.resets {
-                    self.reference = course.at(now);
+                    self.remember(course, now);
                 }
             }
         }
         #[expect(clippy::cast_possible_truncation, reason = "times between frames are below 2^56 ns")]
         let passed = length as i64;
         self.dead = (self.dead - passed).max(0);
+        self.leaked += course.added(length);
         ControlFlow::Continue(())
     }
 
@@ -94,19 +100,42 @@ impl Detector {
         let turn = course.turn().filter(|turn| *turn > from && *turn < until);
         for end in turn.into_iter().chain([until]) {
             while let Some((t, polarity)) = self.next(course, [now, end], refractory) {
-                self.reference = match polarity {
-                    Polarity::On => self.reference + self.thresholds[0],
-                    Polarity::Off => self.reference - self.thresholds[1],
-                };
+                let label = self.pass(course, t, polarity);
                 now = t;
                 // Only what passes a threshold in the dead time comes too early.
                 if Writer::nanosecond(t) >= self.dead {
-                    self.note(t, polarity, refractory, writer)?;
+                    self.note(t, (polarity, label), refractory, writer)?;
                 }
             }
             now = end;
         }
         ControlFlow::Continue(())
+    }
+
+    /// Lets the pixel remember what it sees at `t`.
+    fn remember(&mut self, course: &Course, t: f64) {
+        self.reference = course.at(t);
+        self.leaked = -course.added(t);
+    }
+
+    /// Moves the reference by the threshold that is passed at `t`: what brightness has gone of it is what the leak since
+    /// the last move has not.
+    fn pass(&mut self, course: &Course, t: f64, polarity: Polarity) -> Label {
+        let (threshold, way) = match polarity {
+            Polarity::On => (self.thresholds[0], 1.0),
+            Polarity::Off => (self.thresholds[1], -1.0),
+        };
+        self.reference += way * threshold;
+        let added = course.added(t);
+        let leaked = way * (self.leaked + added);
+        // After a dead time more than one threshold may have been passed: the next begins with what is left.
+        let left = if leaked > threshold {
+            (leaked - threshold).min((way * (course.at(t) - self.reference)).max(0.0))
+        } else {
+            0.0
+        };
+        self.leaked = way * left - added;
+        label::of(threshold - leaked, threshold)
     }
 
     /// Where the brightness next passes a threshold, on a stretch on which it goes one way. A dead pixel does not look,
@@ -124,7 +153,7 @@ impl Detector {
             }
             now = dead;
             if refractory.reference == Reference::AtEnd {
-                self.reference = course.at(now);
+                self.remember(course, now);
             }
         }
         let (high, low) = (self.reference + self.thresholds[0], self.reference - self.thresholds[1]);
@@ -149,11 +178,11 @@ impl Detector {
     fn note(
         &mut self,
         t: f64,
-        polarity: Polarity,
+        (polarity, label): (Polarity, Label),
         refractory: &Refractory,
         writer: &mut Writer<'_>,
     ) -> ControlFlow<()> {
-        let ns = writer.event(t, polarity)?;
+        let ns = writer.event(t, polarity, label)?;
         let period = refractory.period_ns();
         if period > 0 {
             self.dead = ns + period;

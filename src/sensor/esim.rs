@@ -56,6 +56,9 @@ pub struct Esim {
     /// What stands before the pixels.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
+    /// Whether events are labelled as signal or noise.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub labels: bool,
 }
 
 /// What a pixel compares.
@@ -85,6 +88,7 @@ impl Default for Esim {
             max_events_per_pixel_frame: 1000,
             allow_cap: false,
             front_end: FrontEnd::default(),
+            labels: false,
         }
     }
 }
@@ -145,6 +149,10 @@ impl Model for Esim {
         self.front_end
     }
 
+    fn labels(&self) -> bool {
+        self.labels
+    }
+
     /// The thresholds; where the intensity is linear, what they are at half of white.
     fn contrast(&self) -> (f64, f64) {
         let [on, off] = match self.intensity {
@@ -195,6 +203,10 @@ impl Law for Esim {
         let source = |train, space| Source { train, rates, site, space, on_share: 1.0, resets: false };
         let mut sources = [source(&mut pixel.own, Space::Hot), source(&mut pixel.shot, Space::Shot)];
         pixel.detector.cross(&course, &self.refractory, &mut sources, writer)
+    }
+
+    fn labels(&self) -> bool {
+        self.labels
     }
 
     fn imbalance(&self, pixel: &Pixel, on: u32, off: u32) -> Option<f64> {

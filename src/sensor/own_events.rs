@@ -5,7 +5,7 @@
 use super::noise::poisson::Train;
 use super::noise::{HotPixels, Site};
 use super::{Account, Pixels, SensorError};
-use crate::event::{Event, EventSink, Polarity};
+use crate::event::{Event, EventSink, Label, Polarity};
 use crate::frames::Frame;
 use crate::image::Size;
 use crate::seed::{Seed, Space};
@@ -20,15 +20,17 @@ pub(super) struct WithHot {
 }
 
 impl WithHot {
-    /// `pixels` with the hot ones among them, whose top-left one is at `origin` on the sensor.
+    /// `pixels` with the hot ones among them, whose top-left one is at `origin` on the sensor; what these make by
+    /// themselves has this label.
     pub(super) fn new(
         pixels: Box<dyn Pixels>,
         hot: &HotPixels,
         size: Size,
         origin: [u16; 2],
         seed: Seed,
+        label: Label,
     ) -> Self {
-        Self { pixels, hot: Hot::new(hot, size, origin, seed) }
+        Self { pixels, hot: Hot::new(hot, size, origin, seed, label) }
     }
 }
 
@@ -102,6 +104,8 @@ struct Together {
 struct Hot {
     /// Events per ns of each.
     rate: f64,
+    /// Of their own events.
+    label: Label,
     waiting: BinaryHeap<Reverse<Next>>,
     width: usize,
     fired: Vec<Fired>,
@@ -115,9 +119,10 @@ struct Hot {
 }
 
 impl Hot {
-    fn new(hot: &HotPixels, size: Size, [left, top]: [u16; 2], seed: Seed) -> Self {
+    fn new(hot: &HotPixels, size: Size, [left, top]: [u16; 2], seed: Seed, label: Label) -> Self {
         let mut all = Self {
             rate: hot.per_ns(),
+            label,
             waiting: BinaryHeap::new(),
             width: size.width as usize,
             fired: vec![Fired::default(); size.pixels()],
@@ -144,7 +149,7 @@ impl Hot {
             clippy::cast_possible_truncation,
             reason = "nanoseconds; what is beyond 64 bits is beyond any stamp"
         )]
-        let event = Event { t: Timestamp(at as i64), x, y, polarity: Polarity::On };
+        let event = Event { t: Timestamp(at as i64), x, y, polarity: Polarity::On, label: self.label };
         self.waiting.push(Reverse(Next { event, at, site, train }));
     }
 

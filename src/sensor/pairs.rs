@@ -10,7 +10,7 @@
 use super::noise::Site;
 use super::window::{LONGEST, Packed, Windows};
 use super::{Account, Pixels, SensorError, input};
-use crate::event::{EventSink, Polarity};
+use crate::event::{EventSink, Label, Polarity};
 use crate::frames::Frame;
 use crate::image::Size;
 use crate::seed::Seed;
@@ -31,6 +31,9 @@ pub(super) trait Law: Debug + Send + Sync {
 
     /// Moves a pixel from one frame to the next and notes its events in order of time. It breaks where the writer does.
     fn cross(&self, pixel: &mut Self::Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()>;
+
+    /// Whether events are labelled; where they are not, whatever the writer is told is all signal.
+    fn labels(&self) -> bool;
 
     /// How far the pixel's events are from the change of what it sees, as a share of what the law allows; `None` where
     /// the law makes no such promise.
@@ -64,6 +67,7 @@ pub(super) struct Noted {
     pub(super) ns: i64,
     at: [u16; 2],
     pub(super) polarity: Polarity,
+    label: Label,
 }
 
 /// A pixel's events so far.
@@ -96,7 +100,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Notes an event `t` ns after the earlier frame; its nanosecond. Breaks at the cap.
-    pub(super) fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<(), i64> {
+    pub(super) fn event(&mut self, t: f64, polarity: Polarity, label: Label) -> ControlFlow<(), i64> {
         let ns = Self::nanosecond(t);
         if self.made == self.cap.most {
             if !self.cap.leave_out {
@@ -110,7 +114,7 @@ impl<'a> Writer<'a> {
             Polarity::On => self.tally.on += 1,
             Polarity::Off => self.tally.off += 1,
         }
-        self.events.push(Noted { ns, at: self.at, polarity });
+        self.events.push(Noted { ns, at: self.at, polarity, label });
         ControlFlow::Continue(ns)
     }
 }
@@ -237,6 +241,9 @@ impl<L: Law> Pairs<L> {
     fn hand_over(&mut self, from: i64, to: i64, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         let mut noted: Vec<Noted> = Vec::new();
         self.bands.iter_mut().for_each(|band| noted.append(&mut band.events));
+        if !self.law.labels() {
+            noted.iter_mut().for_each(|event| event.label = Label::Signal);
+        }
         if to - from > LONGEST {
             noted.sort_unstable_by_key(|event| event.ns);
         }
@@ -247,7 +254,8 @@ impl<L: Law> Pairs<L> {
             let count = if end == to { rest.len() } else { rest.partition_point(|e| from + e.ns <= end) };
             let (now, later) = rest.split_at(count);
             let since = start.div_euclid(1000) * 1000;
-            let pack = |e: &Noted| Packed::new((from + e.ns - since).cast_unsigned(), e.at, e.polarity);
+            let ns = |e: &Noted| (from + e.ns - since).cast_unsigned();
+            let pack = |e: &Noted| Packed::new(ns(e), e.at, e.polarity, e.label);
             self.windows.add(&mut now.iter().map(pack).collect());
             self.windows.close(end.div_euclid(1000), sink)?;
             (rest, start) = (later, end);

@@ -71,6 +71,9 @@ pub struct V2e {
     /// What stands before the pixels.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
+    /// Whether events are labelled as signal or noise.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub labels: bool,
 }
 
 /// How the filter goes from frame to frame.
@@ -206,6 +209,10 @@ impl Model for V2e {
         self.front_end
     }
 
+    fn labels(&self) -> bool {
+        self.labels
+    }
+
     /// The thresholds, above grey 20.
     fn contrast(&self) -> (f64, f64) {
         (self.threshold.on, self.threshold.off)
@@ -288,6 +295,10 @@ impl Law for V2e {
         pixel.detector.reference -= leaked;
         (pixel.seen, pixel.input) = (plain.at(length), input);
         flow
+    }
+
+    fn labels(&self) -> bool {
+        self.labels
     }
 
     fn imbalance(&self, pixel: &Pixel, on: u32, off: u32) -> Option<f64> {

@@ -24,6 +24,7 @@ mod noiseless;
 mod official;
 pub mod presets;
 mod screen;
+mod signal;
 mod thresholds;
 mod tree;
 pub mod units;
@@ -41,6 +42,7 @@ use super::noise::HotPixels;
 use super::own_events::WithHot;
 use super::pairs::{Cap, Pairs};
 use super::{Model, Pixels, SensorError, check_extent};
+use crate::event::Label;
 use crate::image::Size;
 use crate::seed::Seed;
 use serde::{Deserialize, Serialize};
@@ -77,6 +79,9 @@ pub struct Voltmeter {
     /// What stands before the pixels.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
+    /// Whether events are labelled as signal or noise.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub labels: bool,
 }
 
 /// Which sampler draws the events.
@@ -138,6 +143,7 @@ impl Voltmeter {
             threshold_spread: 0.0,
             hot_pixels: HotPixels::default(),
             front_end: FrontEnd::default(),
+            labels: false,
         }
     }
 }
@@ -153,7 +159,8 @@ impl Voltmeter {
             Box::new(exact::Exact::new(self, size, origin, seed))
         };
         if !self.hot_pixels.is_absent() {
-            pixels = Box::new(WithHot::new(pixels, &self.hot_pixels, size, origin, seed));
+            let own = if self.labels { Label::Noise } else { Label::Signal };
+            pixels = Box::new(WithHot::new(pixels, &self.hot_pixels, size, origin, seed, own));
         }
         pixels
     }
@@ -169,6 +176,10 @@ impl Model for Voltmeter {
 
     fn front_end(&self) -> FrontEnd {
         self.front_end
+    }
+
+    fn labels(&self) -> bool {
+        self.labels
     }
 
     /// `threshold / k1`: what users of event cameras call C.
@@ -203,7 +214,7 @@ mod tests {
         assert_eq!(serde_json::from_str::<Voltmeter>(wanted).unwrap(), plain);
         let account = serde_json::to_string(&crate::sensor::Account::default()).unwrap();
         assert!(!account.contains("capped"), "{account}");
-        let imperfect = Voltmeter { threshold_spread: 0.1, allow_cap: true, ..plain };
-        assert!(described(&imperfect).ends_with(r#""allow_cap":true,"threshold_spread":0.1}"#));
+        let imperfect = Voltmeter { threshold_spread: 0.1, allow_cap: true, labels: true, ..plain };
+        assert!(described(&imperfect).ends_with(r#""allow_cap":true,"threshold_spread":0.1,"labels":true}"#));
     }
 }

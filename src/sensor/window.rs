@@ -3,38 +3,55 @@
 //! Windows end between microseconds, and files are sorted within a microsecond too: what falls into a window's last,
 //! unfinished microsecond waits for the next window.
 
-use crate::event::{Event, EventSink, Polarity};
+use crate::event::{Event, EventSink, Label, Polarity};
 use crate::units::Timestamp;
 
 /// An event as one number whose order is the file order, then nanoseconds: microseconds since the window's first
-/// (21 bits), row (16), column (16), polarity (1), nanoseconds in the microsecond (10).
+/// (above all), row (16 bits), column (16), and a number below [`REST`] of polarity, nanoseconds in the microsecond and
+/// label. The label is last, so that it moves no event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Packed(u64);
 
 /// Longest window, ns: its events fit [`Packed`], with the microseconds that it begins and ends in.
 pub(super) const LONGEST: i64 = 1000 << 20;
 
-const MICROS_SHIFT: u32 = 43;
+/// Two polarities, 1000 nanoseconds, two labels.
+const REST: u64 = 4000;
+/// Of an event's polarity in the rest, whose last bit is the label.
+const POLARITY: u64 = 2000;
+/// A microsecond: rows, columns and the rest.
+const MICRO: u64 = REST << 32;
+
+// Where a window of the longest kind begins and ends within microseconds, it reaches into one more.
+const _: () = assert!(u64::MAX / MICRO > LONGEST.cast_unsigned() / 1000 + 1);
 
 impl Packed {
     /// An event `ns` after the start of the microsecond that its window begins in.
-    pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity) -> Self {
+    pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity, label: Label) -> Self {
         let (us, rest) = (ns / 1000, ns % 1000);
-        debug_assert!(us < 1 << 21, "an event {ns} ns after the window's start is within it");
-        Self(us << MICROS_SHIFT | u64::from(y) << 27 | u64::from(x) << 11 | (polarity as u64) << 10 | rest)
+        debug_assert!(us < u64::MAX / MICRO, "an event {ns} ns after the window's start is within it");
+        let place = us << 32 | u64::from(y) << 16 | u64::from(x);
+        Self(place * REST + polarity as u64 * POLARITY + (rest << 1 | label as u64))
     }
 
     fn micros(self) -> i64 {
-        (self.0 >> MICROS_SHIFT).cast_signed()
+        (self.0 / MICRO).cast_signed()
+    }
+
+    /// Microsecond, row and column.
+    fn place(self) -> u64 {
+        self.0 / REST
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "fields of 16 bits")]
     fn event(self, first_us: i64) -> Event {
+        let (place, rest) = (self.place(), self.0 % REST);
         Event {
-            t: Timestamp((first_us + self.micros()) * 1000 + (self.0 & 0x3ff).cast_signed()),
-            x: (self.0 >> 11) as u16,
-            y: (self.0 >> 27) as u16,
-            polarity: if self.0 >> 10 & 1 == 1 { Polarity::On } else { Polarity::Off },
+            t: Timestamp((first_us + self.micros()) * 1000 + (rest % POLARITY >> 1).cast_signed()),
+            x: place as u16,
+            y: (place >> 16) as u16,
+            polarity: if rest >= POLARITY { Polarity::On } else { Polarity::Off },
+            label: if self.0 & 1 == 1 { Label::Signal } else { Label::Noise },
         }
     }
 }
@@ -69,7 +86,7 @@ impl Windows {
         }
         places.clear();
         places.resize(last + 2, 0);
-        let micros = |event: &Packed| (event.0 >> MICROS_SHIFT) as usize;
+        let micros = |event: &Packed| event.micros().cast_unsigned() as usize;
         events.iter().for_each(|event| places[micros(event) + 1] += 1);
         for i in 1..places.len() {
             places[i] += places[i - 1];
@@ -101,7 +118,7 @@ impl Windows {
         }
         self.events.drain(..count);
         for event in &mut self.events {
-            event.0 -= finished.cast_unsigned() << MICROS_SHIFT;
+            event.0 -= finished.cast_unsigned() * MICRO;
         }
         self.first_us = end_us;
         Ok(())
@@ -116,7 +133,7 @@ const CHUNK: usize = 1 << 16;
 
 /// Pairs in the same microsecond and pixel: two events are one pair, three are three.
 fn pairs(sorted: &[Packed]) -> u64 {
-    let same = |a: &Packed, b: &Packed| a.0 >> 11 == b.0 >> 11;
+    let same = |a: &Packed, b: &Packed| a.place() == b.place();
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
 }
 
@@ -125,7 +142,7 @@ mod tests {
     use super::*;
 
     fn event(ns: i64, x: u16, y: u16, polarity: Polarity) -> Event {
-        Event { t: Timestamp(ns), x, y, polarity }
+        Event { t: Timestamp(ns), x, y, polarity, label: Label::Signal }
     }
 
     /// Closes windows that end at those times, each with its events, and returns what came out at once.
@@ -134,7 +151,8 @@ mod tests {
         let mut outputs = Vec::new();
         for &(end, events) in windows {
             let base = state.first_us * 1000;
-            let pack = |e: &Event| Packed::new((e.t.0 - base).cast_unsigned(), [e.x, e.y], e.polarity);
+            let ns = |e: &Event| (e.t.0 - base).cast_unsigned();
+            let pack = |e: &Event| Packed::new(ns(e), [e.x, e.y], e.polarity, e.label);
             state.add(&mut events.iter().map(pack).collect());
             let mut sink = Vec::new();
             state.close(end.div_euclid(1000), &mut sink).unwrap();
@@ -154,6 +172,23 @@ mod tests {
         let (outputs, same) = run(&[(1 << 20, &[c, a, b]), (2 << 20, &[e, d])], 2098);
         assert_eq!(outputs, [vec![a], vec![d, c, b, e], vec![]]);
         assert_eq!(same, 0);
+    }
+
+    #[test]
+    fn labels_go_along_and_order_nothing_that_files_tell_apart() {
+        let at = |ns, x, label| Event { label, ..event(ns, x, 0, Polarity::On) };
+        let (signal, noise) = (Label::Signal, Label::Noise);
+        let sorted = [at(7100, 1, signal), at(7200, 1, noise), at(7100, 2, noise), at(8000, 0, signal)];
+        let [a, b, c, d] = sorted;
+        assert_eq!(run(&[(1 << 20, &[d, b, c, a])], 1049).0[0], sorted);
+    }
+
+    #[test]
+    fn the_longest_window_holds_its_last_nanosecond() {
+        // It begins in the last nanosecond of a microsecond, where its end is farthest from that microsecond's start.
+        let last = LONGEST.cast_unsigned() + 999;
+        let event = Packed::new(last, [65_535; 2], Polarity::On, Label::Signal).event(0);
+        assert_eq!(event.t, Timestamp(last.cast_signed()));
     }
 
     #[test]

@@ -197,7 +197,10 @@ impl Simulating {
             let model = sensor.as_model();
             let (c_on, c_off) = model.contrast();
             let law = Some(LawStamp { version: model.law_version(), c_on, c_off });
-            h5::Writer::create(&cx.out.join(Stream::stored(name)), &Header { size, law })
+            h5::Writer::create(
+                &cx.out.join(Stream::stored(name)),
+                &Header { size, law, labelled: model.labels() },
+            )
         };
         self.sensors().map(sink).collect::<Result<_, _>>().map_err(StageError::work("write events"))
     }

@@ -35,11 +35,13 @@ const PACKED: [&str; 3] = [
 ];
 const SPZ: [&str; 3] =
     ["tests/fuzz/corpus/v2.spz", "tests/fuzz/corpus/v3.spz", "tests/fuzz/corpus/extension.spz"];
-const EVENTS: [&str; 4] = [
+const EVENTS: [&str; 6] = [
     "tests/fuzz/corpus/none.h5",
     "tests/fuzz/corpus/three.h5",
     "tests/fuzz/corpus/none.npz",
     "tests/fuzz/corpus/many.npz",
+    "tests/fuzz/corpus/labels.h5",
+    "tests/fuzz/corpus/labels.npz",
 ];
 const EVT: [&str; 2] = ["tests/fuzz/corpus/evt2.raw", "tests/fuzz/corpus/evt3.raw"];
 const AEDAT4: [&str; 2] = ["tests/fuzz/corpus/few.aedat4", "tests/fuzz/corpus/plain.aedat4"];

@@ -5,13 +5,17 @@
 use gs2e::event::evt::Version;
 use gs2e::event::file::{Format, Hints};
 use gs2e::event::text::Table;
-use gs2e::event::{Event, EventFileError, EventSink, EventSource, Header, LawStamp, Polarity, file, h5, npz};
+use gs2e::event::{
+    Event, EventFileError, EventSink, EventSource, Header, Label, LawStamp, Polarity, file, h5, npz,
+};
 use gs2e::image::Size;
 use gs2e::units::Timestamp;
+use std::io::{Cursor, Write as _};
 use std::path::Path;
 
 const SIZE: Size = Size { width: 640, height: 360 };
-const HEADER: Header = Header { size: SIZE, law: Some(LawStamp { version: 3, c_on: 0.19, c_off: 0.21 }) };
+const LAW: LawStamp = LawStamp { version: 3, c_on: 0.19, c_off: 0.21 };
+const HEADER: Header = Header { size: SIZE, law: Some(LAW), labelled: false };
 
 const LAST_STAMP_US: i64 = 62_083;
 
@@ -25,6 +29,7 @@ fn stream(count: u64) -> Vec<Event> {
             x: u16::try_from((h >> 20) % 640).unwrap(),
             y: u16::try_from((h >> 40) % 360).unwrap(),
             polarity: if h >> 63 == 1 { Polarity::On } else { Polarity::Off },
+            label: if h >> 62 & 1 == 1 { Label::Signal } else { Label::Noise },
         }
     };
     let mut events: Vec<Event> = (0..count).map(event).collect();
@@ -70,7 +75,7 @@ impl Codec {
             format => {
                 let size = (!format.keeps_size()).then_some(SIZE);
                 let mut opened = file::open(path, format, Hints { size, unit: None })?;
-                assert_eq!(opened.header, Header { size: SIZE, law: None });
+                assert_eq!(opened.header, Header { size: SIZE, law: None, labelled: false });
                 let events = read_all(&mut *opened.source)?;
                 assert_eq!(opened.source.untimed(), 0);
                 Ok(events)
@@ -239,7 +244,7 @@ fn a_file_with_a_byte_changed_is_an_error_or_other_events_but_never_a_crash() {
 
 #[test]
 fn what_is_no_stream_is_not_written() {
-    let later = Event { t: Timestamp(5_000), x: 0, y: 0, polarity: Polarity::On };
+    let later = Event { t: Timestamp(5_000), x: 0, y: 0, polarity: Polarity::On, label: Label::Signal };
     let earlier = Event { t: Timestamp(4_999), ..later };
     let outside = Event { t: Timestamp(6_000), x: 640, ..later };
     let dir = tempfile::tempdir().unwrap();
@@ -249,7 +254,7 @@ fn what_is_no_stream_is_not_written() {
             assert!(error.contains(because), "{error}");
         };
         refused(&mut h5::Writer::create(&dir.path().join("e.h5"), &HEADER).unwrap());
-        refused(&mut npz::Writer::create(&dir.path().join("e.npz"), SIZE).unwrap());
+        refused(&mut npz::Writer::create(&dir.path().join("e.npz"), &HEADER).unwrap());
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "an unfinished writer leaves nothing");
     }
 }
@@ -258,10 +263,76 @@ fn what_is_no_stream_is_not_written() {
 fn the_head_of_an_hdf5_file_is_read_back() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("e.h5");
-    for header in [HEADER, Header { law: None, ..HEADER }] {
+    for header in [HEADER, Header { law: None, ..HEADER }, Header { labelled: true, ..HEADER }] {
         h5::Writer::create(&path, &header).unwrap().finish(0).unwrap();
         assert_eq!(h5::Reader::open(&path).unwrap().header(), Some(header));
     }
+}
+
+/// Labels as files hold them.
+fn labels(events: &[Event]) -> Vec<Label> {
+    events.iter().map(|event| event.label).collect()
+}
+
+#[test]
+fn labels_are_kept_where_there_is_a_place_and_the_stream_has_them() {
+    each_codec(|codec, path| {
+        for count in [0, 1, 65_537, 200_000] {
+            let events = stream(count);
+            let write = |labelled| {
+                let header = Header { labelled, ..HEADER };
+                let mut writer = file::create(path, codec.format, &header, file::Options::default()).unwrap();
+                append_all(&mut *writer, &events, 10_007);
+                writer.finish(LAST_STAMP_US).unwrap();
+                let size = (!codec.format.keeps_size()).then_some(SIZE);
+                let mut opened = file::open(path, codec.format, Hints { size, unit: None }).unwrap();
+                let back = read_all(&mut *opened.source).unwrap();
+                assert_eq!(kept(&back), kept(&events), "{}, {count} events", codec.name);
+                (opened.header.labelled, labels(&back), std::fs::read(path).unwrap())
+            };
+            let (plain, all_signal, bytes) = write(false);
+            assert!(!plain && all_signal.iter().all(|label| *label == Label::Signal));
+            let (labelled, found, with_labels) = write(true);
+            assert_eq!(labelled, codec.format.keeps_labels(), "{}", codec.name);
+            if labelled {
+                assert_eq!(found, labels(&events), "{}, {count} events", codec.name);
+            } else {
+                assert!(bytes == with_labels, "{}", codec.name);
+            }
+        }
+    });
+}
+
+#[test]
+fn what_is_wrong_with_the_labels_of_an_archive_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("e.npz");
+    let mut writer = npz::Writer::create(&path, &HEADER).unwrap();
+    append_all(&mut writer, &stream(3), 3);
+    writer.finish().unwrap();
+    let plain = std::fs::read(&path).unwrap();
+    let t = |kind: &str, labels: &[u8], words: Option<&str>| {
+        let mut archive = zip::ZipWriter::new_append(Cursor::new(plain.clone())).unwrap();
+        archive.start_file("label.npy", zip::write::SimpleFileOptions::default()).unwrap();
+        let mut head =
+            format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({},), }}", labels.len());
+        head.push_str(&" ".repeat(117 - head.len()));
+        archive.write_all(b"\x93NUMPY\x01\x00\x76\x00").unwrap();
+        archive.write_all(format!("{head}\n").as_bytes()).unwrap();
+        archive.write_all(labels).unwrap();
+        std::fs::write(&path, archive.finish().unwrap().into_inner()).unwrap();
+        match (read_npz(&path), words) {
+            (Ok(events), None) => {
+                assert_eq!(events.iter().map(|event| event.label as u8).collect::<Vec<_>>(), labels);
+            }
+            (Err(error), Some(words)) => assert!(error.to_string().contains(words), "`{words}`: {error}"),
+            (found, words) => panic!("{words:?}: {found:?}"),
+        }
+    };
+    t("|u1", &[1, 0, 1], None);
+    t("|u1", &[1, 2, 1], Some("`label`[1] is 2, wanted 0 or 1"));
+    t("|u1", &[1, 0], Some("dataset `label`: 2 elements, wanted 3 as in `t`"));
+    t("|i1", &[1, 0, 1], Some("dataset `label`: an array of '|i1'"));
 }
 
 /// An HDF5 file in the layout, but with this one thing in place of what belongs there.
@@ -276,6 +347,7 @@ enum Instead {
     ShortX,
     WideY,
     Chunks(usize),
+    Labels(&'static [u8]),
 }
 
 fn write_foreign(path: &Path, instead: Instead) {
@@ -300,6 +372,9 @@ fn write_foreign(path: &Path, instead: Instead) {
     let wide = matches!(instead, Instead::WideY);
     column("y", &[0; 12][..if wide { 12 } else { 6 }], if wide { 4 } else { 2 });
     column("p", &[1, if let Instead::Polarity(p) = instead { p } else { 0 }, 1], 1);
+    if let Instead::Labels(labels) = instead {
+        column("label", labels, 1);
+    }
     let index = if let Instead::Index(index) = instead { index } else { &[0, 2, 3] };
     let chunk = if let Instead::Chunks(chunk) = instead { chunk } else { 3 };
     let dataset =
@@ -328,6 +403,8 @@ fn what_is_wrong_in_an_hdf5_file_is_named() {
     };
     t(Instead::No("p"), "dataset `events/p`: ");
     t(Instead::Polarity(2), "`events/p`[1] is 2, wanted 0 or 1");
+    t(Instead::Labels(&[1, 0, 2]), "`events/label`[2] is 2, wanted 0 or 1");
+    t(Instead::Labels(&[1, 0]), "dataset `events/label`: 2 elements, wanted 3 as in `events/t`");
     t(Instead::Times([5, 4, 1001]), "`events/t`[1] is 4, wanted at least 5");
     t(Instead::Index(&[0, 1, 3]), "`ms_to_idx`[1] is 1, wanted 2");
     t(Instead::Index(&[0, 2]), "dataset `ms_to_idx`: 2 entries, wanted more");

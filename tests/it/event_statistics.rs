@@ -13,6 +13,7 @@ mod cubic;
 mod golden;
 mod identity;
 mod interval_law;
+mod labels;
 mod models;
 mod renewal;
 

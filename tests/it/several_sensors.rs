@@ -1,6 +1,7 @@
 //! Several sensors that see one rendering.
 
 use crate::support::workspace::{Ended, TINY, Workspace};
+use gs2e::event::h5;
 use serde_json::Value;
 use std::fs;
 
@@ -14,7 +15,7 @@ fn recipe(sensors: &str) -> String {
 
 const THREE: &str = "sensors:
   fine: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }
-  usual: { voltmeter: { preset: dvs346 } }
+  usual: { voltmeter: { preset: dvs346, labels: true } }
   coarse: { voltmeter: { threshold: { on: 2.0, off: 2.0 } } }
 ";
 
@@ -36,7 +37,14 @@ fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
     assert_eq!((&part["sensor"], &part["statistics"]["events"]), (&Value::Null, &Value::Null));
     let events = |name: &str| part["sensors"][name]["statistics"]["events"].as_u64().unwrap();
     assert!(events("fine") > events("usual") && events("usual") > events("coarse"));
+    for name in ["coarse", "fine", "usual"] {
+        let labelled = name == "usual";
+        assert_eq!(part["sensors"][name]["sensor"]["labels"] == true, labelled);
+        let stream = h5::Reader::open(&place.path(&format!("tree/tiny/base/events/{name}.h5"))).unwrap();
+        assert_eq!(stream.labelled(), labelled, "{name}");
+    }
     let card = fs::read_to_string(place.path("tree/README.md")).unwrap();
+    assert!(card.contains("`events/label`, where a stream has it"), "{card}");
     assert!(
         ["coarse", "fine", "usual"].iter().all(|name| card.contains(&format!("| tiny/base/{name} |"))),
         "{card}"

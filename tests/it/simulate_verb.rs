@@ -6,7 +6,7 @@ mod mistakes;
 use crate::support::shared;
 use crate::support::workspace::Workspace;
 use gs2e::camera::Camera;
-use gs2e::event::{Event, EventSource as _, h5};
+use gs2e::event::{Event, EventSource as _, Label, h5};
 use gs2e::frames::array::{ArrayFrames, Samples};
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::frames::{Frame, Frames as _};
@@ -15,6 +15,7 @@ use gs2e::render::backend::Backend;
 use gs2e::render::{Antialiased, Layering, RenderChoice, Rules};
 use gs2e::scene;
 use gs2e::seed::Seed;
+use gs2e::sensor::noise::HotPixels;
 use gs2e::sensor::simulate;
 use gs2e::sensor::voltmeter::{Preset, Voltmeter};
 use gs2e::trajectory::Trajectory;
@@ -273,6 +274,36 @@ fn every_format_and_every_filter_holds_the_stream() {
     let (reader, _) = read_h5(&place.path("e.h5"));
     let law = reader.header().unwrap().law.unwrap();
     assert!((law.c_on - 1.0 / 5.265).abs() < 1e-12, "the contrast is kept");
+}
+
+/// Labels, as they come out of the library, go through the files that have a place for them.
+#[test]
+fn labels_are_written_where_they_are_asked_for() {
+    let place = workspace();
+    place.write("s.yaml", "voltmeter: { hot_pixels: { share: 0.1, rate: 900 } }\n");
+    place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
+    let hot_pixels = HotPixels { share: 0.1, rate: 900.0 };
+    let sensor = Voltmeter { labels: true, hot_pixels, ..Voltmeter::new(Preset::Dvs346.k()) };
+    let wanted = by_library(&sensor, 7);
+    let (reader, events) = read_h5(&place.path("e.h5"));
+    let labels = |events: &[Event]| events.iter().map(|event| event.label).collect::<Vec<_>>();
+    assert!(reader.labelled() && as_lines(&events) == as_lines(&wanted));
+    assert_eq!(labels(&events), labels(&wanted));
+    assert!(labels(&events).contains(&Label::Noise) && labels(&events).contains(&Label::Signal));
+    // To a format without a place for them, and to one with.
+    let refused = place.gs2e("convert e.h5 e.txt");
+    assert_eq!(refused.code, 2);
+    assert!(refused.stderr.contains("labels: dropped, which events are signal"), "{}", refused.stderr);
+    let told = place.ok("convert --lossy e.h5 e.txt");
+    assert!(format!("{}{}", told.stdout, told.stderr).contains("labels: dropped"));
+    let told = place.ok("convert --lossy e.h5 e.npz");
+    assert!(!format!("{}{}", told.stdout, told.stderr).contains("labels: dropped"));
+    place.ok("convert e.npz back.h5 --size 24x16");
+    assert_eq!(labels(&read_h5(&place.path("back.h5")).1), labels(&wanted));
+    let refused = place.gs2e(&RIGHT.replace("e.txt", "l.txt --labels"));
+    assert_eq!(refused.code, 2);
+    assert!(refused.stderr.contains("l.txt has no place for the labels"), "{}", refused.stderr);
+    assert!(!place.path("l.txt").exists());
 }
 
 /// Numerics 1.2: a maximum of the first two frames above 16 means 255, from 2 to 16 is an error, else 1.

@@ -3,7 +3,7 @@
 use super::amount;
 use crate::measure::{Workload, timed};
 use gs2e::event::h5::{self, Filter};
-use gs2e::event::{Event, EventSink as _, Header, Polarity, npz};
+use gs2e::event::{Event, EventSink as _, Header, Label, Polarity, npz};
 use gs2e::image::Size;
 use gs2e::units::Timestamp;
 use std::path::Path;
@@ -42,14 +42,15 @@ fn workload(name: &str, write: Write, events: &Arc<[Event]>) -> Workload {
 
 fn write_h5(path: &Path, events: &[Event], filter: Filter) {
     let options = h5::Options { filter, t_offset_us: 0 };
-    let header = Header { size: SIZE, law: None };
+    let header = Header { size: SIZE, law: None, labelled: false };
     let mut writer = h5::Writer::create_as(path, &header, options).expect("it can be created");
     events.chunks(1 << 16).for_each(|chunk| writer.append(chunk).expect("it can be written"));
     writer.finish(1_000_000).expect("it can be written");
 }
 
 fn write_npz(path: &Path, events: &[Event]) {
-    let mut writer = npz::Writer::create(path, SIZE).expect("it can be created");
+    let header = Header { size: SIZE, law: None, labelled: false };
+    let mut writer = npz::Writer::create(path, &header).expect("it can be created");
     events.chunks(1 << 16).for_each(|chunk| writer.append(chunk).expect("it can be written"));
     writer.finish().expect("it can be written");
 }
@@ -65,6 +66,7 @@ fn stream() -> Vec<Event> {
             x: u16::try_from(x).expect("a column"),
             y: u16::try_from(y).expect("a row"),
             polarity: if hash & 1 == 0 { Polarity::Off } else { Polarity::On },
+            label: Label::Signal,
         }
     };
     (0..EVENTS).map(event).collect()

@@ -159,7 +159,10 @@ impl Conversion<'_> {
         let law = opened.header.law.filter(|_| !format.keeps_law());
         let size = Some(opened.header.size).filter(|_| !format.keeps_size() && self.options.size.is_none());
         let law = law.map(|law| format!("contrast: dropped, {:.4} on and {:.4} off", law.c_on, law.c_off));
-        [law, size.map(|size| format!("sensor: its size is dropped, {size}"))].into_iter().flatten().collect()
+        let size = size.map(|size| format!("sensor: its size is dropped, {size}"));
+        let labels = opened.header.labelled && !format.keeps_labels();
+        let labels = labels.then(|| "labels: dropped, which events are signal and which noise".to_owned());
+        [law, size, labels].into_iter().flatten().collect()
     }
 
     fn refused(&self, losses: &[String]) -> Problem {

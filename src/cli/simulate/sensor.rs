@@ -19,9 +19,16 @@ pub(super) fn choose(asked: &Simulate) -> Result<Sensor, Problem> {
             found.between = asked.between.unwrap_or(found.between);
             found.initial = asked.initial.unwrap_or(found.initial);
             found.allow_cap |= asked.allow_cap;
+            found.labels |= asked.labels;
         }
-        Sensor::Esim(found) => found.allow_cap |= asked.allow_cap,
-        Sensor::V2e(found) => found.allow_cap |= asked.allow_cap,
+        Sensor::Esim(found) => {
+            found.allow_cap |= asked.allow_cap;
+            found.labels |= asked.labels;
+        }
+        Sensor::V2e(found) => {
+            found.allow_cap |= asked.allow_cap;
+            found.labels |= asked.labels;
+        }
     }
     let of_voltmeter = [
         ("--law", asked.law.is_some()),

@@ -3,7 +3,7 @@
 use super::buffer::Table;
 use super::info::{self, Stream};
 use super::{Compression, END_US, EVENT, EVENTS, HEADER, VERSION};
-use crate::event::{Event, EventFileError, EventSource, Header, Polarity};
+use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
 use crate::units::Timestamp;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -56,7 +56,7 @@ impl Reader {
     /// What the file says beside the events.
     #[must_use]
     pub fn header(&self) -> Header {
-        Header { size: self.stream.size, law: None }
+        Header { size: self.stream.size, law: None, labelled: false }
     }
 
     /// The next packet's stream and content; `None` after the last.
@@ -118,7 +118,7 @@ impl Reader {
             1 => Polarity::On,
             p => return Err(format!("polarity {p}, wanted 0 or 1")),
         };
-        Ok(Event { t: Timestamp::from_micros(t), x: column, y: row, polarity })
+        Ok(Event { t: Timestamp::from_micros(t), x: column, y: row, polarity, label: Label::Signal })
     }
 }
 

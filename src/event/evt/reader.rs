@@ -1,7 +1,7 @@
 //! Reading, word by word.
 
 use super::{END_US, Version, evt2, evt3, header};
-use crate::event::{Event, EventFileError, EventSource, Header, Polarity};
+use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
 use crate::image::Size;
 use crate::units::Timestamp;
 use std::fs::File;
@@ -54,7 +54,7 @@ impl Found<'_> {
         if t_us >= END_US {
             return Err(format!("t = {t_us} us, wanted less than {END_US}"));
         }
-        self.events.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity });
+        self.events.push(Event { t: Timestamp::from_micros(t_us), x, y, polarity, label: Label::Signal });
         Ok(())
     }
 }
@@ -71,7 +71,7 @@ impl Reader {
             Version::Evt2 => State::Evt2(evt2::State::default()),
             Version::Evt3 => State::Evt3(evt3::State::default()),
         };
-        Ok(Self { file, header: Header { size, law: None }, state, offset, untimed: 0 })
+        Ok(Self { file, header: Header { size, law: None, labelled: false }, state, offset, untimed: 0 })
     }
 
     /// What the file says beside the events.

@@ -1,7 +1,9 @@
 //! Reading, chunk by chunk.
 
-use super::{CHUNK, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex};
-use crate::event::{Event, EventFileError, EventSource, Header, LawStamp, Polarity};
+use super::{
+    CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex,
+};
+use crate::event::{Event, EventFileError, EventSource, Header, Label, LawStamp, Polarity};
 use crate::image::Size;
 use crate::units::Timestamp;
 use rust_hdf5::{H5Dataset, H5File, H5Type};
@@ -16,8 +18,8 @@ const MOST_AT_ONCE: usize = 1 << 20;
 
 /// Reads one stream.
 ///
-/// It judges what makes bytes an event stream: the datasets, their types and lengths, polarities of 0 and 1. Whether
-/// the events are sorted and on the sensor is for checks to judge, which measure it.
+/// It judges what makes bytes an event stream: the datasets, their types and lengths, polarities and labels of 0 and 1.
+/// Whether the events are sorted and on the sensor is for checks to judge, which measure it.
 pub struct Reader {
     header: Option<Header>,
     offset_us: i64,
@@ -25,6 +27,7 @@ pub struct Reader {
     y: H5Dataset,
     p: H5Dataset,
     t: H5Dataset,
+    labels: Option<H5Dataset>,
     ms_to_idx: H5Dataset,
     count: usize,
     step: usize,
@@ -60,14 +63,17 @@ impl Reader {
             let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
             return Err(EventFileError::Dataset { dataset: T, because });
         }
+        let labelled = file.dataset_names().iter().any(|name| name == LABEL);
+        let labels = labelled.then(|| column_of_length::<u8>(&file, LABEL, count)).transpose()?;
         let reader = Self {
-            header: read_header(path)?,
+            header: read_header(path)?.map(|header| Header { labelled, ..header }),
             offset_us: offset(&file)?,
             x: column_of_length::<u16>(&file, X, count)?,
             y: column_of_length::<u16>(&file, Y, count)?,
             p: column_of_length::<u8>(&file, P, count)?,
             step: step_of(&t),
             t,
+            labels,
             ms_to_idx: column::<u64>(&file, MS_TO_IDX)?.0,
             count,
             next: 0,
@@ -85,6 +91,12 @@ impl Reader {
     #[must_use]
     pub fn offset_us(&self) -> i64 {
         self.offset_us
+    }
+
+    /// Whether the events are labelled as signal or noise.
+    #[must_use]
+    pub fn labelled(&self) -> bool {
+        self.labels.is_some()
     }
 
     /// Number of events.
@@ -127,7 +139,8 @@ impl Reader {
             1 => Polarity::On,
             p => return Err(wrong(P, number as u64, p, "0 or 1".to_owned())),
         };
-        Ok(Event { t: Timestamp::from_micros(self.offset_us + i64::from(t)), x, y, polarity })
+        let t = Timestamp::from_micros(self.offset_us + i64::from(t));
+        Ok(Event { t, x, y, polarity, label: Label::Signal })
     }
 }
 
@@ -143,6 +156,13 @@ impl EventSource for Reader {
         let (x, y) = (read::<u16>(&self.x, X, first, count)?, read::<u16>(&self.y, Y, first, count)?);
         for i in 0..count {
             out.push(self.event(first + i, t[i], x[i], y[i], p[i])?);
+        }
+        if let Some(labels) = &self.labels {
+            let labels = read::<u8>(labels, LABEL, first, count)?;
+            for ((number, event), stored) in (first as u64..).zip(out).zip(labels) {
+                let refusal = || wrong(LABEL, number, stored, "0 or 1".to_owned());
+                event.label = Label::of(stored).ok_or_else(refusal)?;
+            }
         }
         self.next += count;
         Ok(true)
@@ -270,5 +290,5 @@ fn read_header(path: &Path) -> Result<Option<Header>, EventFileError> {
         (Some(version), Some(c_on), Some(c_off)) => Some(LawStamp { version, c_on, c_off }),
         _ => None,
     };
-    Ok(Some(Header { size: Size { width, height }, law }))
+    Ok(Some(Header { size: Size { width, height }, law, labelled: false }))
 }

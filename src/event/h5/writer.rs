@@ -20,7 +20,7 @@ pub struct Writer {
     file: Option<H5File>,
     order: Order,
     held: Vec<Event>,
-    columns: [Column; 4],
+    columns: Vec<Column>,
     index: MsIndex,
     index_held: Vec<u64>,
     index_column: Column,
@@ -51,12 +51,15 @@ impl Writer {
         let file = H5File::options().no_locking().libver(LibverBound::Earliest).create(path)?;
         write_attributes(&file, header)?;
         let events = file.create_group("events")?;
-        let columns = [
+        let mut columns = vec![
             Column::create::<u16>(&events, "x", filter, |e, out| out.extend(e.x.to_le_bytes()))?,
             Column::create::<u16>(&events, "y", filter, |e, out| out.extend(e.y.to_le_bytes()))?,
             Column::create::<u8>(&events, "p", filter, |e, out| out.push(e.polarity as u8))?,
             Column::create::<u32>(&events, "t", filter, |e, out| out.extend(micros(e).to_le_bytes()))?,
         ];
+        if header.labelled {
+            columns.push(Column::create::<u8>(&events, "label", filter, |e, out| out.push(e.label as u8))?);
+        }
         let index_column = Column::create::<u64>(&file.root_group(), MS_TO_IDX, filter, |_, _| ())?;
         file.new_dataset::<i64>().scalar().create(T_OFFSET)?.write_raw(&[t_offset_us])?;
         Ok(Self {
@@ -126,16 +129,14 @@ impl Writer {
         let filter = self.filter;
         for batch in self.held[..count].chunks(BATCH * CHUNK) {
             let chunks: Vec<&[Event]> = batch.chunks(CHUNK).collect();
-            let layouts = self.columns.each_ref().map(|column| (column.width, column.encode));
+            let layouts: Vec<_> = self.columns.iter().map(|column| (column.width, column.encode)).collect();
             let stored = chunks.par_iter().map(|events| {
-                let mut of_column = [const { Vec::new() }; 4];
-                of_column.par_iter_mut().zip(layouts).try_for_each(|(out, (width, encode))| {
-                    *out = filter.apply(&bytes_of(events, encode), width)?;
-                    Ok::<(), std::io::Error>(())
-                })?;
-                Ok::<_, std::io::Error>(of_column)
+                let bytes = layouts
+                    .par_iter()
+                    .map(|(width, encode)| filter.apply(&bytes_of(events, *encode), *width));
+                bytes.collect::<Result<Vec<_>, _>>()
             });
-            let stored: Vec<[Vec<u8>; 4]> = stored.collect::<Result<_, _>>()?;
+            let stored: Vec<Vec<Vec<u8>>> = stored.collect::<Result<_, _>>()?;
             for (events, bytes) in chunks.iter().zip(&stored) {
                 for (column, bytes) in self.columns.iter_mut().zip(bytes) {
                     column.store(events.len(), bytes)?;

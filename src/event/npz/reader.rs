@@ -1,7 +1,7 @@
-//! Reading: the four arrays are inflated side by side.
+//! Reading: the arrays are inflated side by side.
 
-use super::{ARRAYS, END_US};
-use crate::event::{Event, EventFileError, EventSource, Polarity};
+use super::{ARRAYS, END_US, LABEL};
+use crate::event::{Event, EventFileError, EventSource, Label, Polarity};
 use crate::image::npy;
 use crate::units::Timestamp;
 use flate2::CrcReader;
@@ -17,11 +17,12 @@ const CHUNK: usize = 65_536;
 
 /// Reads one stream.
 ///
-/// It judges what makes arrays an event stream: their names, types and lengths, times from 0, polarities of 0 and 1.
-/// Whether the events are sorted is for checks to judge, which measure it.
+/// It judges what makes arrays an event stream: their names, types and lengths, times from 0, polarities and labels of 0
+/// and 1. Whether the events are sorted is for checks to judge, which measure it.
 #[derive(Debug)]
 pub struct Reader {
     columns: [Column; 4],
+    labels: Option<Column>,
     count: u64,
     next: u64,
 }
@@ -35,20 +36,29 @@ impl Reader {
         let mut archive = ZipArchive::new(BufReader::new(File::open(path)?))?;
         let [t, x, y, p] = ARRAYS.map(|(name, kind)| Column::open(path, &mut archive, name, kind));
         let columns = [t?, x?, y?, p?];
+        let (name, kind) = LABEL;
+        let labelled = archive.index_for_name(&format!("{name}.npy")).is_some();
+        let labels = labelled.then(|| Column::open(path, &mut archive, name, kind)).transpose()?;
         let count = columns[0].count;
-        for column in &columns {
+        for column in columns.iter().chain(&labels) {
             if column.count != count {
                 let because = format!("{} elements, wanted {count} as in `t`", column.count);
                 return Err(EventFileError::Dataset { dataset: column.name, because });
             }
         }
-        Ok(Self { columns, count, next: 0 })
+        Ok(Self { columns, labels, count, next: 0 })
     }
 
     /// Number of events.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
+    }
+
+    /// Whether the events are labelled as signal or noise.
+    #[must_use]
+    pub fn labelled(&self) -> bool {
+        self.labels.is_some()
     }
 
     fn event(number: u64, t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8) -> Result<Event, EventFileError> {
@@ -62,7 +72,7 @@ impl Reader {
             p => return Err(wrong("p", number, p.into(), "0 or 1".to_owned())),
         };
         let (x, y) = (u16::from_le_bytes(x), u16::from_le_bytes(y));
-        Ok(Event { t: Timestamp::from_micros(t), x, y, polarity })
+        Ok(Event { t: Timestamp::from_micros(t), x, y, polarity, label: Label::Signal })
     }
 }
 
@@ -80,9 +90,16 @@ impl EventSource for Reader {
         for (number, i) in (first..).zip(0..count) {
             out.push(Self::event(number, t[i], x[i], y[i], p[i][0])?);
         }
+        if let Some(column) = &mut self.labels {
+            let labels = column.read::<1>(first, count)?;
+            for ((number, event), [stored]) in (first..).zip(out).zip(labels) {
+                let refusal = || wrong(LABEL.0, number, stored.into(), "0 or 1".to_owned());
+                event.label = Label::of(stored).ok_or_else(refusal)?;
+            }
+        }
         self.next += count as u64;
         if self.next == self.count {
-            self.columns.iter_mut().try_for_each(Column::verify)?;
+            self.columns.iter_mut().chain(&mut self.labels).try_for_each(Column::verify)?;
         }
         Ok(true)
     }

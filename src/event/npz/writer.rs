@@ -1,9 +1,8 @@
 //! Writing: an array's length stands before its elements, so columns wait in files beside the archive.
 
-use super::{ARRAYS, END_US};
+use super::{ARRAYS, END_US, LABEL};
 use crate::event::order::Order;
-use crate::event::{Event, EventFileError, EventSink};
-use crate::image::Size;
+use crate::event::{Event, EventFileError, EventSink, Header};
 use npyz::{DType, WriteOptions, WriterBuilder};
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -23,16 +22,19 @@ pub struct Writer {
     path: PathBuf,
     order: Order,
     columns: [Spool; 4],
+    labels: Option<Spool>,
 }
 
 impl Writer {
-    /// Begins an archive of a stream from a sensor of this size.
+    /// Begins an archive of a stream.
     ///
     /// # Errors
     /// When no file can be created beside `path`.
-    pub fn create(path: &Path, size: Size) -> Result<Self, EventFileError> {
+    pub fn create(path: &Path, header: &Header) -> Result<Self, EventFileError> {
         let [t, x, y, p] = ARRAYS.map(|(name, _)| Spool::create(path, name));
-        Ok(Self { path: path.to_owned(), order: Order::new(size, END_US), columns: [t?, x?, y?, p?] })
+        let labels = header.labelled.then(|| Spool::create(path, LABEL.0)).transpose()?;
+        let order = Order::new(header.size, END_US);
+        Ok(Self { path: path.to_owned(), order, columns: [t?, x?, y?, p?], labels })
     }
 
     /// Writes the archive and returns the number of events.
@@ -51,7 +53,9 @@ impl Writer {
     fn write_archive(&mut self) -> Result<u64, EventFileError> {
         let count = self.order.count();
         let mut archive = ZipWriter::new(BufWriter::new(File::create(&self.path)?));
-        for ((name, kind), column) in ARRAYS.into_iter().zip(&mut self.columns) {
+        for ((name, kind), column) in
+            ARRAYS.into_iter().chain([LABEL]).zip(self.columns.iter_mut().chain(&mut self.labels))
+        {
             archive.start_file(format!("{name}.npy"), entry())?;
             write_npy_header(&mut archive, kind, count)?;
             std::io::copy(&mut column.rewound()?, &mut archive)?;
@@ -70,6 +74,9 @@ impl EventSink for Writer {
             x.file.write_all(&event.x.to_le_bytes())?;
             y.file.write_all(&event.y.to_le_bytes())?;
             p.file.write_all(&[event.polarity as u8])?;
+            if let Some(labels) = &mut self.labels {
+                labels.file.write_all(&[event.label as u8])?;
+            }
         }
         Ok(())
     }

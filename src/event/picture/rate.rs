@@ -150,13 +150,20 @@ fn fill(image: &mut Image<[u8; 3]>, columns: Range<usize>, rows: Range<usize>, c
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Polarity;
+    use crate::event::{Label, Polarity};
     use crate::units::Timestamp;
 
     fn seen(window_us: Range<i64>, events: impl Iterator<Item = (i64, Polarity)>) -> Rate {
         let mut rate = Rate::new(window_us);
         for (us, polarity) in events {
-            rate.append(&[Event { t: Timestamp::from_micros(us), x: 0, y: 0, polarity }]).unwrap();
+            rate.append(&[Event {
+                t: Timestamp::from_micros(us),
+                x: 0,
+                y: 0,
+                polarity,
+                label: Label::Signal,
+            }])
+            .unwrap();
         }
         rate
     }

@@ -76,6 +76,7 @@ impl EventSink for Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::Label;
     use crate::units::Timestamp;
 
     fn seen(window_us: Range<i64>) -> Surface {
@@ -88,7 +89,9 @@ mod tests {
             (300, 3, Polarity::On),
         ];
         for (us, x, polarity) in events {
-            surface.append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity }]).unwrap();
+            surface
+                .append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity, label: Label::Signal }])
+                .unwrap();
         }
         surface
     }

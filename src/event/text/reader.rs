@@ -1,7 +1,7 @@
 //! Reading, line by line.
 
 use super::{END_US, NAMES};
-use crate::event::{Event, EventFileError, EventSource, Header, Polarity};
+use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
 use crate::image::Size;
 use crate::units::Timestamp;
 use std::fs::File;
@@ -71,7 +71,7 @@ impl Reader {
             let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
             return Err(EventFileError::Container(because.to_owned()));
         };
-        let header = Header { size, law: None };
+        let header = Header { size, law: None, labelled: false };
         Ok(Self { lines, number, first, places: head.places, unit, header })
     }
 
@@ -113,7 +113,7 @@ impl Reader {
             "0" | "-1" => Polarity::Off,
             other => return Err(format!("p = {other}, wanted 0 or 1, or -1 or 1")),
         };
-        Ok(Event { t, x: coordinate(1, width)?, y: coordinate(2, height)?, polarity })
+        Ok(Event { t, x: coordinate(1, width)?, y: coordinate(2, height)?, polarity, label: Label::Signal })
     }
 }
 

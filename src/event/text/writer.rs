@@ -50,7 +50,7 @@ impl EventSink for Writer {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.order.admit(events)?;
         let s = self.separator;
-        for Event { t, x, y, polarity } in events {
+        for Event { t, x, y, polarity, .. } in events {
             writeln!(self.file, "{}{s}{x}{s}{y}{s}{}", t.floor_micros(), *polarity as u8)?;
         }
         Ok(())

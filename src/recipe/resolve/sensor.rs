@@ -15,8 +15,6 @@ use crate::sensor::{Sensor, Sensors};
 use crate::units::Hertz;
 use std::collections::BTreeMap;
 
-const IDEAL: &str = "this gs2e labels no events";
-
 /// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
 const K: [Range; 6] = [
     Range::above(0.0, 1e12),
@@ -144,7 +142,6 @@ impl Resolver<'_> {
     }
 
     fn voltmeter(&self, raw: &schema::Voltmeter, place: Place) -> Option<Voltmeter> {
-        self.later(&raw.labels, IDEAL);
         let k = self.k(raw, place);
         let threshold = self.threshold(&raw.threshold);
         let law = self.sampler(&raw.law);
@@ -152,7 +149,7 @@ impl Resolver<'_> {
         let initial = initial(&raw.initial);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
-        let front_end = self.front_end(&raw.front_end);
+        let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
         let [threshold_on, threshold_off, threshold_spread] = threshold?;
         Some(Voltmeter {
             threshold_on,
@@ -168,6 +165,7 @@ impl Resolver<'_> {
             threshold_spread,
             hot_pixels: hot_pixels?,
             front_end: front_end?,
+            labels: labels?,
             ..Voltmeter::new(k?)
         })
     }

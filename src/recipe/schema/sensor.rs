@@ -1,6 +1,6 @@
 //! Sensors as they are written, beside the voltmeter.
 
-use crate::recipe::field::{Field, Later};
+use crate::recipe::field::Field;
 use crate::sensor::esim::Intensity;
 use crate::sensor::front_end::Decode;
 use crate::sensor::noise::{Redraw, Reference};
@@ -20,8 +20,8 @@ pub(in crate::recipe) struct Esim {
     pub max_events_per_pixel_frame: Field<u64>,
     pub allow_cap: Field<bool>,
     pub front_end: Field<FrontEnd>,
-    /// A label for each event: signal or noise.
-    pub labels: Field<Later>,
+    /// Whether each event is labelled as signal or noise.
+    pub labels: Field<bool>,
 }
 
 /// A sensor as in v2e.
@@ -42,7 +42,7 @@ pub(in crate::recipe) struct V2e {
     pub max_events_per_pixel_frame: Field<u64>,
     pub allow_cap: Field<bool>,
     pub front_end: Field<FrontEnd>,
-    pub labels: Field<Later>,
+    pub labels: Field<bool>,
 }
 
 #[derive(Debug, Default, Deserialize)]

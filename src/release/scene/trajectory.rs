@@ -92,6 +92,9 @@ fn voltmeter(v: &Voltmeter) -> Value {
     if !v.front_end.is_plain() {
         out["front_end"] = json!(v.front_end);
     }
+    if v.labels {
+        out["labels"] = json!(true);
+    }
     out
 }
 

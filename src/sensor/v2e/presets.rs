@@ -48,6 +48,7 @@ impl From<Preset> for V2e {
             max_events_per_pixel_frame: 1000,
             allow_cap: false,
             front_end: FrontEnd::default(),
+            labels: false,
         };
         match preset {
             Preset::Clean => clean,

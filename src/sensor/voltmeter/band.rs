@@ -23,6 +23,8 @@ pub(super) struct Band {
     /// Most events of one pixel between two frames.
     pub(super) most: u32,
     pub(super) capped: Option<SensorError>,
+    /// Of each pixel `ln(L + k2)` at its last event or at the first frame, where events are labelled.
+    pub(super) logs: Option<Vec<f64>>,
 }
 
 /// The state of the pixels of a band, as many as a multiple of 8; those beyond the last of the image have no meaning.
@@ -108,9 +110,10 @@ impl Window<'_> {
 
     /// Takes those that have left the straight way across the window.
     fn walk<C: Curve, S: Simd>(&self, simd: S, slice: &mut Slice<'_>, band: &mut Band) {
-        let Band { walkers, events, most, capped, .. } = band;
+        let Band { walkers, events, most, capped, logs, .. } = band;
         let Slice { first, voltage, tally, .. } = slice;
-        let writer = Writer { window: self, first: *first, tally, events, most, capped };
+        let logs = logs.as_deref_mut();
+        let writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
         // It ends early where the step has failed.
         let _ = Walk { window: self, walkers, writer }.cross::<C, S>(simd);
         walkers.settled().for_each(|(pixel, x)| voltage[pixel] = x);
@@ -305,9 +308,10 @@ impl Window<'_> {
         slice: &mut Slice<'_>,
         band: &mut Band,
     ) {
-        let Band { events, most, capped, .. } = band;
+        let Band { events, most, capped, logs, .. } = band;
         let Slice { first, seats, tally, voltage, .. } = slice;
-        let mut writer = Writer { window: self, first: *first, tally, events, most, capped };
+        let logs = logs.as_deref_mut();
+        let mut writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
         for lane in lanes {
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
             // It ends early where the step has failed.
@@ -326,9 +330,10 @@ impl Window<'_> {
         slice: &mut Slice<'_>,
         band: &mut Band,
     ) {
-        let Band { block, events, most, capped, .. } = band;
+        let Band { block, events, most, capped, logs, .. } = band;
         let Slice { first, seats, tally, voltage, .. } = slice;
-        let mut writer = Writer { window: self, first: *first, tally, events, most, capped };
+        let logs = logs.as_deref_mut();
+        let mut writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
         for lane in lanes {
             let curves = block.pieces.iter().map(|[_, curve @ ..]| curve.each_ref().map(|c| c[lane]));
             let barriers = self.law.thresholds.of(*first + pixel + lane);

@@ -61,6 +61,8 @@ pub(super) struct Law {
     pub(super) initial: Initial,
     pub(super) between: Between,
     pub(super) cap: u32,
+    /// Whether events are labelled.
+    labels: bool,
     pub(super) size: Size,
     pub(super) origin: [u16; 2],
     pub(super) seed: Seed,
@@ -97,7 +99,8 @@ impl Exact {
         let (process, initial) = (Process::new(sensor), sensor.initial);
         let cap = sensor.max_events_per_pixel_frame;
         let between = sensor.between;
-        let law = Law { process, thresholds, initial, between, cap, size, origin, seed };
+        let labels = sensor.labels;
+        let law = Law { process, thresholds, initial, between, cap, labels, size, origin, seed };
         let (n, padded) = (size.pixels(), size.pixels().next_multiple_of(8));
         let seat = |pixel| {
             let [x, y] = law.at_sensor(pixel);
@@ -207,9 +210,21 @@ impl Exact {
         }
         if self.frames.is_empty() {
             self.law.begin(&stored.luminance, &mut self.state.voltage);
+            self.begin_logs(&stored);
         }
         self.frames.push_back(stored);
         Ok(())
+    }
+
+    /// What labels count from: the first frame.
+    fn begin_logs(&mut self, first: &Stored) {
+        if !self.law.labels {
+            return;
+        }
+        let mut logs = self.law.logs(first);
+        for band in &mut self.bands {
+            band.logs = Some(logs.by_ref().take(self.band).collect());
+        }
     }
 
     /// The account of the run.

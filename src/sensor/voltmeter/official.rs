@@ -18,8 +18,9 @@
 
 use super::drift::Process;
 use super::{Voltmeter, thresholds};
-use crate::event::Polarity;
+use crate::event::{Label, Polarity};
 use crate::seed::{Draws, Space, normal};
+use crate::sensor::label;
 use crate::sensor::noise::poisson::{Rates, Train};
 use crate::sensor::noise::{HotPixels, Site};
 use crate::sensor::pairs::{Law, Pair, Writer};
@@ -36,6 +37,7 @@ pub(super) struct Official {
     thresholds: [f64; 2],
     spread: f64,
     hot: HotPixels,
+    labels: bool,
 }
 
 /// State of one pixel.
@@ -43,6 +45,8 @@ pub(super) struct Official {
 pub(super) struct Pixel {
     voltage: f64,
     thresholds: [f64; 2],
+    /// `ln(L + k2)` at its last event or at the first frame, where events are labelled.
+    log: f64,
     own: Train,
 }
 
@@ -53,6 +57,7 @@ impl Official {
             thresholds: [sensor.threshold_on, sensor.threshold_off],
             spread: sensor.threshold_spread,
             hot: sensor.hot_pixels,
+            labels: sensor.labels,
         }
     }
 
@@ -81,8 +86,20 @@ impl Official {
             }
             t += tau;
             pixel.voltage = 0.0;
-            writer.event(t, if on { Polarity::On } else { Polarity::Off })?;
+            let label = if self.labels { self.label(pixel, pair, (t, on)) } else { Label::Signal };
+            writer.event(t, if on { Polarity::On } else { Polarity::Off }, label)?;
         }
+    }
+
+    /// The label of an event `t` ns after the earlier frame: the logarithm is straight between the two.
+    fn label(&self, pixel: &mut Pixel, pair: &Pair, (t, on): (f64, bool)) -> Label {
+        let Process { k1, k2, .. } = self.process;
+        let [from, to] = pair.luminance.map(|luminance| libm::log(luminance + k2));
+        let log = from + (to - from) * (t / pair.length);
+        let rise = k1 * (log - pixel.log);
+        pixel.log = log;
+        let [up, down] = pixel.thresholds;
+        if on { label::of(rise, up) } else { label::of(-rise, down) }
     }
 
     /// The events that a hot pixel makes by itself.
@@ -90,7 +107,7 @@ impl Official {
         let rates = Rates { ends: [self.hot.per_ns(); 2], length: pair.length };
         let mut start = 0.0;
         while let Some(t) = pixel.own.advance(&rates, start) {
-            writer.event(t, Polarity::On)?;
+            writer.event(t, Polarity::On, Label::Noise)?;
             pixel.own.wait(pair.site, Space::Hot);
             start = t;
         }
@@ -101,14 +118,19 @@ impl Official {
 impl Law for Official {
     type Pixel = Pixel;
 
-    fn begin(&self, site: Site, _: f64) -> Pixel {
+    fn begin(&self, site: Site, luminance: f64) -> Pixel {
         let thresholds = thresholds::drawn(self.thresholds, self.spread, site);
-        Pixel { voltage: 0.0, thresholds, own: self.hot.train(site) }
+        let log = if self.labels { libm::log(luminance + self.process.k2) } else { 0.0 };
+        Pixel { voltage: 0.0, thresholds, log, own: self.hot.train(site) }
     }
 
     fn cross(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
         self.walk(pixel, pair, writer)?;
         self.own(pixel, pair, writer)
+    }
+
+    fn labels(&self) -> bool {
+        self.labels
     }
 
     /// The residual is drawn anew in each frame, so events and drift part.

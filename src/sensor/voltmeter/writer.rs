@@ -8,7 +8,7 @@
 use super::bridge::Barriers;
 use super::leaf::Emit;
 use super::window::Window;
-use crate::event::Polarity;
+use crate::event::{Label, Polarity};
 use crate::sensor::window::Packed;
 use crate::sensor::{Account, SensorError};
 use std::ops::ControlFlow;
@@ -59,6 +59,8 @@ pub(super) struct Writer<'a> {
     /// Most events of one pixel between two frames.
     pub(super) most: &'a mut u32,
     pub(super) capped: &'a mut Option<SensorError>,
+    /// Of each pixel `ln(L + k2)` at its last event, where events are labelled.
+    pub(super) logs: Option<&'a mut [f64]>,
 }
 
 impl Writer<'_> {
@@ -86,7 +88,8 @@ impl Emit for Pen<'_, '_> {
         }
         // An event at a stamp belongs to the frames before it.
         let legs = &window.legs;
-        let frame = legs[legs.iter().position(|leg| t <= leg.to).unwrap_or(legs.len() - 1)].frame;
+        let leg = &legs[legs.iter().position(|leg| t <= leg.to).unwrap_or(legs.len() - 1)];
+        let frame = leg.frame;
         let count = writer.tally[*pixel].count(polarity, window.frames[frame].index as u32);
         *writer.most = count.max(*writer.most);
         if count > window.law.cap {
@@ -96,7 +99,11 @@ impl Emit for Pen<'_, '_> {
             return ControlFlow::Break(());
         }
         let ns = t as u64 + window.into_microsecond;
-        writer.events.push(Packed::new(ns, *at, polarity));
+        let label = match &mut writer.logs {
+            None => Label::Signal,
+            Some(logs) => window.label(writer.first + *pixel, leg, (t, polarity), &mut logs[*pixel]),
+        };
+        writer.events.push(Packed::new(ns, *at, polarity, label));
         ControlFlow::Continue(())
     }
 }

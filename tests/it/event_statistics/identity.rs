@@ -151,23 +151,24 @@ fn unequal_pixels_have_thresholds_of_their_own() {
     assert!(events.len() > 1000 && account.drift_violations == 0, "{account:?}");
 }
 
-/// A noisy member of each kind of law.
-fn models() -> [Sensor; 5] {
-    let unequal = Voltmeter { threshold_spread: 0.1, ..noisy() };
-    let official = Voltmeter { law: Law::Official, threshold_spread: 0.1, ..noisy() };
+/// A noisy member of each kind of law, with labels.
+pub(super) fn models() -> [Sensor; 5] {
     let hot_pixels = HotPixels { share: 0.2, rate: 900.0 };
+    let noisy = Voltmeter { labels: true, ..noisy() };
+    let unequal = Voltmeter { threshold_spread: 0.1, hot_pixels, ..noisy.clone() };
+    let official = Voltmeter { law: Law::Official, threshold_spread: 0.1, ..noisy.clone() };
     let threshold = Threshold { on: 0.1, off: 0.15, spread: 0.02 };
-    let esim = Esim { threshold, mismatch: Redraw::PerFrame, hot_pixels, ..Esim::default() };
+    let esim = Esim { threshold, mismatch: Redraw::PerFrame, hot_pixels, labels: true, ..Esim::default() };
     let leak = Leak { rate: 300.0, jitter: 0.2, cov: 0.2 };
-    let v2e =
-        V2e { threshold, leak, shot: 900.0, hot_pixels, cutoff: 200.0, ..V2e::from(v2e::Preset::Noisy) };
-    let voltmeters = [noisy(), unequal, official].map(Sensor::Voltmeter);
+    let usual = V2e::from(v2e::Preset::Noisy);
+    let v2e = V2e { threshold, leak, shot: 900.0, hot_pixels, cutoff: 200.0, labels: true, ..usual };
+    let voltmeters = [noisy, unequal, official].map(Sensor::Voltmeter);
     let [plain, unequal, official] = voltmeters;
     [plain, unequal, official, Sensor::Esim(esim), Sensor::V2e(v2e)]
 }
 
 /// A clip that moves, with dark, bright and static parts.
-fn moving(size: Size) -> ArrayFrames {
+pub(super) fn moving(size: Size) -> ArrayFrames {
     frames(size, &stamps(2400.0, 12_000), |x, y, t| {
         let phase = f64::from(x) * 0.4 + f64::from(y) * 0.2 - t as f64 * 5e-4;
         if x < 4 { f64::from(y) } else { 120.0 + 120.0 * phase.sin() }

@@ -224,14 +224,21 @@ fn all_sensors_are_read() {
     let official = Voltmeter { law: Law::Official, ..dvs346 };
     t("{ voltmeter: { law: official } }", Sensor::Voltmeter(official.clone()));
     t(
-        "{ voltmeter: { law: official, threshold: { spread: 0.1 }, hot_pixels: { share: 1e-3, rate: 20 }, allow_cap: true } }",
-        Sensor::Voltmeter(Voltmeter { threshold_spread: 0.1, hot_pixels, allow_cap: true, ..official }),
+        "{ voltmeter: { law: official, threshold: { spread: 0.1 }, hot_pixels: { share: 1e-3, rate: 20 }, allow_cap: true, \
+         labels: true } }",
+        Sensor::Voltmeter(Voltmeter {
+            threshold_spread: 0.1,
+            hot_pixels,
+            allow_cap: true,
+            labels: true,
+            ..official
+        }),
     );
     t("{ esim: {} }", Sensor::Esim(Esim::default()));
     t(
         "{ esim: { threshold: { on: 0.3, spread: 0.02 }, mismatch: per-frame, intensity: linear, eps: 0.01, \
          refractory: { period_us: 100, reference: at-end }, hot_pixels: { share: 0.001, rate: 20 }, \
-         max_events_per_pixel_frame: 7, allow_cap: true } }",
+         max_events_per_pixel_frame: 7, allow_cap: true, labels: true } }",
         Sensor::Esim(Esim {
             threshold: Threshold { on: 0.3, off: 0.2, spread: 0.02 },
             mismatch: Redraw::PerFrame,
@@ -242,11 +249,13 @@ fn all_sensors_are_read() {
             max_events_per_pixel_frame: 7,
             allow_cap: true,
             front_end: FrontEnd::default(),
+            labels: true,
         }),
     );
     t("{ v2e: {} }", Sensor::V2e(V2e::from(v2e::Preset::Clean)));
     let noisy = V2e::from(v2e::Preset::Noisy);
-    t("{ v2e: { preset: noisy } }", Sensor::V2e(noisy.clone()));
+    t("{ v2e: { preset: noisy, labels: true } }", Sensor::V2e(V2e { labels: true, ..noisy.clone() }));
+    t("{ v2e: { preset: noisy, labels: false } }", Sensor::V2e(noisy.clone()));
     t(
         "{ v2e: { preset: noisy, cutoff: 100, filter: euler, leak: { rate: 0.5 }, refractory: { period_us: 10 } } }",
         Sensor::V2e(V2e {

@@ -20,7 +20,6 @@ const RATE: Range = Range::new(0.0, 1e9);
 
 impl Resolver<'_> {
     pub(super) fn esim(&self, raw: &schema::Esim) -> Option<Esim> {
-        self.later(&raw.labels, super::IDEAL);
         let usual = Esim::default();
         let threshold = self.threshold_of(&raw.threshold, usual.threshold);
         let mismatch = self.or(&raw.mismatch, usual.mismatch);
@@ -30,7 +29,7 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
-        let front_end = self.front_end(&raw.front_end);
+        let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
         Some(Esim {
             threshold: threshold?,
             mismatch: mismatch?,
@@ -41,11 +40,11 @@ impl Resolver<'_> {
             max_events_per_pixel_frame: cap?,
             allow_cap: allow_cap?,
             front_end: front_end?,
+            labels: labels?,
         })
     }
 
     pub(super) fn v2e(&self, raw: &schema::V2e) -> Option<V2e> {
-        self.later(&raw.labels, super::IDEAL);
         let usual = V2e::from(self.v2e_preset(&raw.preset)?);
         let threshold = self.threshold_of(&raw.threshold, usual.threshold);
         let cutoff = self.real(&raw.cutoff, usual.cutoff, Range::new(0.0, 1e9));
@@ -56,7 +55,7 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
-        let front_end = self.front_end(&raw.front_end);
+        let (front_end, labels) = (self.front_end(&raw.front_end), self.or(&raw.labels, false));
         Some(V2e {
             threshold: threshold?,
             cutoff: cutoff?,
@@ -68,6 +67,7 @@ impl Resolver<'_> {
             max_events_per_pixel_frame: cap?,
             allow_cap: allow_cap?,
             front_end: front_end?,
+            labels: labels?,
         })
     }
 

@@ -1,0 +1,85 @@
+//! What brightness alone does to a pixel from one event to the next: the label of an event (`sensor/label.rs`).
+//!
+//! Asked for only where there is an event, so one pixel at a time, with logarithms of its own.
+
+use super::Between;
+use super::exact::Stored;
+use super::window::{Leg, Window};
+use crate::event::{Label, Polarity};
+use crate::sensor::label;
+
+/// Seconds in a nanosecond.
+const SECONDS: f64 = 1e-9;
+
+impl Window<'_> {
+    /// The label of an event in a leg, `t` ns after the window's start. `log` is `ln(L + k2)` at the pixel's event
+    /// before, and becomes that of this one.
+    pub(super) fn label(
+        &self,
+        pixel: usize,
+        leg: &Leg,
+        (t, polarity): (f64, Polarity),
+        log: &mut f64,
+    ) -> Label {
+        let before = std::mem::replace(log, self.log(pixel, leg, t));
+        let rise = self.law.process.k1 * (*log - before);
+        let barriers = self.law.thresholds.of(pixel);
+        match polarity {
+            Polarity::On => label::of(rise, barriers.up),
+            Polarity::Off => label::of(-rise, barriers.down),
+        }
+    }
+
+    /// `ln(L + k2)` of a pixel of the image in a leg, `t` ns after the window's start.
+    fn log(&self, pixel: usize, leg: &Leg, t: f64) -> f64 {
+        let from = self.log_at(pixel, leg.frame);
+        if leg.inverse == 0.0 {
+            return from;
+        }
+        let step = self.log_at(pixel, leg.frame + 1) - from;
+        let s = (t - leg.stamp) * leg.inverse;
+        if self.law.between == Between::Linear {
+            return from + step * s;
+        }
+        let [a, b] = [leg.frame, leg.frame + 1].map(|frame| self.slope(pixel, frame) / leg.inverse);
+        from + (((a + b - 2.0 * step) * s + (3.0 * step - 2.0 * a - b)) * s + a) * s
+    }
+
+    /// `ln(L + k2)` at a frame.
+    fn log_at(&self, pixel: usize, frame: usize) -> f64 {
+        libm::log(self.law.level(self.frames[frame], pixel))
+    }
+
+    /// The slope of the cubics at a frame, per ns: the recipe's rates, or that of the parabola through three frames, at
+    /// the ends of the sequence of the line through two.
+    fn slope(&self, pixel: usize, frame: usize) -> f64 {
+        let here = self.frames[frame];
+        if self.law.between == Between::Hermite {
+            return f64::from(here.rate[pixel]) * SECONDS / self.law.level(here, pixel);
+        }
+        let secant = |first: usize| {
+            let length = (self.frames.get(first + 1)?.t - self.frames[first].t) as f64;
+            Some(((self.log_at(pixel, first + 1) - self.log_at(pixel, first)) / length, length))
+        };
+        match (frame.checked_sub(1).and_then(secant), secant(frame)) {
+            // Each is weighted by the length of the other.
+            (Some((earlier, before)), Some((later, after))) => {
+                (earlier * after + later * before) / (before + after)
+            }
+            (Some((only, _)), None) | (None, Some((only, _))) => only,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+impl super::exact::Law {
+    /// `L + k2`.
+    fn level(&self, frame: &Stored, pixel: usize) -> f64 {
+        f64::from(frame.luminance[pixel]) + self.process.k2
+    }
+
+    /// `ln(L + k2)` of all pixels of a frame.
+    pub(super) fn logs<'a>(&'a self, frame: &'a Stored) -> impl Iterator<Item = f64> {
+        (0..self.size.pixels()).map(|pixel| libm::log(self.level(frame, pixel)))
+    }
+}

@@ -1,0 +1,189 @@
+//! Labels against brightness that is known: none, or alone, or of a known share.
+
+use super::identity::{models, moving};
+use super::{frames, run};
+use gs2e::event::{Event, Label, Polarity};
+use gs2e::frames::array::ArrayFrames;
+use gs2e::image::Size;
+use gs2e::sensor::esim::Esim;
+use gs2e::sensor::noise::{HotPixels, Reference, Refractory, Threshold};
+use gs2e::sensor::v2e::{self, Leak, V2e};
+use gs2e::sensor::voltmeter::{Between, Initial, Law, Voltmeter};
+use gs2e::sensor::{Model, Sensor};
+
+const SIZE: Size = Size { width: 40, height: 25 };
+
+/// Runs a sensor, every event of which must have this label; how many there are.
+fn all(sensor: &dyn Model, clip: &ArrayFrames, label: Label) -> Vec<Event> {
+    let (events, _) = run(sensor, clip, 3);
+    let other = events.iter().find(|event| event.label != label);
+    assert_eq!(other, None, "of {} events", events.len());
+    events
+}
+
+fn voltmeter(k: [f64; 6]) -> Voltmeter {
+    Voltmeter { labels: true, ..Voltmeter::new(k) }
+}
+
+/// v2e without noise, with thresholds of a tenth.
+fn clean() -> V2e {
+    let threshold = Threshold { on: 0.1, off: 0.1, spread: 0.0 };
+    V2e { threshold, labels: true, ..V2e::from(v2e::Preset::Clean) }
+}
+
+#[test]
+fn without_noise_all_is_signal() {
+    let clip = moving(SIZE);
+    let exact = Voltmeter { threshold_spread: 0.1, ..voltmeter([5.0, 16.0, 0.0, 0.0, 0.0, 0.0]) };
+    let refractory = Refractory { period_us: 500.0, reference: Reference::AtEvent };
+    let threshold = Threshold { on: 0.1, off: 0.15, spread: 0.02 };
+    let sensors = [
+        Sensor::Voltmeter(Voltmeter { between: Between::Catmull, ..exact.clone() }),
+        Sensor::Voltmeter(Voltmeter { law: Law::Official, ..exact.clone() }),
+        Sensor::Voltmeter(exact),
+        Sensor::Esim(Esim { threshold, labels: true, ..Esim::default() }),
+        Sensor::Esim(Esim { threshold, refractory, labels: true, ..Esim::default() }),
+        Sensor::V2e(V2e { cutoff: 0.0, ..clean() }),
+        Sensor::V2e(V2e { cutoff: 100.0, refractory, ..clean() }),
+    ];
+    for sensor in sensors {
+        let count = all(sensor.as_model(), &clip, Label::Signal).len();
+        assert!(count > 1000, "{count} of {sensor:?}");
+    }
+}
+
+/// Before a step of 42 thresholds the cubic swings back: between frames of one grey it falls by 4/27 of half the step,
+/// three thresholds, and returns. So does one that is told to rise by 21 thresholds an interval at its end. A straight
+/// line would call all of that noise.
+#[test]
+fn brightness_between_frames_is_that_of_the_law() {
+    let step = frames(SIZE, &[0, 1000, 2000, 3000], |_, _, t| if t < 1500 { 0.0 } else { 240.0 });
+    // Of 116 greys with the offset, in ms: 15 times the logarithm's slope is 21.
+    let rate = |i| if i < SIZE.pixels() { 0.0 } else { 21.0 / 15.0 * 116.0 * 1e3 };
+    let flat = frames(SIZE, &[0, 1000], |_, _, _| 100.0);
+    let flat = flat.with_rates((0..2 * SIZE.pixels()).map(rate).collect()).unwrap();
+    for (between, clip) in [(Between::Catmull, step), (Between::Hermite, flat)] {
+        let sensor = Voltmeter { between, ..voltmeter([15.0, 16.0, 0.0, 0.0, 0.0, 0.0]) };
+        let events = all(&sensor, &clip, Label::Signal);
+        let swing = events.iter().filter(|event| event.t.0 < 900_000);
+        let (on, off): (Vec<&Event>, Vec<&Event>) = swing.partition(|event| event.polarity == Polarity::On);
+        // Down to -3.08 or -3.11; after nine tenths it is at -1.7, and has passed -2 again.
+        assert_eq!((off.len(), on.len()), (3 * SIZE.pixels(), SIZE.pixels()), "{between:?}");
+    }
+}
+
+#[test]
+fn without_a_change_all_is_noise() {
+    let clip = frames(SIZE, &[0, 50_000, 100_000], |x, y, _| f64::from(5 * x + y));
+    let hot_pixels = HotPixels { share: 0.1, rate: 900.0 };
+    let noisy = Voltmeter { hot_pixels, ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3]) };
+    let (leak, refractory) = (
+        Leak { rate: 300.0, jitter: 0.2, cov: 0.2 },
+        // Several thresholds leak away in a dead time.
+        Refractory { period_us: 12_000.0, reference: Reference::AtEvent },
+    );
+    let v2e = V2e { leak, shot: 300.0, hot_pixels, cutoff: 100.0, ..clean() };
+    let sensors = [
+        Sensor::Voltmeter(Voltmeter { law: Law::Official, ..noisy.clone() }),
+        Sensor::Voltmeter(Voltmeter { initial: Initial::Stationary, ..noisy.clone() }),
+        Sensor::Voltmeter(Voltmeter { hot_pixels: HotPixels::default(), ..noisy }),
+        Sensor::Esim(Esim { hot_pixels, labels: true, ..Esim::default() }),
+        Sensor::V2e(V2e { refractory, ..v2e.clone() }),
+        Sensor::V2e(V2e { shot: 0.0, refractory, hot_pixels: HotPixels::default(), ..v2e.clone() }),
+        Sensor::V2e(v2e),
+    ];
+    for sensor in sensors {
+        let count = all(sensor.as_model(), &clip, Label::Noise).len();
+        assert!(count > 1000, "{count} of {sensor:?}");
+    }
+}
+
+/// `P(T <= t)` of the first passage of a Brownian motion with drift 1 and variance `v` through 1: the inverse Gaussian
+/// law.
+fn passed_by(t: f64, v: f64) -> f64 {
+    let normal = |x: f64| 0.5 * libm::erfc(-x / std::f64::consts::SQRT_2);
+    let root = (v * t).sqrt();
+    normal((t - 1.0) / root) + (2.0 / v).exp() * normal(-(t + 1.0) / root)
+}
+
+/// The left half does not move. In the right one the logarithm rises evenly, by 40 thresholds, and the voltage with
+/// noise of variance 0.15 a threshold's time: brightness has gone half of the way where half of that time has passed
+/// since the event before, so the share of noise is that of first passages in less. OFF events, one in exp(2/0.15) of
+/// all, are left out of account.
+#[test]
+fn half_of_the_way_is_what_tells_them_apart() {
+    let (end, variance) = (80_000, 0.15);
+    let k6 = (variance * 40.0 / f64::from(end)).sqrt();
+    let sensor = voltmeter([40.0 / 16f64.ln(), 16.0, 0.0, 0.0, 0.0, k6]);
+    let octaves = |t: i64| 16.0 * (4.0 * t as f64 / f64::from(end)).exp2() - 16.0;
+    let stamps = [0, 20_000, 40_000, 60_000, i64::from(end)];
+    let grey = |x: u32, _: u32, t: i64| if x < SIZE.width / 2 { 100.0 } else { octaves(t) };
+    let (events, _) = run(&sensor, &frames(SIZE, &stamps, grey), 11);
+    let (left, right): (Vec<Event>, Vec<Event>) =
+        events.into_iter().partition(|event| u32::from(event.x) < SIZE.width / 2);
+    assert!(left.len() > 1000 && left.iter().all(|event| event.label == Label::Noise), "{}", left.len());
+    // The first 20 of each pixel: where a pixel's time ends, those that came early are too many.
+    let mut seen = vec![0; SIZE.pixels()];
+    let (mut count, mut noise) = (0, 0);
+    for event in right {
+        let seen = &mut seen[usize::from(event.y) * SIZE.width as usize + usize::from(event.x)];
+        *seen += 1;
+        if *seen <= 20 {
+            count += 1;
+            noise += u32::from(event.label == Label::Noise);
+        }
+    }
+    assert_eq!(count, 20 * SIZE.pixels() / 2);
+    let share = f64::from(noise) / count as f64;
+    let wanted = passed_by(0.5, variance);
+    let z = (share - wanted) / (wanted * (1.0 - wanted) / count as f64).sqrt();
+    let defect = (share - passed_by(0.45, variance)) / (wanted * (1.0 - wanted) / count as f64).sqrt();
+    println!("noise {share:.4} of {count}, wanted {wanted:.4}: z {z:.2}, of 0.45 for a half {defect:.1}");
+    assert!(z.abs() < 4.5 && defect.abs() > 4.5);
+}
+
+/// Brightness that rises by 95 thresholds a second, and a leak of fewer or of more: each event has the same share of
+/// both. Events of falling brightness owe nothing to a leak against it.
+#[test]
+fn a_leak_beside_brightness_is_weighed_against_it() {
+    let ramp = |way: f64| {
+        frames(SIZE, &[0, 30_000, 100_000], move |_, _, t| 100.0 * (way * (t as f64 * 1e-5)).exp())
+    };
+    let [up, down] = [0.95, -0.95].map(ramp);
+    for (rate, label) in
+        [(0.0, Label::Signal), (60.0, Label::Signal), (80.0, Label::Signal), (100.0, Label::Noise)]
+    {
+        let leaky = V2e { leak: Leak { rate, jitter: 0.0, cov: 0.0 }, cutoff: 0.0, ..clean() };
+        let events = all(&leaky, &up, label);
+        let falling = all(&leaky, &down, Label::Signal);
+        // In a tenth of a second.
+        for (events, thresholds, polarity) in
+            [(events, 9.5 + 0.1 * rate, Polarity::On), (falling, 9.5 - 0.1 * rate, Polarity::Off)]
+        {
+            assert_eq!(events.len(), thresholds as usize * SIZE.pixels(), "leak {rate}");
+            assert!(events.iter().all(|event| event.polarity == polarity));
+        }
+    }
+}
+
+fn without_labels(sensor: &Sensor) -> Sensor {
+    match sensor.clone() {
+        Sensor::Voltmeter(sensor) => Sensor::Voltmeter(Voltmeter { labels: false, ..sensor }),
+        Sensor::Esim(sensor) => Sensor::Esim(Esim { labels: false, ..sensor }),
+        Sensor::V2e(sensor) => Sensor::V2e(V2e { labels: false, ..sensor }),
+    }
+}
+
+#[test]
+fn labels_change_no_event() {
+    let clip = moving(SIZE);
+    for sensor in models() {
+        let (labelled, account) = run(sensor.as_model(), &clip, 3);
+        let plain = all(without_labels(&sensor).as_model(), &clip, Label::Signal);
+        let stripped: Vec<Event> = labelled.iter().map(|e| Event { label: Label::Signal, ..*e }).collect();
+        assert!(stripped == plain, "{sensor:?}");
+        assert_eq!(account, run(without_labels(&sensor).as_model(), &clip, 3).1);
+        let noise = labelled.iter().filter(|event| event.label == Label::Noise).count();
+        assert!(noise > 50 && noise + 50 < labelled.len(), "{noise} of {} in {sensor:?}", labelled.len());
+    }
+}
