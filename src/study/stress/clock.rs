@@ -6,7 +6,7 @@ mod sameness;
 use super::clips::{Train, by_pixel, clip, run};
 use super::{Area, Case, Found, Point, Worst};
 use crate::event::file::shifted;
-use crate::event::{Event, Polarity};
+use crate::event::{Event, Label, Polarity};
 use crate::image::Size;
 use crate::sensor::voltmeter::Voltmeter;
 use crate::units::Timestamp;
@@ -22,7 +22,8 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
         ),
         case(["absolute-stamps", "the same in files: integers, to the microsecond", "events"], || {
             absolute(|first_us, ns| {
-                let event = Event { t: Timestamp(ns), x: 0, y: 0, polarity: Polarity::On };
+                let event =
+                    Event { t: Timestamp(ns), x: 0, y: 0, polarity: Polarity::On, label: Label::Signal };
                 shifted(event, first_us).map(|event| event.t.floor_micros())
             })
         }),

@@ -167,7 +167,7 @@ fn matches(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) -> usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Polarity;
+    use crate::event::{Label, Polarity};
     use crate::units::Timestamp;
 
     fn packed(events: &[(u16, i64, Polarity)]) -> Vec<u64> {
@@ -179,6 +179,7 @@ mod tests {
                 x: pixel % 4,
                 y: pixel / 4,
                 polarity: *polarity,
+                label: Label::Signal,
             })
             .collect();
         sink.append(&events).unwrap();
