@@ -47,7 +47,7 @@ impl Packed {
     fn event(self, first_us: i64) -> Event {
         let (place, rest) = (self.place(), self.0 % REST);
         Event {
-            t: Timestamp((first_us + self.micros()) * 1000 + (rest % POLARITY >> 1).cast_signed()),
+            t: Timestamp((first_us + self.micros()) * 1000 + ((rest % POLARITY) >> 1).cast_signed()),
             x: place as u16,
             y: (place >> 16) as u16,
             polarity: if rest >= POLARITY { Polarity::On } else { Polarity::Off },
