@@ -184,6 +184,6 @@ fn labels_change_no_event() {
         assert!(stripped == plain, "{sensor:?}");
         assert_eq!(account, run(without_labels(&sensor).as_model(), &clip, 3).1);
         let noise = labelled.iter().filter(|event| event.label == Label::Noise).count();
-        assert!(noise > 50 && noise + 50 < labelled.len(), "{noise} of {} in {sensor:?}", labelled.len());
+        assert!(noise > 0 && noise < labelled.len(), "{noise} of {} in {sensor:?}", labelled.len());
     }
 }
