@@ -41,11 +41,12 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     writer.finish()
 }
 
-/// The head of an array as it is stored, if it is one that can be parsed in a short time: the parser's doubles with
-/// every bracket that is open, and the head of a plain array has two, of its dictionary and its shape.
+/// The head of an array as it is stored, if it is one that the parser is safe to be given: its time doubles with every
+/// bracket that is open, and the head of a plain array has two, of its dictionary and its shape; and it counts the
+/// elements without a look at how many they are.
 ///
 /// # Errors
-/// When it cannot be read, is of another version, or has more brackets.
+/// When it cannot be read, is of another version, has more brackets, or says more than 2^64 elements.
 pub fn head(data: &mut impl Read) -> io::Result<Vec<u8>> {
     let refusal = |because: String| Err(io::Error::new(io::ErrorKind::InvalidData, because));
     let mut head = vec![0; 10];
@@ -61,7 +62,21 @@ pub fn head(data: &mut impl Read) -> io::Result<Vec<u8>> {
     if brackets > 2 {
         return refusal(format!("{brackets} brackets in its head, wanted those of a dictionary and a shape"));
     }
+    if !is_countable(&String::from_utf8_lossy(&head[10..])) {
+        return refusal("more elements in its head than can be counted".to_owned());
+    }
     Ok(head)
+}
+
+/// Whether the product of what stands in parentheses, a shape, is below 2^64. What is no number is the parser's to refuse.
+fn is_countable(head: &str) -> bool {
+    let shape = head.split_once('(').map_or("", |(_, rest)| rest.split(')').next().unwrap_or_default());
+    let mut sides = shape.split(',').filter_map(|side| match side.trim().trim_end_matches('L') {
+        "" => None,
+        digits if digits.bytes().all(|digit| digit.is_ascii_digit()) => Some(digits.parse::<u64>().ok()),
+        _ => None,
+    });
+    sides.try_fold(1u64, |n, side| n.checked_mul(side?)).is_some()
 }
 
 #[cfg(test)]
@@ -101,12 +116,18 @@ mod tests {
     }
 
     #[test]
-    fn heads_that_take_long_to_parse_are_refused() {
+    fn heads_that_the_parser_is_not_safe_to_be_given_are_refused() {
         let stored = |text: &str| {
             [b"\x93NUMPY\x01\x00", &[u8::try_from(text.len()).unwrap(), 0][..], text.as_bytes()].concat()
         };
         let t = |text: &str, sound: bool| assert_eq!(head(&mut &stored(text)[..]).is_ok(), sound, "{text}");
         t("{'descr': '<u2', 'fortran_order': False, 'shape': (300, ), }\n", true);
+        let shaped =
+            |shape: &str| format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({shape}), }}\n");
+        t(&shaped("4294967296, 4294967295"), true);
+        t(&shaped("4294967296, 4294967296"), false);
+        t(&shaped("4294967296, 4294967296, 0"), false);
+        t(&shaped("99999999999999999999"), false);
         t(&"{".repeat(54), false);
         t("{'descr': [('a', '<u2')], 'fortran_order': False, 'shape': (300, ), }\n", false);
         let mut later = stored("{}");
