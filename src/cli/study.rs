@@ -44,7 +44,6 @@ fn unless(cancelled: &AtomicBool) -> ControlFlow<()> {
 }
 
 /// Why a pass ended early.
-#[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
 fn ended(error: SimulateError) -> Problem {
     match error {
         SimulateError::Interrupted => interrupted(),

@@ -163,8 +163,8 @@ impl WorkPrecision {
         let lab = Lab {
             subject: &subject,
             window: &window,
-            own: sensor.clone(),
-            sensor: if self.noise { law(sensor) } else { quiet(law(sensor)) },
+            sensor: if self.noise { law(&sensor) } else { quiet(law(&sensor)) },
+            own: sensor,
             seed,
             style,
             backend,
@@ -241,7 +241,7 @@ impl WorkPrecision {
 }
 
 /// The sensor by the law whose events do not depend on frames, without what is not of the signal.
-fn law(sensor: Voltmeter) -> Voltmeter {
+fn law(sensor: &Voltmeter) -> Voltmeter {
     Voltmeter {
         law: Law::Exact,
         gain: Gain::Log,
@@ -249,13 +249,13 @@ fn law(sensor: Voltmeter) -> Voltmeter {
         allow_cap: false,
         threshold_spread: 0.0,
         hot_pixels: HotPixels::default(),
-        ..sensor
+        ..sensor.clone()
     }
 }
 
-fn quiet(sensor: Voltmeter) -> Voltmeter {
-    let [k1, k2, _, k4, k5, _] = sensor.k;
-    Voltmeter { k: [k1, k2, 0.0, k4, k5, 0.0], ..sensor }
+fn quiet(mut sensor: Voltmeter) -> Voltmeter {
+    (sensor.k[2], sensor.k[5]) = (0.0, 0.0);
+    sensor
 }
 
 /// A part of a path, and the finest frames of it.
@@ -319,11 +319,17 @@ impl Lab<'_> {
             rows: Vec::new(),
             pictures: Vec::new(),
         };
+        // All of these before the first pass, whose events would stay in the memory that is measured.
+        let mut costs = Vec::new();
         for rules in &asked.rules {
             let (backend, style) = self.of(*rules);
-            let (costs, pictures) = self.pictures(*rules, &backend, style)?;
-            let (of, rows) = self.pass(*rules, (&backend, style), (&grids, &asked.between()), costs)?;
+            let (of_rules, pictures) = self.pictures(*rules, &backend, style)?;
             study.pictures.extend(pictures);
+            costs.push(of_rules);
+        }
+        for (rules, costs) in asked.rules.iter().zip(costs) {
+            let (backend, style) = self.of(*rules);
+            let (of, rows) = self.pass(*rules, (&backend, style), (&grids, &asked.between()), costs)?;
             study.rules.push(of);
             study.rows.extend(rows);
         }

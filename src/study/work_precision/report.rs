@@ -66,12 +66,11 @@ pub fn paragraph(study: &Study) -> String {
         short(base.core_s())
     );
     for pick in study.picks() {
-        let what = pick.measure.title();
+        let what = pick.measure.says(&short(pick.error));
         let Some((offer, place)) = pick.cheapest() else { continue };
         let _ = write!(
             said,
-            " At its {what} of {}, the cheapest is `{}` with {}{} frames: {} core-seconds, {:.2} times fewer.",
-            short(pick.error),
+            " At its {what}, the cheapest is `{}` with {}{} frames: {} core-seconds, {:.2} times fewer.",
             offer.method,
             at_most(&place),
             place.frames.round(),
