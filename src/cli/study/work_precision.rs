@@ -447,11 +447,13 @@ impl Lab<'_> {
         let setup = Setup { sensor: &self.sensor, seed: self.seed, grids, between };
         let passed = pass(&setup, &mut fine, &spent, &mut |_| unless(&self.cancelled)).map_err(ended)?;
         let rows = judge(&passed, grids, rules.name(), &costs);
+        let (fit, last_order) = floor(&rows);
         let of = OfRules {
             rules: rules.name().to_owned(),
             class: backend.class(),
             reference: passed.reference.len(),
-            fit: floor(&rows),
+            fit,
+            last_order,
             jitter: Jitter::of(&self.own, &passed, window.seconds()),
             costs,
         };

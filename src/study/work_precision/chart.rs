@@ -75,10 +75,17 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
         look.curve(&mut out, &curve.iter().map(|(row, value)| at(row, *value)).collect::<Vec<_>>());
         entries.push((method, look));
     }
+    let mut named: Vec<f64> = Vec::new();
     for line in lines.iter().filter(|line| (error.low..=error.high).contains(&line.error)) {
         let ends = [0.0, 1.0].map(|x| point(x, error.share(line.error)));
         dashed(&mut out, &ends, line.colour, "2 4");
-        out.text([ends[1][0] + 4.0, ends[1][1] + 4.0], "start", line.colour, &line.words);
+        // Lines may lie on each other, their names may not.
+        let mut y = ends[1][1] + 4.0;
+        while named.iter().any(|other| (other - y).abs() < LINE) {
+            y -= LINE;
+        }
+        out.text([ends[1][0] + 4.0, y], "start", line.colour, &line.words);
+        named.push(y);
     }
     legend(&mut out, &entries, error, &lines);
     Some(out.finish())
