@@ -266,6 +266,25 @@ mod tests {
     }
 
     #[test]
+    fn lower_degrees_keep_the_first_harmonics_of_each() {
+        let scene = Gaussians {
+            origin: DVec3::ZERO,
+            positions: vec![[0.0; 3]; 2],
+            log_scales: vec![[0.0; 3]; 2],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+            opacity_logits: vec![0.0; 2],
+            sh: (0u8..18).map(|i| [f32::from(i); 3]).collect(),
+            sh_degree: 2,
+            antialiased: None,
+            screening: Screening::default(),
+        };
+        let firsts = |degree: u8| -> Vec<f32> { scene.with_degree(degree).sh.iter().map(|c| c[0]).collect() };
+        assert_eq!(firsts(0), [0.0, 9.0]);
+        assert_eq!(firsts(1), [0.0, 1.0, 2.0, 3.0, 9.0, 10.0, 11.0, 12.0]);
+        assert_eq!(scene.with_degree(3), scene);
+    }
+
+    #[test]
     fn a_missing_file_is_named() {
         let error = read(Path::new("no/such.ply")).unwrap_err().to_string();
         assert!(error.starts_with("read `no/such.ply`: "), "{error}");

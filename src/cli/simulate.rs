@@ -27,7 +27,7 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 use std::io;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
@@ -114,6 +114,8 @@ impl Simulate {
             Problem::usage("format", what).help(super::convert::events::SUPPORTED)
         })?;
         common.limit_cores();
+        // Before there is anything that an interruption could leave behind.
+        let stop = super::on_interrupt()?;
         let sensor = sensor::choose(&self)?;
         let mut sequence = Sequence::open(&self)?;
         if sensor.as_model().labels() && !format.keeps_labels() {
@@ -126,7 +128,7 @@ impl Simulate {
         super::screening::tell(&format!("sensor {}", self.sensor), &self.sensor, &screening, console);
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);
         sequence.told.iter().for_each(|line| console.say(line));
-        let account = self.write(&sensor, &mut sequence, format, console)?;
+        let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
         Report { asked: &self, sensor: &sensor, screening, sequence: &sequence, account }.tell(console)?;
         Ok(Exit::Done)
     }
@@ -137,7 +139,7 @@ impl Simulate {
         sensor: &Sensor,
         sequence: &mut Sequence,
         format: Format,
-        console: &Console,
+        watch: (&Console, &AtomicBool),
     ) -> Result<Account, Problem> {
         let model = sensor.as_model();
         let (c_on, c_off) = model.contrast();
@@ -149,7 +151,7 @@ impl Simulate {
         let mut done = Account::default();
         let written = write_beside(&self.out, |part| {
             let mut sink = file::create(part, format, &header, options)?;
-            done = self.simulate(sensor, sequence, &mut *sink, console)?;
+            done = self.simulate(sensor, sequence, &mut *sink, watch)?;
             EventFile::finish(sink, last_us - first_us)?;
             Ok(())
         });
@@ -162,10 +164,9 @@ impl Simulate {
         sensor: &Sensor,
         sequence: &mut Sequence,
         sink: &mut dyn EventFile,
-        console: &Console,
+        (console, stop): (&Console, &AtomicBool),
     ) -> Result<Account, Failure> {
         let mut sink = SinkOf(sink);
-        let stop = super::on_interrupt().map_err(Failure::Told)?;
         let bar = match console.is_live() {
             true => ProgressBar::new(sequence.frames.len() as u64),
             false => ProgressBar::hidden(),
@@ -188,7 +189,6 @@ impl Simulate {
             Problem::of(Exit::Failed, Message::new(Level::Error, code, what).because(why))
         };
         match failure {
-            Failure::Told(problem) => problem,
             Failure::Write(EventFileError::Io(e)) => unwritable(&self.out, e),
             Failure::Write(e) => failed("failed to write the events", "not-written", e.to_string()),
             Failure::Simulate(SimulateError::Interrupted) => {
@@ -228,7 +228,6 @@ impl EventSink for SinkOf<'_> {
 
 /// Why there is no file.
 enum Failure {
-    Told(Problem),
     Write(EventFileError),
     Simulate(SimulateError),
 }

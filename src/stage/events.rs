@@ -50,7 +50,7 @@ pub struct Simulating {
 }
 
 /// State of a sensor, pictures between the renderer and it, and the sample of the flow, by measurement.
-const BYTES_A_PIXEL: u64 = 232;
+const BYTES_A_PIXEL: u64 = 200;
 /// What a front end makes of a frame, and the colours that it makes it of: as the renderer blends them and as they are
 /// read, 32 bits each.
 const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;

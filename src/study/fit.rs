@@ -51,6 +51,18 @@ impl Fit {
     }
 }
 
+/// The order by which errors fall between the two finest steps of points `(step, error)`. Where it is 1/2, what is left
+/// are jumps: each is missed in the one interval that holds it, and the share of intervals that hold one goes with `h`, so
+/// that the root of the mean square goes with `h^(1/2)`. The floor of [`Fit`] is then that of the steps that were tried.
+#[must_use]
+pub fn last_order(points: &[(f64, f64)]) -> Option<f64> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let [(fine, low), (coarse, high), ..] = sorted[..] else { return None };
+    let order = libm::log(high / low) / libm::log(coarse / fine);
+    order.is_finite().then_some(order)
+}
+
 /// The order of least residual between two, by thirds.
 fn narrowed(points: &[(f64, f64)], [mut low, mut high]: [f64; 2]) -> f64 {
     for _ in 0..NARROWINGS {
@@ -123,5 +135,17 @@ mod tests {
     fn too_little_is_no_law() {
         assert_eq!(Fit::through(&[(1.0, 1.0), (0.5, 0.5)]), None);
         assert_eq!(Fit::through(&[(1.0, 1.0), (0.5, 0.5), (0.25, 0.0)]), None);
+        assert_eq!(last_order(&[(1.0, 1.0)]), None);
+    }
+
+    /// Twenty intervals of a path hold a jump by 1, half of which its middle misses: halving the step halves the
+    /// share of intervals with a jump.
+    #[test]
+    fn jumps_are_of_order_one_half() {
+        let rms = |intervals: f64| (0.25 * 20.0 / intervals).sqrt();
+        let points = [(1.0, rms(1000.0)), (0.5, rms(2000.0)), (0.25, rms(4000.0))];
+        assert!((last_order(&points).unwrap() - 0.5).abs() < 1e-12);
+        let smooth = last_order(&planted(3.0, 2.0, 0.0, &[1.0, 0.5, 0.25])).unwrap();
+        assert!((smooth - 2.0).abs() < 1e-12);
     }
 }

@@ -19,7 +19,7 @@ pub mod pick;
 pub mod report;
 mod voltage;
 
-use super::fit::Fit;
+use super::fit::{Fit, last_order};
 use crate::image::{Image, Size};
 use crate::sensor::voltmeter::{Between, Voltmeter};
 use errors::Errors;
@@ -194,6 +194,8 @@ pub struct OfRules {
     /// The law of `hermite` at the three finest uniform rates, step in s, error as [`Row::rms_th`]: its `f` is the floor
     /// that jumps of the renderer leave.
     pub fit: Option<Fit>,
+    /// The order between the finest two of these; see [`last_order`].
+    pub last_order: Option<f64>,
     /// Of the sensor.
     pub jitter: Option<Jitter>,
     /// Of frames.
@@ -282,18 +284,25 @@ pub fn judge(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) 
     passed.fed.iter().map(row).collect()
 }
 
-/// The law of the finest three uniform rates of `hermite`, or of the best interpolation that was asked for.
-#[must_use]
-pub fn floor(rows: &[Row]) -> Option<Fit> {
+/// Steps and errors of the finest three uniform rates of `hermite`, or of the best interpolation that was asked for.
+fn finest(rows: &[Row]) -> Vec<(f64, f64)> {
     let of = |between: Between| {
-        let uniform = rows.iter().filter(|row| row.steps == Steps::Uniform && row.between == between);
+        let uniform = rows.iter().filter(move |row| row.steps == Steps::Uniform && row.between == between);
         let mut points: Vec<(f64, f64)> =
             uniform.map(|row| (1.0 / f64::from(row.rate), row.rms_th)).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.truncate(3);
-        Fit::through(&points)
+        points
     };
-    [Between::Hermite, Between::Catmull, Between::Linear].into_iter().find_map(of)
+    let best = [Between::Hermite, Between::Catmull, Between::Linear].map(of);
+    best.into_iter().find(|points| !points.is_empty()).unwrap_or_default()
+}
+
+/// The law of `hermite` at the finest three uniform rates, and the order between the last two of them.
+#[must_use]
+pub fn floor(rows: &[Row]) -> (Option<Fit>, Option<f64>) {
+    let points = finest(rows);
+    (Fit::through(&points), last_order(&points))
 }
 
 impl Study {

@@ -114,7 +114,7 @@ fn work_and_precision_of_a_built_scene() {
         let f1 = ["f1_10us", "f1_100us", "f1_1000us"].map(|name| of("hermite", "2400", name));
         assert!(f1[0] <= f1[1] && f1[1] <= f1[2] && f1[2] > 0.8, "{f1:?}");
     }
-    for name in ["rms", "count", "time_median", "time_p99", "f1"] {
+    for name in ["rms", "count", "miscount", "time_median", "time_p99", "f1"] {
         let svg = fs::read_to_string(place.path(&format!("out/{name}.svg"))).unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("blended hermite"), "{name}");
     }

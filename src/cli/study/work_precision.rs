@@ -319,11 +319,17 @@ impl Lab<'_> {
             rows: Vec::new(),
             pictures: Vec::new(),
         };
+        // All of these before the first pass, whose events would stay in the memory that is measured.
+        let mut costs = Vec::new();
         for rules in &asked.rules {
             let (backend, style) = self.of(*rules);
-            let (costs, pictures) = self.pictures(*rules, &backend, style)?;
-            let (of, rows) = self.pass(*rules, (&backend, style), (&grids, &asked.between()), costs)?;
+            let (of_rules, pictures) = self.pictures(*rules, &backend, style)?;
             study.pictures.extend(pictures);
+            costs.push(of_rules);
+        }
+        for (rules, costs) in asked.rules.iter().zip(costs) {
+            let (backend, style) = self.of(*rules);
+            let (of, rows) = self.pass(*rules, (&backend, style), (&grids, &asked.between()), costs)?;
             study.rules.push(of);
             study.rows.extend(rows);
         }
@@ -441,11 +447,13 @@ impl Lab<'_> {
         let setup = Setup { sensor: &self.sensor, seed: self.seed, grids, between };
         let passed = pass(&setup, &mut fine, &spent, &mut |_| unless(&self.cancelled)).map_err(ended)?;
         let rows = judge(&passed, grids, rules.name(), &costs);
+        let (fit, last_order) = floor(&rows);
         let of = OfRules {
             rules: rules.name().to_owned(),
             class: backend.class(),
             reference: passed.reference.len(),
-            fit: floor(&rows),
+            fit,
+            last_order,
             jitter: Jitter::of(&self.own, &passed, window.seconds()),
             costs,
         };

@@ -50,7 +50,8 @@ impl Axis {
 /// The picture of one measure as SVG; `None` where no setting has an error by it.
 #[must_use]
 pub fn svg(study: &Study, measure: Measure) -> Option<String> {
-    let shown: Vec<(&Row, f64)> = study.rows.iter().filter_map(|row| Some((row, measure.of(row)?))).collect();
+    let shown: Vec<(&Row, f64)> =
+        study.rows.iter().filter_map(|row| Some((row, measure.of(row).filter(|e| *e > 0.0)?))).collect();
     let lines = lines(study, measure);
     let cost = Axis::around(shown.iter().map(|(row, _)| row.core_s()))?;
     let lowest = shown.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
@@ -74,10 +75,17 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
         look.curve(&mut out, &curve.iter().map(|(row, value)| at(row, *value)).collect::<Vec<_>>());
         entries.push((method, look));
     }
+    let mut named: Vec<f64> = Vec::new();
     for line in lines.iter().filter(|line| (error.low..=error.high).contains(&line.error)) {
         let ends = [0.0, 1.0].map(|x| point(x, error.share(line.error)));
         dashed(&mut out, &ends, line.colour, "2 4");
-        out.text([ends[1][0] + 4.0, ends[1][1] + 4.0], "start", line.colour, &line.words);
+        // Lines may lie on each other, their names may not.
+        let mut y = ends[1][1] + 4.0;
+        while named.iter().any(|other| (other - y).abs() < LINE) {
+            y -= LINE;
+        }
+        out.text([ends[1][0] + 4.0, y], "start", line.colour, &line.words);
+        named.push(y);
     }
     legend(&mut out, &entries, error, &lines);
     Some(out.finish())
@@ -163,7 +171,7 @@ fn lines(study: &Study, measure: Measure) -> Vec<Line> {
     let jitter = jitter.and_then(|jitter| match measure {
         Measure::Rms => Some(jitter.rms_th),
         Measure::Median => Some(jitter.us),
-        Measure::Count | Measure::P99 | Measure::F1 => None,
+        Measure::Count | Measure::Miscount | Measure::P99 | Measure::F1 => None,
     });
     let jitter = jitter.filter(|error| *error > 0.0);
     lines.extend(jitter.map(|error| Line { error, colour: GREY, words: "sensor's own jitter".to_owned() }));

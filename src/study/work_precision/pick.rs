@@ -9,8 +9,10 @@ use serde::Serialize;
 pub enum Measure {
     /// RMS of k1 V at interval middles, in thresholds.
     Rms,
-    /// Miscounted events, summed over pixels and polarities, as a share of all.
+    /// Difference of the numbers of events, as a share of all.
     Count,
+    /// The same summed over pixels and polarities, each without its sign.
+    Miscount,
     /// Median time between matched events, us.
     Median,
     /// What 99 % of these times do not exceed, us.
@@ -21,19 +23,20 @@ pub enum Measure {
 
 impl Measure {
     /// All.
-    pub const ALL: [Self; 5] = [Self::Rms, Self::Count, Self::Median, Self::P99, Self::F1];
+    pub const ALL: [Self; 6] = [Self::Rms, Self::Count, Self::Miscount, Self::Median, Self::P99, Self::F1];
 
-    /// The error of a row; `None` where it has none, or none that a logarithm can show.
+    /// The error of a row; `None` where no event tells.
     #[must_use]
     pub fn of(self, row: &Row) -> Option<f64> {
         let value = match self {
             Self::Rms => Some(row.rms_th),
-            Self::Count => Some(row.errors.miscount),
+            Self::Count => Some(row.errors.count),
+            Self::Miscount => Some(row.errors.miscount),
             Self::Median => row.errors.median_us,
             Self::P99 => row.errors.p99_us,
             Self::F1 => Some(1.0 - row.errors.f1[1]),
         };
-        value.filter(|value| *value > 0.0 && value.is_finite())
+        value.filter(|value| value.is_finite())
     }
 
     /// What it is called, with its unit.
@@ -41,10 +44,24 @@ impl Measure {
     pub fn title(self) -> &'static str {
         match self {
             Self::Rms => "RMS of k1 V at interval middles, thresholds",
-            Self::Count => "events miscounted, share of all",
+            Self::Count => "events too many or too few, share of all",
+            Self::Miscount => "events miscounted by pixel and polarity, share of all",
             Self::Median => "median time error, us",
             Self::P99 => "99 % of time errors, us",
             Self::F1 => "1 - F1 of events within 100 us",
+        }
+    }
+
+    /// An error by it, as a part of a sentence.
+    #[must_use]
+    pub fn says(self, error: &str) -> String {
+        match self {
+            Self::Rms => format!("RMS of {error} thresholds"),
+            Self::Count => format!("share of {error} events too many or too few"),
+            Self::Miscount => format!("share of {error} events miscounted by pixel and polarity"),
+            Self::Median => format!("median time error of {error} us"),
+            Self::P99 => format!("99 % of time errors within {error} us"),
+            Self::F1 => format!("1 - F1 of {error} within 100 us"),
         }
     }
 
@@ -54,6 +71,7 @@ impl Measure {
         match self {
             Self::Rms => "rms",
             Self::Count => "count",
+            Self::Miscount => "miscount",
             Self::Median => "time_median",
             Self::P99 => "time_p99",
             Self::F1 => "f1",
@@ -99,10 +117,10 @@ pub struct Pick {
 }
 
 impl Pick {
-    /// Of `rows` at the error that `base` has.
+    /// Of `rows` at the error that `base` has; `None` where it has none.
     #[must_use]
     pub fn at(measure: Measure, base: &Row, rows: &[Row]) -> Option<Self> {
-        let error = measure.of(base)?;
+        let error = measure.of(base).filter(|error| *error > 0.0)?;
         let mut names: Vec<String> = Vec::new();
         for row in rows.iter().map(Row::method) {
             if !names.contains(&row) {
@@ -127,6 +145,9 @@ impl Pick {
     }
 }
 
+/// What stands for no error at all, which has no logarithm.
+const LEAST: f64 = 1e-9;
+
 #[derive(Debug, Clone, Copy)]
 struct Point {
     core_s: f64,
@@ -136,7 +157,7 @@ struct Point {
 
 impl Point {
     fn of(row: &Row, error: f64) -> Self {
-        Self { core_s: row.core_s(), frames: row.frames as f64, error }
+        Self { core_s: row.core_s(), frames: row.frames as f64, error: error.max(LEAST) }
     }
 }
 
@@ -147,9 +168,13 @@ fn offer(method: String, mut curve: Vec<Point>, error: f64) -> Option<Offer> {
     Some(Offer { method, place: reaches(&curve, error), lowest, lowest_core_s })
 }
 
-/// Where a curve first has at most this error, straight in logarithms between its points.
+/// From where on a curve has at most this error, straight in logarithms between its points: a point that happens to be
+/// good before worse ones is luck.
 fn reaches(curve: &[Point], error: f64) -> Option<Place> {
-    let at = curve.iter().position(|point| point.error <= error)?;
+    let at = curve.iter().rposition(|point| point.error > error).map_or(0, |worse| worse + 1);
+    if at == curve.len() {
+        return None;
+    }
     let to = curve[at];
     let Some(from) = at.checked_sub(1).map(|before| curve[before]) else {
         return Some(Place { core_s: to.core_s, frames: to.frames, at_most: true });
@@ -184,6 +209,9 @@ mod tests {
         let at_once = reaches(&curve(0.5, 1e4, 2.0, 0.0), 2.0).unwrap();
         assert!(at_once.at_most && (at_once.frames - 100.0).abs() < 1e-12);
         assert_eq!(reaches(&curve(0.5, 1e4, 2.0, 0.1), 0.1), None, "it stalls above");
+        let mut lucky = curve(0.5, 1e4, 2.0, 0.0);
+        lucky[0].error = 1e-3;
+        assert_eq!(reaches(&lucky, 0.04), Some(place), "what is worse again later does not count");
     }
 
     #[test]

@@ -66,12 +66,11 @@ pub fn paragraph(study: &Study) -> String {
         short(base.core_s())
     );
     for pick in study.picks() {
-        let what = pick.measure.title();
+        let what = pick.measure.says(&short(pick.error));
         let Some((offer, place)) = pick.cheapest() else { continue };
         let _ = write!(
             said,
-            " At its {what} of {}, the cheapest is `{}` with {}{} frames: {} core-seconds, {:.2} times fewer.",
-            short(pick.error),
+            " At its {what}, the cheapest is `{}` with {}{} frames: {} core-seconds, {:.2} times fewer.",
             offer.method,
             at_most(&place),
             place.frames.round(),
@@ -145,12 +144,14 @@ fn rules(out: &mut String, study: &Study) {
     let _ = writeln!(
         out,
         "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e = C h^p + f` with h in ms; f is what \
-         jumps of the renderer leave.\n\n| rules | reference events | p | C | floor f, thresholds | sensor's own jitter, \
-         thresholds | us | frame, core ms | with rate | pairs a pixel |\n|---|---|---|---|---|---|---|---|---|---|"
+         jumps of the renderer leave at these rates. The last order is that between the finest two: jumps have 1/2, since \
+         each is missed in the one interval that holds it.\n\n| rules | reference events | p | C | floor f, thresholds | \
+         last order | sensor's own jitter, thresholds | us | frame, core ms | with rate | pairs a pixel |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|"
     );
     for of in &study.rules {
         let fit = of.fit.map_or_else(
-            || "| | |".to_owned(),
+            || " | | ".to_owned(),
             |fit| format!("{:.2} | {} | {}", fit.p, short(fit.c * libm::pow(1e-3, fit.p)), short(fit.f)),
         );
         let jitter = of.jitter.map_or_else(
@@ -159,10 +160,11 @@ fn rules(out: &mut String, study: &Study) {
         );
         let _ = writeln!(
             out,
-            "| {} ({}) | {} | {fit} | {jitter} | {} | {:.2}x | {} |",
+            "| {} ({}) | {} | {fit} | {} | {jitter} | {} | {:.2}x | {} |",
             of.rules,
             of.class,
             of.reference,
+            of.last_order.map_or_else(String::new, |order| format!("{order:.2}")),
             short(1e3 * of.costs.value.frame.core_s),
             of.costs.rated.frame.core_s / of.costs.value.frame.core_s,
             short(of.costs.value.pairs / study.size.pixels() as f64),
