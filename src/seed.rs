@@ -1,8 +1,7 @@
 //! Randomness as a pure function of what is drawn for: no generator in the program has a hidden position.
 
 pub(crate) mod eight;
-#[cfg(test)]
-pub(crate) mod ks;
+pub mod ks;
 pub mod normal;
 pub mod philox;
 

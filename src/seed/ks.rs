@@ -1,8 +1,9 @@
-//! The Kolmogorov-Smirnov test, for the tests of this crate.
+//! The Kolmogorov-Smirnov test, for tests and for the table of extremes.
 
 /// Largest distance between a sample's distribution function and `cdf`, times the square root of the sample's size.
 /// Its critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at 1e-6.
-pub(crate) fn scaled_distance(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
+#[must_use]
+pub fn scaled_distance(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
     sample.sort_unstable_by(f64::total_cmp);
     let n = sample.len() as f64;
     let distance = |(i, x): (usize, &f64)| {

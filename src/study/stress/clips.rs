@@ -1,5 +1,7 @@
 //! Clips in plain terms, and what a sensor makes of them.
 
+pub use crate::seed::ks::scaled_distance as ks;
+
 use crate::event::{Event, Polarity};
 use crate::frames::array::{ArrayFrames, FullScale, Samples};
 use crate::image::Size;
@@ -50,17 +52,4 @@ pub fn by_pixel(size: Size, events: &[Event]) -> Vec<Train> {
     // Within a microsecond a stream is ordered by pixel and polarity.
     pixels.iter_mut().for_each(|events: &mut Train| events.sort_by_key(|event| event.0));
     pixels
-}
-
-/// Largest distance between the distribution function of a sample and `cdf`, times the square root of its size
-/// (Kolmogorov, Smirnov). Its critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at 1e-6.
-#[must_use]
-pub fn ks(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
-    sample.sort_unstable_by(f64::total_cmp);
-    let n = sample.len() as f64;
-    let distance = |(i, x): (usize, &f64)| {
-        let p = cdf(*x);
-        (p - i as f64 / n).max((i + 1) as f64 / n - p)
-    };
-    sample.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt()
 }
