@@ -33,7 +33,7 @@ pub fn read_luminance(bytes: &[u8]) -> Result<Image<f32>, JpegError> {
 /// [`read_luminance`], and the colours of the image, 0..255, where it is not grey.
 ///
 /// # Errors
-/// As [`read_luminance`].
+/// As [`read_luminance`], and when the chroma, which that does not read, is damaged or not as large as the luma asks for.
 pub fn read_colours(bytes: &[u8]) -> Result<Shades, JpegError> {
     let luminance = read_luminance(bytes)?;
     let (size, stored, samples) = decoded(bytes, ColorSpace::RGB)?;
