@@ -9,6 +9,7 @@ use crate::frames::anchors::Anchors;
 use crate::render::Velocity;
 use crate::render::Work;
 use crate::render::flow::Quantiles;
+use crate::sampling::Chosen;
 use crate::scene::{Gaussians, Screening};
 use crate::se3::{Se3, Twist};
 use crate::seed::Seed;
@@ -255,6 +256,9 @@ pub struct Simulation {
     pub depth_unit: Option<[f32; 3]>,
     /// Stamps of the images in `brightness.npy` and its like.
     pub brightness_stamps_us: Vec<i64>,
+    /// When frames were rendered, where the recipe asks for an error and not for a rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chosen: Option<Chosen>,
 }
 
 impl Simulation {

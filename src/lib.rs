@@ -22,7 +22,7 @@
 //! | room | what lives there |
 //! |---|---|
 //! | [`units`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
-//! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`source`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
+//! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
 //! | [`stage`] | what a step is: parameters, inputs, and one call into a room |
@@ -64,6 +64,7 @@ pub mod recipe;
 pub mod release;
 pub mod render;
 pub mod run;
+pub mod sampling;
 pub mod scene;
 pub mod se3;
 pub mod seed;

@@ -28,6 +28,7 @@ pub use fragment::{Fragment, read_fragment, read_sensor};
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
+use crate::sampling::Tolerance;
 use crate::scene::procedural::StillLife;
 use crate::sensor::Sensors;
 use crate::speed::Speed;
@@ -64,6 +65,9 @@ pub struct Recipe {
     pub rate: Hertz,
     /// How speed laws are summed.
     pub law: Summation,
+    /// The error between frames that the events may have, where the recipe asks for one: the frame rate is then that of poses
+    /// and pictures alone.
+    pub tolerance: Option<Tolerance>,
     /// Rendering.
     pub render: RenderChoice,
     /// The sensors.

@@ -80,6 +80,12 @@ impl RenderedFrames {
         Self { velocities, ..self }
     }
 
+    /// The renderer, for other frames.
+    #[must_use]
+    pub fn into_renderer(self) -> Box<dyn Renderer> {
+        self.renderer
+    }
+
     fn view(&self, index: usize) -> Option<View> {
         let pose = self.trajectory.world_from_camera.get(index)?;
         let still = View::still(self.camera, *pose);

@@ -85,6 +85,7 @@ fn trajectory(
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
         let simulating = Simulating {
             backend: backend(),
+            tolerance: recipe.tolerance,
             ..Simulating::new(&recipe.sensors, seed, (recipe.camera, recipe.render))
         };
         wiring.add(name("events"), simulating, (capture, gaussians, motion))

@@ -14,15 +14,13 @@ use serde_json::{Map, Value, json};
 
 /// The canonical form of a recipe: `raw` gives what is shown as it was written (paths, formulae, a literal `k`).
 pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
-    // It is one for all.
-    let between = recipe.sensors.iter().map(|(_, sensor)| sensor.between()).next();
     let mut out = json!({
         "version": 1,
         "scene": recipe.scene,
         "seed": recipe.seed,
         "source": source(raw, &recipe.source),
         "trajectories": trajectory::all(raw, &recipe.trajectories),
-        "sampling": { "rate": ratio(recipe.rate.0), "between": between, "law": recipe.law },
+        "sampling": sampling(recipe),
         "render": {
             "rules": recipe.render.rules,
             "antialiased": antialiased(recipe.render.antialiased),
@@ -54,6 +52,22 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
     }
     if let Some(licence) = &recipe.licence {
         add("licence", json!({ "expression": licence.expression, "holder": licence.holder }));
+    }
+    out
+}
+
+fn sampling(recipe: &Resolved) -> Value {
+    let mut out = json!({ "rate": ratio(recipe.rate.0), "law": recipe.law });
+    let between = match recipe.tolerance {
+        Some(tolerance) => {
+            out["tolerance"] = json!(tolerance.rms);
+            tolerance.between
+        }
+        // It is one for all.
+        None => recipe.sensors.iter().map(|(_, sensor)| sensor.between()).next(),
+    };
+    if let Some(between) = between {
+        out["between"] = json!(between);
     }
     out
 }

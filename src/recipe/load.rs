@@ -214,6 +214,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
         trajectories: resolved.trajectories,
         rate: resolved.rate,
         law: resolved.law,
+        tolerance: resolved.tolerance,
         render: resolved.render,
         sensors: resolved.sensors,
         outputs: resolved.outputs,

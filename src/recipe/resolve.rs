@@ -3,6 +3,7 @@
 mod licence;
 mod number;
 mod picture;
+mod sampling;
 mod sensor;
 mod source;
 pub(super) mod trajectory;
@@ -15,16 +16,14 @@ use super::{LicenceChoice, Output, Reconstruct, Source, TrajectoryRecipe, names,
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
+use crate::sampling::Tolerance;
 use crate::sensor::Sensors;
 use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
-use number::{Range, Whole};
+use number::Whole;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::Setting;
-
-/// Most frames a second: stamps are whole microseconds and must increase.
-const MAX_RATE: f64 = 1e6;
 
 /// Most frames of a trajectory (pipeline 2.10).
 const MAX_FRAMES: u64 = 20_000_000;
@@ -49,6 +48,7 @@ pub(super) struct Resolved {
     pub trajectories: Vec<TrajectoryRecipe>,
     pub rate: Hertz,
     pub law: Summation,
+    pub tolerance: Option<Tolerance>,
     pub render: RenderChoice,
     pub sensors: Sensors,
     pub outputs: BTreeSet<Output>,
@@ -71,9 +71,10 @@ impl Resolver<'_> {
         let law = self.summation(&raw.sampling);
         let setting = Setting { scene: scene.as_deref(), seed, source: source.as_ref(), rate, law };
         let trajectories = self.trajectories(&raw.trajectories, setting);
-        let render = self.render(&raw.render);
+        let render = self.render(&raw.render, usual_rules(&raw.sampling));
         let between = self.between(&raw.sampling);
         let sensors = self.sensors(raw, between, rate);
+        let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
         let outputs = self.outputs(&raw.outputs);
         let sharp_every = self.sharp_every(&raw.sharp);
         let checks = self.or(&raw.checks, Limits::default());
@@ -87,6 +88,7 @@ impl Resolver<'_> {
             trajectories: trajectories?,
             rate: rate?,
             law: law?,
+            tolerance: tolerance?,
             render: render?,
             sensors: sensors?,
             outputs: outputs?,
@@ -116,21 +118,6 @@ impl Resolver<'_> {
                 let problem = Problem::of_field(format!("is {}, {because}", quoted(name)));
                 self.refuse(problem.help(help).at(place))
             }
-        }
-    }
-
-    fn rate(&self, field: &Field<schema::Sampling>) -> Option<Hertz> {
-        let absent = schema::Sampling::default();
-        let raw = self.section(field, &absent)?;
-        self.later(&raw.tolerance, "this gs2e samples at a fixed rate");
-        self.ratio(&raw.rate, 2400, Range::above(0.0, MAX_RATE)).map(Hertz)
-    }
-
-    fn summation(&self, field: &Field<schema::Sampling>) -> Option<Summation> {
-        let absent = schema::Sampling::default();
-        match self.or(&self.section(field, &absent)?.law, schema::Summation::Sum)? {
-            schema::Summation::Sum => Some(Summation::Sum),
-            schema::Summation::Integral => Some(Summation::Integral),
         }
     }
 
@@ -224,6 +211,13 @@ impl Resolver<'_> {
         }
         Some(text.to_owned())
     }
+}
+
+/// The rules of rendering where the recipe has none: those whose pictures have no jumps at cuts of alpha where it asks for an
+/// error (numerics 3.3), else those of the reference implementation.
+fn usual_rules(sampling: &Field<schema::Sampling>) -> schema::Rules {
+    let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
+    if tolerant { schema::Rules::Soft } else { schema::Rules::Official }
 }
 
 const PRODUCTS: &str = "this gs2e makes events and sharp frames";

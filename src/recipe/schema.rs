@@ -156,8 +156,8 @@ pub(super) struct Sampling {
     pub between: Field<Between>,
     /// How speed laws are summed; default `sum`, as the paper does.
     pub law: Field<Summation>,
-    /// RMS, in thresholds.
-    pub tolerance: Field<Later>,
+    /// RMS of the error between frames, in thresholds: frames are then where they are needed, not at the rate.
+    pub tolerance: Field<f64>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

@@ -1,6 +1,8 @@
 //! Stage `events`: renders the luminance of every pose, and its colours where a sensor wants them, and shows it to the
 //! sensors.
 
+mod sampling;
+
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Simulation, Stream, write_json};
 use crate::camera::{Camera, CameraChoice};
@@ -13,6 +15,7 @@ use crate::render::backend::Backend;
 use crate::render::doubt::Doubt;
 use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
+use crate::sampling::Tolerance;
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::front_end::{self, FrontEnd};
@@ -21,6 +24,7 @@ use crate::sensor::{Account, Channel, Sensor, Sensors, SimulateError, simulate_a
 use crate::source::Capture;
 use crate::trajectory::Trajectory;
 use crate::units::amount;
+use sampling::Sampled;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -44,6 +48,9 @@ pub struct Simulating {
     pub sensors: BTreeMap<String, Sensor>,
     /// Seed of the sensors' noise.
     pub seed: Seed,
+    /// The error between frames that the events may have; frames are then where that needs them, else at the poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<Tolerance>,
     /// What renders.
     #[serde(skip)]
     pub backend: Backend,
@@ -85,14 +92,18 @@ impl Stage for Simulating {
         let gaussians = Arc::new(gaussians);
         let new_renderer =
             || self.backend.renderer(gaussians.clone(), style).map_err(StageError::work("render"));
-        let velocities = motion.velocities();
-        let trajectory = motion.trajectory;
-        let sampled = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
-        let mut frames = RenderedFrames::new(new_renderer()?, camera, trajectory.clone());
-        if self.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
+        let Sampled { trajectory, velocities, chosen, renderer } =
+            self.sample(motion, camera, new_renderer()?, cx)?;
+        let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
+        let own = chosen_own.as_ref().unwrap_or(self);
+        let seen = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
+        let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
+        if own.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
             frames = frames.with_rates(velocities);
         }
-        let (streams, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
+        let (streams, anchors) = own.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
+        let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
+        cx.warnings.extend(own.lost_in_noise(end_us, (&streams, &anchors)));
         cx.remark = Some(amount(streams.iter().map(|stream| stream.account.events).sum(), "ev"));
         let simulation = Simulation {
             camera,
@@ -103,10 +114,11 @@ impl Stage for Simulating {
             streams,
             seed: self.seed,
             work: frames.work(),
-            flow_px: Quantiles::of(sampled.moved_px),
-            doubtful_share: sampled.doubt.share(),
-            depth_unit: flow::nearest_ranks(sampled.depth, [5, 50, 95]),
+            flow_px: Quantiles::of(seen.moved_px),
+            doubtful_share: seen.doubt.share(),
+            depth_unit: flow::nearest_ranks(seen.depth, [5, 50, 95]),
             brightness_stamps_us: anchors[0].stamps_us.clone(),
+            chosen,
         };
         for (i, anchors) in anchors.iter().enumerate() {
             write(&cx.out.join(EventStreams::brightness(i)), |file| anchors.write_images(file))?;
@@ -128,7 +140,7 @@ impl Simulating {
             Sensors::One(sensor) => (Some(sensor), BTreeMap::new()),
             Sensors::Named(sensors) => (None, sensors),
         };
-        Self { camera, render, sensor, sensors, seed, backend: Backend::default() }
+        Self { camera, render, sensor, sensors, seed, tolerance: None, backend: Backend::default() }
     }
 
     /// Each sensor, with its name where there are several.
@@ -208,7 +220,7 @@ impl Simulating {
 
 /// Values of all pixels over a sample of the path.
 #[derive(Default)]
-struct Sampled {
+struct Seen {
     /// Way of the picture between neighbouring poses.
     moved_px: Vec<f32>,
     depth: Vec<f32>,
@@ -220,10 +232,10 @@ fn sample_depth(
     camera: Camera,
     trajectory: &Trajectory,
     cx: &Context<'_>,
-) -> Result<Sampled, StageError> {
+) -> Result<Seen, StageError> {
     let poses = &trajectory.world_from_camera;
     let want = Channels { depth: true, alpha: true, doubtful: true, ..Channels::default() };
-    let mut sampled = Sampled::default();
+    let mut sampled = Seen::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
         let [from, to] = [a, b].map(|j| View::still(camera, poses[j]));

@@ -14,14 +14,14 @@ pub mod chart;
 pub mod errors;
 pub mod grid;
 pub mod pass;
-pub mod path;
 pub mod pick;
 pub mod report;
 mod voltage;
 
 use super::fit::{Fit, last_order};
 use crate::image::{Image, Size};
-use crate::sensor::voltmeter::{Between, Voltmeter};
+use crate::sampling::jitter::Jitter;
+use crate::sensor::voltmeter::Between;
 use errors::Errors;
 use grid::Steps;
 use pass::Passed;
@@ -150,35 +150,6 @@ pub fn name(between: Between) -> &'static str {
         Between::Linear => "linear",
         Between::Catmull => "catmull",
         Between::Hermite => "hermite",
-    }
-}
-
-/// What the sensor's own noise does to times: errors below it are lost in it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Jitter {
-    /// Mean time between events of a pixel that has any, us.
-    pub interval_us: f64,
-    /// Deviation of the noise over this time, thresholds.
-    pub rms_th: f64,
-    /// The time that the signal takes for as much, us.
-    pub us: f64,
-}
-
-impl Jitter {
-    /// Of a sensor with its noise, on a stream without: `sigma sqrt(Ti) / Th` (`numerics.md` 3.4), sigma at the mean grey
-    /// of the picture. `None` where no event is.
-    #[must_use]
-    pub fn of(sensor: &Voltmeter, passed: &Passed, seconds: f64) -> Option<Self> {
-        let active = errors::active_pixels(&passed.reference);
-        if active == 0 {
-            return None;
-        }
-        let [_, k2, k3, .., k6] = sensor.k;
-        let sigma = k3 * passed.grey.max(0.0).sqrt() / (passed.grey.max(0.0) + k2) + k6;
-        let interval_us = seconds * 1e6 * active as f64 / passed.reference.len() as f64;
-        let threshold = f64::midpoint(sensor.threshold_on, sensor.threshold_off);
-        let rms_th = sigma * interval_us.sqrt() / threshold;
-        Some(Self { interval_us, rms_th, us: rms_th * interval_us })
     }
 }
 
@@ -347,19 +318,5 @@ mod tests {
         let (psnr, worst) = differences(std::slice::from_ref(&b), std::slice::from_ref(&a));
         assert!((psnr.unwrap() - 20.0).abs() < 1e-5 && (worst - 51.0).abs() < 1e-5);
         assert_eq!(differences(std::slice::from_ref(&a), std::slice::from_ref(&a)), (None, 0.0));
-    }
-
-    #[test]
-    fn jitter_is_the_noise_over_the_time_between_events() {
-        // The figure of numerics 3.4: dvs346, 10 ms between events: 1.8e-3 Th, which is 17.6 us.
-        let sensor = Voltmeter::new(crate::sensor::voltmeter::Preset::Dvs346.k());
-        let reference: Vec<u64> = (0..100).collect();
-        let passed = Passed { reference, fed: Vec::new(), grey: 100.0 };
-        let jitter = Jitter::of(&sensor, &passed, 1.0).unwrap();
-        assert!((jitter.interval_us - 1e4).abs() < 1e-6);
-        assert!((1.5e-3..2.2e-3).contains(&jitter.rms_th), "{jitter:?}");
-        assert!((jitter.us / 1e4 - jitter.rms_th).abs() < 1e-12);
-        let none = Passed { reference: Vec::new(), fed: Vec::new(), grey: 100.0 };
-        assert_eq!(Jitter::of(&sensor, &none, 1.0), None);
     }
 }

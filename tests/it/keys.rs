@@ -97,6 +97,12 @@ fn table() -> Vec<(&'static str, Value, Vec<&'static str>)> {
         ("/trajectories/0/speed", json!({ "list": { "multipliers": [1, 2] } }), vec![TRAJECTORY]),
         ("/sampling/rate", json!(1200), vec![TRAJECTORY]),
         ("/sampling/law", json!("integral"), vec![TRAJECTORY]),
+        // The law is written: a tolerance needs the integral.
+        (
+            "/sampling",
+            json!({ "rate": 2400, "between": "linear", "law": "integral", "tolerance": 0.03 }),
+            vec![EVENTS, TRAJECTORY],
+        ),
         ("/render/rules", json!("exact"), of_rendering.clone()),
         ("/render/antialiased", json!(true), of_rendering.clone()),
         ("/render/background/1", json!(0.5), of_rendering),

@@ -50,6 +50,7 @@ mod stress;
 mod study;
 mod support;
 mod tidy;
+mod tolerance;
 mod trajectories;
 mod trajectory_verb;
 mod tree;

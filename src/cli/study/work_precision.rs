@@ -12,16 +12,16 @@ use crate::frames::rendered::RenderedFrames;
 use crate::render::backend::Backend;
 use crate::render::flow::Meter;
 use crate::render::{Channels, Layering, Rules, Style, Velocity, View};
+use crate::sampling::path::Path;
 use crate::scene::Gaussians;
 use crate::seed::{Purpose, Seed};
 use crate::sensor::noise::HotPixels;
 use crate::sensor::voltmeter::{Between, Gain, Law, Voltmeter};
 use crate::study::work_precision::grid::Grid;
 use crate::study::work_precision::pass::{Setup, pass};
-use crate::study::work_precision::path::Path;
 use crate::study::work_precision::pick::Measure;
 use crate::study::work_precision::{
-    Costs, Jitter, OfRules, Picture, Row, Study, chart, differences, floor, judge, report,
+    Costs, OfRules, Picture, Row, Study, chart, differences, floor, judge, report,
 };
 use crate::trajectory::Trajectory;
 use crate::units::{Hertz, Ratio};
@@ -454,7 +454,7 @@ impl Lab<'_> {
             reference: passed.reference.len(),
             fit,
             last_order,
-            jitter: Jitter::of(&self.own, &passed, window.seconds()),
+            jitter: passed.jitter(&self.own, window.seconds()),
             costs,
         };
         Ok((of, rows))

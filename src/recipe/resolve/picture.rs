@@ -56,10 +56,10 @@ impl Resolver<'_> {
         Some(Some([fx?, fy?, cx?, cy?]))
     }
 
-    pub(super) fn render(&self, field: &Field<schema::Render>) -> Option<RenderChoice> {
+    pub(super) fn render(&self, field: &Field<schema::Render>, usual: schema::Rules) -> Option<RenderChoice> {
         let absent = schema::Render::default();
         let raw = self.section(field, &absent)?;
-        let rules = self.or(&raw.rules, schema::Rules::Official);
+        let rules = self.or(&raw.rules, usual);
         let order = self.layering(&raw.order, rules);
         let antialiased = self.or(&raw.antialiased, schema::Antialiased::Auto);
         let background = self.background(&raw.background);

@@ -26,16 +26,6 @@ const K: [Range; 6] = [
 ];
 
 impl Resolver<'_> {
-    pub(super) fn between(&self, field: &Field<schema::Sampling>) -> Option<Between> {
-        let absent = schema::Sampling::default();
-        match &self.section(field, &absent)?.between {
-            Field::Absent | Field::Given(schema::Between::Linear, _) => Some(Between::Linear),
-            Field::Given(schema::Between::Catmull, _) => Some(Between::Catmull),
-            Field::Given(schema::Between::Hermite, _) => Some(Between::Hermite),
-            Field::Bad => None,
-        }
-    }
-
     /// The one sensor, or several by name.
     pub(super) fn sensors(
         &self,

@@ -23,7 +23,7 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
         poses: stamps.len(),
         duration_us: stamps.last().copied().unwrap_or(0),
         rate: recipe.rate.0.to_string(),
-        sampling: json!({ "rate": recipe.rate.0.to_string(), "between": between(recipe) }),
+        sampling: sampling(recipe, built.simulation()),
         render_rules: render_rules(recipe.render, built.simulation()),
         sensor: the_one(built).map(|(simulation, stream)| sensor(simulation, stream)),
         sensors: sensors(built),
@@ -32,9 +32,16 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
     }
 }
 
-/// How brightness was taken between frames, as the recipe says in full.
-fn between(recipe: &Recipe) -> Value {
-    recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default()
+/// Frames a second, and how brightness was taken between frames, as the recipe says in full; for a tolerance what was chosen,
+/// and the error that was foreseen and found.
+fn sampling(recipe: &Recipe, simulation: Option<&Simulation>) -> Value {
+    let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
+    let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
+    if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
+        out.insert("between".into(), json!(chosen.between));
+        out.insert("tolerance".into(), json!(chosen));
+    }
+    out
 }
 
 /// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would

@@ -1,11 +1,12 @@
 //! One pass over the fine frames of a rule set, from which every setting is fed.
 
 use super::Spent;
-use super::errors::Packed;
+use super::errors::{Packed, active_pixels};
 use super::grid::Grid;
 use super::voltage::{Seen, Voltages};
 use crate::frames::{Frame, Frames};
 use crate::image::Size;
+use crate::sampling::jitter::Jitter;
 use crate::seed::Seed;
 use crate::sensor::voltmeter::{Between, Voltmeter};
 use crate::sensor::{Model as _, Pixels, SensorError, SimulateError};
@@ -49,6 +50,15 @@ pub struct Passed {
     pub fed: Vec<Fed>,
     /// Mean luminance of the first frame, grey.
     pub grey: f64,
+}
+
+impl Passed {
+    /// What noise a sensor of this window would do to the reference's times; `None` where no event is.
+    #[must_use]
+    pub fn jitter(&self, sensor: &Voltmeter, seconds: f64) -> Option<Jitter> {
+        let counts = [self.reference.len(), active_pixels(&self.reference)].map(|n| n as u64);
+        Jitter::of(sensor, self.grey, counts, seconds)
+    }
 }
 
 /// Feeds the settings from fine frames that have rates. `clock` says what was spent so far; `tap` is called after each

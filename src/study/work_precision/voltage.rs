@@ -1,6 +1,7 @@
 //! How far brightness between frames is from what is rendered there: the signal's own error, before any event.
 
 use crate::frames::Frame;
+use crate::sampling::between::{Knot, value};
 use crate::sensor::voltmeter::Between;
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -23,6 +24,10 @@ impl Seen {
             rate.pixels().iter().zip(luminance).map(|(rate, l)| f64::from(*rate) / level(l)).collect()
         });
         Self { seconds: frame.t.seconds(), v, rate }
+    }
+
+    fn knot(&self, i: usize) -> Knot {
+        Knot { seconds: self.seconds, v: self.v[i], slope: self.rate.get(i).copied().unwrap_or(0.0) }
     }
 }
 
@@ -67,48 +72,18 @@ impl Voltages {
         self.window[3] = after;
         let [before, Some(from), Some(to), after] = &self.window else { return };
         let Some(middle) = self.middles.pop_front() else { return };
-        let interval = Interval { before: before.as_deref(), from, to, after: after.as_deref() };
-        let s = (middle.seconds - from.seconds) / (to.seconds - from.seconds);
         for (sum, between) in self.sums.iter_mut().zip(&self.between) {
             let squares: Vec<f64> = (0..from.v.len())
                 .into_par_iter()
-                .map(|i| interval.value(*between, i, s) - middle.v[i])
+                .map(|i| {
+                    let outer = [before, after].map(|seen| seen.as_ref().map(|seen| seen.knot(i)));
+                    value(*between, outer, [from.knot(i), to.knot(i)], middle.seconds) - middle.v[i]
+                })
                 .map(|error| error * error)
                 .collect();
             *sum += squares.iter().sum::<f64>();
         }
         self.count += from.v.len();
-    }
-}
-
-struct Interval<'a> {
-    before: Option<&'a Seen>,
-    from: &'a Seen,
-    to: &'a Seen,
-    after: Option<&'a Seen>,
-}
-
-impl Interval<'_> {
-    /// `V` of pixel `i` at a share of the interval (`numerics.md` 3.1).
-    fn value(&self, between: Between, i: usize, s: f64) -> f64 {
-        let h = self.to.seconds - self.from.seconds;
-        let (v0, rise) = (self.from.v[i], self.to.v[i] - self.from.v[i]);
-        let slopes = match between {
-            Between::Linear => return v0 + s * rise,
-            Between::Hermite => [self.from.rate[i], self.to.rate[i]],
-            Between::Catmull => [self.slope(self.before, i, rise / h), self.slope(self.after, i, rise / h)],
-        };
-        let [a, b] = slopes.map(|m| m * h);
-        v0 + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
-    }
-
-    /// The slope at the end towards `beyond`: the secants on both sides, each weighted by the other's length.
-    fn slope(&self, beyond: Option<&Seen>, i: usize, own: f64) -> f64 {
-        let Some(beyond) = beyond else { return own };
-        let end = if beyond.seconds < self.from.seconds { self.from } else { self.to };
-        let (h, other) = (self.to.seconds - self.from.seconds, (beyond.seconds - end.seconds).abs());
-        let secant = (beyond.v[i] - end.v[i]) / (beyond.seconds - end.seconds);
-        (secant * h + own * other) / (h + other)
     }
 }
 

@@ -21,6 +21,7 @@ const ORDER: &[&str] = &[
     "frames",
     "event",
     "sensor",
+    "sampling",
     "reconstruct",
     "check",
     "licence",

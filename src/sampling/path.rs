@@ -4,6 +4,7 @@ use crate::render::Velocity;
 use crate::se3::Se3;
 use crate::se3::rotation_spline::Unsettled;
 use crate::se3::spline::Place;
+use crate::trajectory::Trajectory;
 use crate::trajectory::curve::{Cubic, PoseCurve as _};
 
 /// The C2 spline over time through the poses of a trajectory.
@@ -42,6 +43,15 @@ impl Path {
         let (pose, twist) = (self.curve.pose(at), self.curve.twist(at));
         let linear = pose.rotation.conjugate() * twist.linear;
         (pose, Velocity { linear, angular: twist.angular })
+    }
+
+    /// Poses and motion at these microseconds after the first pose; what lies beyond the last pose, whose stamp is rounded,
+    /// is where that is.
+    #[must_use]
+    pub fn sampled(&self, moments_us: &[i64]) -> (Trajectory, Vec<Velocity>) {
+        let at = |us: &i64| self.at((*us as f64 * 1e-6).min(self.seconds()));
+        let (world_from_camera, velocities) = moments_us.iter().map(at).unzip();
+        (Trajectory { world_from_camera, stamps_us: moments_us.to_vec() }, velocities)
     }
 }
 

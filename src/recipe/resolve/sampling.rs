@@ -1,0 +1,76 @@
+//! When frames are rendered: at a rate, or for an error.
+
+use super::Resolver;
+use super::number::Range;
+use crate::recipe::field::Field;
+use crate::recipe::problem::Problem;
+use crate::recipe::schema;
+use crate::sampling::Tolerance;
+use crate::sensor::voltmeter::{Between, Law};
+use crate::sensor::{Sensor, Sensors};
+use crate::trajectory::sample::Summation;
+use crate::units::Hertz;
+
+/// Most frames a second: stamps are whole microseconds and must increase.
+const MAX_RATE: f64 = 1e6;
+
+/// Errors that are asked for, thresholds: beyond one threshold events come and go.
+const TOLERANCE: Range = Range::above(0.0, 1.0);
+
+impl Resolver<'_> {
+    pub(super) fn rate(&self, field: &Field<schema::Sampling>) -> Option<Hertz> {
+        let absent = schema::Sampling::default();
+        let raw = self.section(field, &absent)?;
+        self.ratio(&raw.rate, 2400, Range::above(0.0, MAX_RATE)).map(Hertz)
+    }
+
+    /// How speed laws are summed: as the paper does, or by their integral, which knows speeds between the poses too and which
+    /// a tolerance needs.
+    pub(super) fn summation(&self, field: &Field<schema::Sampling>) -> Option<Summation> {
+        let absent = schema::Sampling::default();
+        let raw = self.section(field, &absent)?;
+        match (raw.law.given(), raw.tolerance.is_absent()) {
+            (Some((schema::Summation::Sum, at)), false) => {
+                let found =
+                    "is sum, which says nothing of speeds between the poses, where tolerance puts frames";
+                self.refuse(Problem::of_field(found).help("write law: integral, or leave it out").at(at))
+            }
+            (Some((schema::Summation::Integral, _)), _) | (None, false) => Some(Summation::Integral),
+            (Some((schema::Summation::Sum, _)), true) => Some(Summation::Sum),
+            (None, true) => raw.law.is_absent().then_some(Summation::Sum),
+        }
+    }
+
+    /// As the recipe has it; of a tolerance, which finds its own, `linear` where the recipe has none.
+    pub(super) fn between(&self, field: &Field<schema::Sampling>) -> Option<Between> {
+        let absent = schema::Sampling::default();
+        match &self.section(field, &absent)?.between {
+            Field::Absent | Field::Given(schema::Between::Linear, _) => Some(Between::Linear),
+            Field::Given(schema::Between::Catmull, _) => Some(Between::Catmull),
+            Field::Given(schema::Between::Hermite, _) => Some(Between::Hermite),
+            Field::Bad => None,
+        }
+    }
+
+    /// The error that frames are chosen for, where the recipe has one; it is that of the law `exact`.
+    pub(super) fn tolerance(
+        &self,
+        field: &Field<schema::Sampling>,
+        sensors: Option<&Sensors>,
+    ) -> Option<Option<Tolerance>> {
+        let absent = schema::Sampling::default();
+        let raw = self.section(field, &absent)?;
+        let Some((_, place)) = raw.tolerance.given() else {
+            return raw.tolerance.is_absent().then_some(None);
+        };
+        let rms = self.real(&raw.tolerance, 0.0, TOLERANCE)?;
+        let exact = |sensor: &Sensor| matches!(sensor, Sensor::Voltmeter(v) if v.law == Law::Exact);
+        if sensors?.iter().any(|(_, sensor)| !exact(sensor)) {
+            let problem =
+                Problem::of_key("is an error of the sensor voltmeter by the law exact, and of no other");
+            return self.refuse(problem.help("leave it out, and write a rate").at(place));
+        }
+        let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };
+        Some(Some(Tolerance { rms, between }))
+    }
+}

@@ -1,0 +1,85 @@
+//! Brightness between frames, `V = ln(L + k2)` of one pixel at a time (`numerics.md` 3.1): what the sensor goes by, written
+//! for questions about single moments.
+
+use crate::sensor::voltmeter::Between;
+
+/// What is known of a pixel at a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Knot {
+    /// When, s.
+    pub seconds: f64,
+    /// `V` there.
+    pub v: f64,
+    /// Its slope, 1/s; looked at by [`Between::Hermite`] alone.
+    pub slope: f64,
+}
+
+/// `V` of a pixel between two frames, `at` these seconds; `outer` are the frames before and after them, which
+/// [`Between::Catmull`] takes its slopes from, where there are any.
+#[must_use]
+pub fn value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], at: f64) -> f64 {
+    let h = to.seconds - from.seconds;
+    let s = (at - from.seconds) / h;
+    let rise = to.v - from.v;
+    let slopes = match between {
+        Between::Linear => return from.v + s * rise,
+        Between::Hermite => [from.slope, to.slope],
+        Between::Catmull => [slope(outer[0], from, rise / h, h), slope(outer[1], to, rise / h, h)],
+    };
+    let [a, b] = slopes.map(|m| m * h);
+    from.v + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
+}
+
+/// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by the other's length.
+fn slope(beyond: Option<Knot>, end: Knot, own: f64, h: f64) -> f64 {
+    let Some(beyond) = beyond else { return own };
+    let secant = (beyond.v - end.v) / (beyond.seconds - end.seconds);
+    let other = (beyond.seconds - end.seconds).abs();
+    (secant * h + own * other) / (h + other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
+
+    /// How far each method is from a signal, given as value and slope, in the middle of the second of three intervals.
+    fn misses(times: [f64; 4], signal: impl Fn(f64) -> (f64, f64)) -> [f64; 3] {
+        let knot = |seconds: f64| {
+            let (v, slope) = signal(seconds);
+            Knot { seconds, v, slope }
+        };
+        let middle = f64::midpoint(times[1], times[2]);
+        let [before, from, to, after] = times.map(knot);
+        ALL.map(|between| value(between, [Some(before), Some(after)], [from, to], middle) - signal(middle).0)
+    }
+
+    #[test]
+    fn a_parabola_misses_a_line_by_h_squared_over_eight_of_its_bend() {
+        let (q, h) = (2000.0, 2e-3);
+        let parabola = |t: f64| (4.5 + q * t * t - 8.0 * t, 2.0 * q * t - 8.0);
+        let [linear, catmull, hermite] = misses([0.0, h, 2.0 * h, 3.0 * h], parabola);
+        assert!((linear - q * h * h / 4.0).abs() < 1e-12, "{linear}");
+        assert!(catmull.abs() < 1e-12 && hermite.abs() < 1e-12, "{catmull} {hermite}");
+        // Uneven steps are weighed so that a parabola is still met.
+        let [_, catmull, _] = misses([0.0, h, 4.0 * h, 4.5 * h], parabola);
+        assert!(catmull.abs() < 1e-12, "{catmull}");
+    }
+
+    #[test]
+    fn at_an_end_the_slope_is_the_secant() {
+        // Of a parabola the one-sided slope is off by q h, the middle by q h^2/8.
+        let (q, h) = (2000.0, 2e-3);
+        let knot = |t: f64| Knot { seconds: t, v: q * t * t, slope: 0.0 };
+        let found = value(Between::Catmull, [None, Some(knot(2.0 * h))], [knot(0.0), knot(h)], h / 2.0);
+        assert!((found - q * h * h / 4.0 - q * h * h / 8.0).abs() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn a_cubic_is_a_hermite_curves_own_at_uneven_steps() {
+        let cubic = |t: f64| (4.5 + 1e5 * t * t * t - 40.0 * t, 3e5 * t * t - 40.0);
+        let [linear, catmull, hermite] = misses([0.0, 1e-3, 4e-3, 9e-3], cubic);
+        assert!(hermite.abs() < 1e-12 && linear.abs() > 1e-3 && catmull.abs() > 1e-6, "{linear} {catmull}");
+    }
+}

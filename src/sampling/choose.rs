@@ -1,0 +1,422 @@
+//! Which frames meet a tolerance at least cost: a pilot on a few places of the path, and a check on others.
+
+use super::flow::Flow;
+use super::law::Law;
+use super::measure::{Interval, Scale, Viewer, measure};
+use super::{Candidate, Chosen, Tolerance};
+use crate::seed::{Cell, Seed, Space};
+use crate::sensor::voltmeter::Between;
+
+/// What `hermite` costs a frame, over a frame without its rate, by measurement of the CPU renderer.
+const RATED_COST: f64 = 1.4;
+/// Steps that the pilot tries, each a third of the one before: their stencils then share frames.
+const STEPS: i32 = 5;
+const RATIO: f64 = 3.0;
+/// The longest of them, px; a sixth of the path where that is less.
+const LONGEST_PX: f64 = 9.0;
+const LONGEST_SHARE: f64 = 1.0 / 6.0;
+/// The shortest, us.
+const SHORTEST_US: i64 = 20;
+/// Lengths of neighbouring steps that are taken for a ratio of 3, where flow or rounding makes it another.
+const ALIKE: f64 = 0.02;
+/// Places of the pilot: one for so many steps between poses, within these bounds.
+const STEPS_A_PLACE: usize = 100;
+const PLACES: [usize; 2] = [3, 8];
+/// Errors up to so many tolerances tell the law about it; but no fewer than so many steps.
+const FAR: f64 = 10.0;
+const FEWEST: usize = 3;
+/// How much of the tolerance the law may take up.
+const MARGIN: f64 = 0.8;
+/// Intervals that the choice is checked on, and the 95 % point of Student's t with one less.
+const HELD_OUT: usize = 12;
+const STUDENT_95: f64 = 1.795_885;
+/// How often a choice that fails may be made finer.
+const REFINEMENTS: u32 = 3;
+/// What a finer choice aims at, and the least and most it is finer by.
+const AIM: f64 = 0.9;
+const FINER: [f64; 2] = [0.25, 0.8];
+
+/// Why no frames meet a tolerance.
+#[derive(Debug, thiserror::Error)]
+pub enum ChooseError<E: std::error::Error + 'static> {
+    /// A frame cannot be had.
+    #[error(transparent)]
+    View(E),
+    /// The path is too short for a pilot.
+    #[error("the path is too short to try steps on: leave tolerance out, and choose a rate")]
+    Short,
+    /// Every method errs more at the finest step that was tried.
+    #[error(
+        "the tolerance of {wanted} thresholds is below what is reached here: {} at steps of {:.2} px err by {:.4}, \
+         {:.0} % of its square by jumps of the renderer; a tolerance of {:.4} can be met{advice}",
+        name(best.between), best.finest_px, best.finest, 100.0 * best.jumps, best.finest / MARGIN
+    )]
+    Below {
+        /// The tolerance.
+        wanted: f64,
+        /// The method that comes nearest.
+        best: Box<Candidate>,
+        /// What would help, as a clause of its own; or nothing.
+        advice: &'static str,
+    },
+    /// What was chosen fails where it is checked.
+    #[error(
+        "the tolerance of {wanted} thresholds is not met: {} steps of {step_px:.3} px err by {achieved:.4} on intervals \
+         that were held out, which the law of the pilot did not foresee",
+        name(*between)
+    )]
+    Missed {
+        /// The tolerance.
+        wanted: f64,
+        /// What was found last, thresholds.
+        achieved: f64,
+        /// Of this method.
+        between: Between,
+        /// And this step.
+        step_px: f64,
+    },
+}
+
+/// As recipes call it.
+fn name(between: Between) -> &'static str {
+    match between {
+        Between::Linear => "linear",
+        Between::Catmull => "catmull",
+        Between::Hermite => "hermite",
+    }
+}
+
+/// What is asked and what it is asked of.
+#[derive(Debug, Clone, Copy)]
+pub struct Question<'a> {
+    /// The error.
+    pub tolerance: Tolerance,
+    /// How fast the picture moves.
+    pub flow: &'a Flow,
+    /// Steps between poses of the path.
+    pub intervals: usize,
+    /// The sensors.
+    pub scales: &'a [Scale],
+    /// The methods that they all know.
+    pub between: &'a [Between],
+    /// What places are drawn from.
+    pub seed: Seed,
+    /// What would lower the error that jumps make, as a clause of a sentence; or nothing.
+    pub advice: &'static str,
+}
+
+impl Question<'_> {
+    /// The cheapest frames that meet the tolerance, by the law of a pilot and by a check where it has not been.
+    ///
+    /// # Errors
+    /// When a frame cannot be had, or none meet it.
+    pub fn answer<V: Viewer<Error: std::error::Error + 'static>>(
+        &self,
+        viewer: &mut V,
+    ) -> Result<(Chosen, Vec<i64>), ChooseError<V::Error>> {
+        let wanted = self.tolerance.rms;
+        let (candidates, mut frames) = self.pilot(viewer)?;
+        let cost = |c: &Candidate| c.frames.map(|n| n as f64 * cost_of_frame(c.between));
+        let cheapest = candidates.iter().filter_map(|c| Some((c, cost(c)?, c.step_px?)));
+        let Some((best, _, mut step_px)) = cheapest.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+            let best = candidates.into_iter().min_by(|a, b| a.finest.total_cmp(&b.finest));
+            let best = Box::new(best.ok_or(ChooseError::Short)?);
+            let advice = if best.jumps > 0.5 { self.advice } else { "" };
+            return Err(ChooseError::Below { wanted, best, advice });
+        };
+        let (between, law) = (best.between, best.law);
+        for refinements in 0..=REFINEMENTS {
+            let moments = self.flow.steps(step_px);
+            let checked = self.check(viewer, &moments, between)?;
+            frames += checked.frames;
+            if checked.bound <= wanted {
+                let chosen = Chosen {
+                    tolerance: wanted,
+                    between,
+                    step_px,
+                    frames: moments.len(),
+                    predicted: law.error(step_px),
+                    achieved: checked.rms,
+                    bound_95: checked.bound,
+                    held_out: checked.intervals,
+                    refinements,
+                    pilot_frames: frames,
+                    candidates,
+                };
+                return Ok((chosen, moments));
+            }
+            if refinements == REFINEMENTS {
+                let achieved = checked.rms;
+                return Err(ChooseError::Missed { wanted, achieved, between, step_px });
+            }
+            let less = libm::pow(AIM * wanted / checked.bound, 1.0 / law.order(step_px));
+            step_px *= less.clamp(FINER[0], FINER[1]);
+        }
+        unreachable!("the last refinement is accepted or refused")
+    }
+
+    /// What each method needs, by the law of its errors at a few places; and how many frames that took.
+    fn pilot<V: Viewer<Error: std::error::Error + 'static>>(
+        &self,
+        viewer: &mut V,
+    ) -> Result<(Vec<Candidate>, usize), ChooseError<V::Error>> {
+        let longest = LONGEST_PX.min(LONGEST_SHARE * self.flow.total_px());
+        if longest <= 0.0 {
+            // Nothing moves: every method is right, and the fewest steps are enough.
+            let frames = self.flow.steps(LONGEST_PX).len();
+            let still = self.between.iter().map(|between| Candidate::still(*between, LONGEST_PX, frames));
+            return Ok((still.collect(), 0));
+        }
+        let steps: Vec<f64> = (0..STEPS).map(|k| longest / libm::pow(RATIO, f64::from(k))).collect();
+        let mut tried: Vec<(usize, Interval)> = Vec::new();
+        for place in self.places() {
+            tried.extend(self.stencils(place, &steps));
+        }
+        let intervals: Vec<Interval> = tried.iter().map(|(_, interval)| *interval).collect();
+        let measured = measure(viewer, self.scales, &intervals, self.between).map_err(ChooseError::View)?;
+        let mut candidates = Vec::new();
+        for (method, between) in self.between.iter().enumerate() {
+            // The root of the mean over places, at each step that some place has.
+            let points = steps.iter().enumerate().filter_map(|(number, px)| {
+                let squares = tried.iter().zip(&measured.squares).filter(|((k, _), _)| *k == number);
+                let squares: Vec<f64> = squares.map(|(_, squares)| squares[method]).collect();
+                let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+                (!squares.is_empty()).then(|| (*px, mean.sqrt()))
+            });
+            candidates.extend(self.candidate(*between, &points.collect::<Vec<_>>()));
+        }
+        if candidates.is_empty() { Err(ChooseError::Short) } else { Ok((candidates, measured.frames)) }
+    }
+
+    /// A method by its errors at steps in px, the longest first; `None` of too few.
+    fn candidate(&self, between: Between, points: &[(f64, f64)]) -> Option<Candidate> {
+        let near = points.iter().take_while(|(_, e)| *e > FAR * self.tolerance.rms).count();
+        let law = Law::through(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
+        let (finest_px, _) = *points.last()?;
+        let step_px = law.step(MARGIN * self.tolerance.rms, [finest_px, points[0].0]);
+        Some(Candidate {
+            between,
+            law,
+            finest_px,
+            finest: law.error(finest_px),
+            jumps: law.share_of_jumps(step_px.unwrap_or(finest_px)),
+            step_px,
+            frames: step_px.map(|px| self.flow.steps(px).len()),
+        })
+    }
+
+    /// The moments of the pilot, us: near the start, in the fastest part, and drawn from equal shares of the way.
+    fn places(&self) -> Vec<f64> {
+        let count = (self.intervals / STEPS_A_PLACE).clamp(PLACES[0], PLACES[1]);
+        let mut draws = self.seed.draws(CHOICE, Space::Choice);
+        let drawn = (0..count - 2).map(|k| (k as f64 + draws.uniform()) / (count - 2) as f64);
+        let drawn: Vec<f64> = drawn.map(|share| self.flow.past_us(share)).collect();
+        [0.0, self.flow.fastest_us()].into_iter().chain(drawn).collect()
+    }
+
+    /// The intervals about a place in which the picture moves this far, of those for which the path has room, with the
+    /// number of their step; the finest first, so that frames are let go early.
+    fn stencils(&self, place: f64, steps: &[f64]) -> Vec<(usize, Interval)> {
+        let end = self.flow.end_us();
+        // Where the longest step has no room, the place gives way.
+        let room = 1.5 * self.flow.length_about(place, steps[0]);
+        let place = if 2.0 * room < end as f64 { place.clamp(room, end as f64 - room) } else { place };
+        #[expect(clippy::cast_possible_truncation, reason = "a path ends within 2^53 us")]
+        let (center, mut found, mut shorter) = (place as i64, Vec::new(), None);
+        for (number, px) in steps.iter().enumerate().rev() {
+            let wanted = self.flow.length_about(place, *px);
+            let tripled = shorter.map(|h: i64| 3 * h).filter(|h| (*h as f64 / wanted - 1.0).abs() < ALIKE);
+            #[expect(clippy::cast_possible_truncation, reason = "a path ends within 2^53 us")]
+            let h = tripled.unwrap_or(2 * (wanted / 2.0 + 0.5) as i64);
+            if h < SHORTEST_US {
+                continue;
+            }
+            shorter = Some(h);
+            let [before, from, to, after] = [-3, -1, 1, 3].map(|k| center + k * h / 2);
+            if before >= 0 && after <= end {
+                found.push((number, Interval { ends: [from, to], outer: [Some(before), Some(after)] }));
+            }
+        }
+        found
+    }
+
+    /// The error of a choice on some of its own intervals.
+    fn check<V: Viewer<Error: std::error::Error + 'static>>(
+        &self,
+        viewer: &mut V,
+        moments: &[i64],
+        between: Between,
+    ) -> Result<Checked, ChooseError<V::Error>> {
+        let all = moments.len() - 1;
+        let count = all.min(HELD_OUT);
+        let mut draws = self.seed.draws(Cell { index: CHOICE.index + 1, ..CHOICE }, Space::Choice);
+        let intervals: Vec<Interval> = (0..count)
+            .map(|k| {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below `all`")]
+                let j = ((k as f64 + draws.uniform()) * all as f64 / count as f64) as usize;
+                let outer = [j.checked_sub(1), Some(j + 2)].map(|j| moments.get(j?).copied());
+                Interval { ends: [moments[j], moments[j + 1]], outer }
+            })
+            .collect();
+        let measured = measure(viewer, self.scales, &intervals, &[between]).map_err(ChooseError::View)?;
+        let squares: Vec<f64> = measured.squares.iter().map(|squares| squares[0]).collect();
+        Ok(Checked::of(&squares, count == all, measured.frames))
+    }
+}
+
+/// Where the draws of places are; those of the check are next to it.
+const CHOICE: Cell = Cell { x: 0, y: 0, level: 0, index: 1 };
+
+fn cost_of_frame(between: Between) -> f64 {
+    if between == Between::Hermite { RATED_COST } else { 1.0 }
+}
+
+/// What a check found.
+struct Checked {
+    rms: f64,
+    /// With 95 % confidence the error of all intervals is no larger.
+    bound: f64,
+    intervals: usize,
+    frames: usize,
+}
+
+impl Checked {
+    /// Of squared errors; of `all` intervals nothing is left to doubt.
+    fn of(squares: &[f64], all: bool, frames: usize) -> Self {
+        let n = squares.len() as f64;
+        let mean = squares.iter().sum::<f64>() / n;
+        let variance = squares.iter().map(|s| (s - mean) * (s - mean)).sum::<f64>() / (n - 1.0).max(1.0);
+        let doubt = if all { 0.0 } else { STUDENT_95 * (variance / n).sqrt() };
+        Self { rms: mean.sqrt(), bound: (mean + doubt).sqrt(), intervals: squares.len(), frames }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::measure::planted::{K2, Planted};
+    use super::*;
+    use crate::image::Size;
+
+    const SIZE: Size = Size { width: 16, height: 8 };
+    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
+    const SCALE: Scale = Scale { front_end: 0, k2: K2, thresholds: 5.0 };
+    /// Of the planted waves: amplitude, and radians for each px of way.
+    const A: f64 = 0.5;
+    const K: f64 = 0.2;
+    /// Way of the picture in a second, px.
+    const PX_S: f64 = 400.0;
+
+    /// Waves that pass by: every pixel at another phase.
+    fn waves(i: usize, t: f64) -> (f64, f64) {
+        let phase = K * PX_S * t + i as f64 * std::f64::consts::TAU / SIZE.pixels() as f64;
+        (4.0 + A * libm::sin(phase), A * K * PX_S * libm::cos(phase))
+    }
+
+    fn flow() -> Flow {
+        Flow::planted(vec![PX_S; 100], 500_000)
+    }
+
+    fn question<'a>(rms: f64, flow: &'a Flow, between: &'a [Between]) -> Question<'a> {
+        let tolerance = Tolerance { rms, between: None };
+        let advice = "; try something else";
+        Question { tolerance, flow, intervals: 400, scales: &[SCALE], between, seed: Seed(7), advice }
+    }
+
+    /// In the middle of a step of `h` px the chord of a sine misses `1 - cos(K h / 2)` of it, and over all phases the root
+    /// of the mean square of a sine is its amplitude over the root of 2.
+    fn missed_by_a_line(h: f64) -> f64 {
+        5.0 * A / std::f64::consts::SQRT_2 * (1.0 - libm::cos(K * h / 2.0))
+    }
+
+    #[test]
+    fn a_line_needs_the_step_that_its_error_says() {
+        let flow = flow();
+        let question = question(0.03, &flow, &ALL[..1]);
+        let (chosen, moments) = question.answer(&mut Planted::new(SIZE, waves)).unwrap();
+        // Four fifths of the tolerance; the law is a power of h where the truth is a cosine, and steps are whole microseconds.
+        assert!((missed_by_a_line(chosen.step_px) / 0.024 - 1.0).abs() < 0.01, "{chosen:?}");
+        assert!((chosen.achieved / 0.024 - 1.0).abs() < 0.02 && chosen.bound_95 <= 0.03, "{chosen:?}");
+        assert_eq!((chosen.frames, chosen.refinements), (moments.len(), 0));
+        let px = PX_S * 1e-6 * (moments[1] - moments[0]) as f64;
+        assert!((px / chosen.step_px - 1.0).abs() < 1e-3, "{px} {chosen:?}");
+        assert_eq!((moments[0], *moments.last().unwrap()), (0, 500_000));
+    }
+
+    #[test]
+    fn the_cheapest_method_that_meets_it_is_taken() {
+        let flow = flow();
+        let question = question(0.003, &flow, &ALL);
+        let (chosen, _) = question.answer(&mut Planted::new(SIZE, waves)).unwrap();
+        let cost = |c: &Candidate| c.frames.unwrap() as f64 * cost_of_frame(c.between);
+        let least = chosen.candidates.iter().map(cost).fold(f64::INFINITY, f64::min);
+        let own = chosen.candidates.iter().find(|c| c.between == chosen.between).unwrap();
+        assert!((cost(own) - least).abs() < 1e-9 && chosen.between == Between::Hermite, "{chosen:?}");
+        assert!(chosen.bound_95 <= 0.003 && chosen.candidates.len() == 3);
+        // Orders of the three on a smooth signal.
+        for (candidate, order) in chosen.candidates.iter().zip([2.0, 4.0, 4.0]) {
+            assert!((candidate.law.p - order).abs() < 0.15, "{candidate:?}");
+        }
+    }
+
+    /// Waves, and pixels that jump to and fro by 0.1 each 0.75 px of way.
+    fn jumping(i: usize, t: f64) -> (f64, f64) {
+        let (v, slope) = waves(i, t);
+        let way = PX_S * t / 0.75 + i as f64 * 0.37;
+        (v + if libm::fmod(way, 2.0) < 1.0 { 0.1 } else { 0.0 }, slope)
+    }
+
+    #[test]
+    fn what_jumps_leave_is_refused_with_what_can_be_reached() {
+        let flow = flow();
+        let asked = question(0.003, &flow, &ALL);
+        let Err(ChooseError::Below { wanted, best, advice }) = asked.answer(&mut Planted::new(SIZE, jumping))
+        else {
+            panic!("it should have been refused")
+        };
+        // At steps of 1/9 px a seventh of the pixels jump within one, by half a threshold, half of which the middle misses.
+        let jumps = (0.25 * 0.25 * (1.0 / 9.0) / 0.75_f64).sqrt();
+        assert!((best.finest / jumps - 1.0).abs() < 0.3, "{best:?} {jumps}");
+        assert_eq!((wanted, advice), (0.003, "; try something else"));
+        assert!(best.jumps > 0.9);
+        let told = asked.answer(&mut Planted::new(SIZE, jumping)).unwrap_err().to_string();
+        assert!(
+            told.starts_with("the tolerance of 0.003 thresholds is below what is reached here:"),
+            "{told}"
+        );
+        assert!(told.ends_with("can be met; try something else"), "{told}");
+    }
+
+    /// Twice as fine waves in a part of the way that no place of the pilot is in.
+    #[test]
+    fn a_choice_that_fails_elsewhere_is_made_finer() {
+        let flow = flow();
+        let question = question(0.03, &flow, &ALL[..1]);
+        let places = question.places();
+        let calm = |t: f64| places.iter().any(|place| (place - 1e6 * t).abs() < 30_000.0);
+        let signal = |i: usize, t: f64| if calm(t) { waves(i, t) } else { waves(i, 2.0 * t) };
+        let (chosen, _) = question.answer(&mut Planted::new(SIZE, signal)).unwrap();
+        assert!(chosen.refinements > 0 && chosen.bound_95 <= 0.03, "{chosen:?}");
+        assert!(missed_by_a_line(2.0 * chosen.step_px) < 0.03, "{chosen:?}");
+    }
+
+    #[test]
+    fn a_picture_that_stands_still_needs_the_fewest_frames() {
+        let still = Flow::planted(vec![0.0; 64], 90_000);
+        let question = question(0.001, &still, &ALL);
+        let mut viewer = Planted::new(SIZE, |i, _| (4.0 + 0.01 * i as f64, 0.0));
+        let (chosen, moments) = question.answer(&mut viewer).unwrap();
+        assert_eq!((chosen.between, moments.len()), (Between::Linear, 9));
+        assert!(chosen.achieved < 1e-5);
+    }
+
+    #[test]
+    fn the_bound_is_students() {
+        let squares: Vec<f64> = (0..12).map(|k| 1.0 + 0.1 * f64::from(k)).collect();
+        let checked = Checked::of(&squares, false, 0);
+        // Mean 1.55, variance 0.13: 1.55 + 1.795885 sqrt(0.13 / 12).
+        assert!((checked.rms - 1.55_f64.sqrt()).abs() < 1e-12);
+        assert!((checked.bound * checked.bound - 1.736_922).abs() < 1e-6, "{}", checked.bound);
+        let all = Checked::of(&squares, true, 0);
+        assert!((all.bound - all.rms).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,245 @@
+//! How fast the picture moves along a path, and moments between which it moves equally far.
+//!
+//! The path is known, so a step goes by the highest flow within it (`numerics.md` 3.4), never only by that where it
+//! begins. Depth is rendered at a few places; the flow between them follows from it and from how the camera moves there, so
+//! that a burst between two places is seen.
+
+use super::path::Path;
+use crate::camera::Camera;
+use crate::image::{Image, Size};
+use crate::render::flow::{nearest_ranks, rates};
+use crate::render::{Channels, RenderError, Rendered, Renderer, View};
+use rayon::prelude::*;
+
+/// Parts of a path, each with one flow: as many as steps between its poses, within these bounds.
+const PARTS: [usize; 2] = [64, 2048];
+/// Places at which depth is rendered: one for so many parts, within these bounds.
+const PARTS_A_PLACE: usize = 64;
+const PLACES: [usize; 2] = [9, 33];
+/// Width of the depth images, px: a quantile over their pixels is all that is asked.
+const WIDTH: u32 = 40;
+/// A moment's flow is one that so many percent of the pixels do not exceed.
+const PERCENT: usize = 99;
+/// The shortest step: 50,000 frames a second.
+const SHORTEST_US: i64 = 20;
+/// A path has no fewer steps than these, however slowly the picture moves.
+const FEWEST: i64 = 8;
+
+/// The flow along a path.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flow {
+    /// The highest in each of equal parts, px/s.
+    px_s: Vec<f64>,
+    end_us: i64,
+}
+
+impl Flow {
+    /// Measures what `camera` sees along a path that has `intervals` steps between its poses and ends at `end_us`. The
+    /// renderer may have been promised other poses: it is told otherwise.
+    ///
+    /// # Errors
+    /// Where a place cannot be rendered.
+    pub fn measure(
+        path: &Path,
+        (intervals, end_us): (usize, i64),
+        camera: Camera,
+        renderer: &mut dyn Renderer,
+    ) -> Result<Self, RenderError> {
+        let Size { width, height } = camera.size;
+        let columns = width.min(WIDTH);
+        let rows = (u64::from(height) * u64::from(columns)).div_ceil(u64::from(width));
+        let rows = u32::try_from(rows).unwrap_or(height);
+        let small = camera.resized(Size { width: columns, height: rows });
+        let pixels = f64::from(width) / f64::from(columns);
+        let parts = intervals.clamp(PARTS[0], PARTS[1]);
+        let places = (parts / PARTS_A_PLACE).clamp(PLACES[0], PLACES[1]);
+        let time = |share: f64| share * path.seconds();
+        let place = |k: usize| k as f64 / (places - 1) as f64;
+        renderer.keep_to(&small, &[]);
+        let (mut rendered, mut depths) = (Rendered::default(), Vec::with_capacity(places));
+        for k in 0..places {
+            let want = Channels { depth: true, ..Channels::default() };
+            renderer.render(&View::still(small, path.at(time(place(k))).0), want, &mut rendered)?;
+            depths.push(rendered.depth.take().expect("depth was asked for"));
+        }
+        // At both ends and in the middle of each part.
+        let moments: Vec<f64> = (0..=2 * parts)
+            .into_par_iter()
+            .map(|m| {
+                let share = m as f64 / (2 * parts) as f64;
+                let (world_from_camera, velocity) = path.at(time(share));
+                let view = View { camera: small, world_from_camera, velocity };
+                let nearest = ((m * (places - 1)) / (2 * parts)).min(places - 2);
+                pixels * quickest(&depths[nearest..=nearest + 1], &view)
+            })
+            .collect();
+        let highest = |part: usize| moments[2 * part..=2 * part + 2].iter().copied().fold(0.0, f64::max);
+        Ok(Self { px_s: (0..parts).map(highest).collect(), end_us })
+    }
+
+    /// Length of a part, us.
+    fn part_us(&self) -> f64 {
+        self.end_us as f64 / self.px_s.len() as f64
+    }
+
+    /// The highest flow between two moments, px/us.
+    fn highest(&self, from_us: f64, to_us: f64) -> f64 {
+        let part = |us: f64| us / self.part_us();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
+        let first = (part(from_us).max(0.0) as usize).min(self.px_s.len() - 1);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
+        let after = (libm::ceil(part(to_us)).max(0.0) as usize).clamp(first + 1, self.px_s.len());
+        1e-6 * self.px_s[first..after].iter().copied().fold(0.0, f64::max)
+    }
+
+    /// How far the picture moves from the first pose to the last, px.
+    #[must_use]
+    pub fn total_px(&self) -> f64 {
+        1e-6 * self.part_us() * self.px_s.iter().sum::<f64>()
+    }
+
+    /// The last moment, us.
+    #[must_use]
+    pub fn end_us(&self) -> i64 {
+        self.end_us
+    }
+
+    /// The middle of the fastest part, us.
+    #[must_use]
+    pub fn fastest_us(&self) -> f64 {
+        let highest = self.px_s.iter().copied().fold(0.0, f64::max);
+        let part = self.px_s.iter().position(|flow| *flow >= highest).unwrap_or(0);
+        (part as f64 + 0.5) * self.part_us()
+    }
+
+    /// When this share of the way is past, us.
+    #[must_use]
+    pub fn past_us(&self, share: f64) -> f64 {
+        let total: f64 = self.px_s.iter().sum();
+        if total <= 0.0 {
+            return share * self.end_us as f64;
+        }
+        let (mut before, wanted) = (0.0, share * total);
+        for (part, flow) in self.px_s.iter().enumerate() {
+            if before + flow >= wanted && *flow > 0.0 {
+                return (part as f64 + (wanted - before) / flow) * self.part_us();
+            }
+            before += flow;
+        }
+        self.end_us as f64
+    }
+
+    /// The length of the longest interval about a moment in which the picture moves `px` at most, us.
+    #[must_use]
+    pub fn length_about(&self, at_us: f64, px: f64) -> f64 {
+        let fits = |h: f64| h * self.highest(at_us - h / 2.0, at_us + h / 2.0) <= px;
+        let (mut low, mut high) = (0.0, 2.0 * self.end_us as f64);
+        for _ in 0..60 {
+            let middle = f64::midpoint(low, high);
+            if fits(middle) { low = middle } else { high = middle }
+        }
+        low
+    }
+
+    /// Moments from the first pose to the last, us, between which the picture moves `px` at most, as few as they may be:
+    /// but no nearer to each other than 20 us, and no fewer than eight steps.
+    #[must_use]
+    pub fn steps(&self, px: f64) -> Vec<i64> {
+        let longest = (self.end_us / FEWEST).max(1);
+        let mut moments = vec![0];
+        let mut at = 0;
+        while at < self.end_us {
+            let step = self.step_from(at, px).clamp(SHORTEST_US.min(longest), longest);
+            let left = self.end_us - at;
+            // What is left at the end is not left to a sliver.
+            at += if left <= step { left } else { step.min((left + 1) / 2) };
+            moments.push(at);
+        }
+        moments
+    }
+
+    /// The longest step from a moment on, whole us.
+    fn step_from(&self, at_us: i64, px: f64) -> i64 {
+        let (at, part) = (at_us as f64, self.part_us());
+        let mut highest = 0.0f64;
+        let mut end = at;
+        while end < self.end_us as f64 {
+            let next = (libm::floor(end / part + 1e-9) + 1.0) * part;
+            highest = highest.max(self.highest(end + 1e-3, next - 1e-3));
+            if highest * (next - at) > px {
+                // It ends in this part, or before its flow would make it too long.
+                end = end.max(at + px / highest);
+                break;
+            }
+            end = next;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "a path ends within 2^53 us")]
+        let step = (end - at) as i64;
+        step
+    }
+
+    #[cfg(test)]
+    pub(super) fn planted(px_s: Vec<f64>, end_us: i64) -> Self {
+        Self { px_s, end_us }
+    }
+}
+
+/// The flow of a moving camera, px/s of its own pixels, by the deeper knowledge of two depth images near its place: the
+/// higher of what they say.
+fn quickest(depths: &[Image<f32>], view: &View) -> f64 {
+    let of = |depth: &Image<f32>| {
+        let flow = rates(depth, view);
+        let speeds = flow.pixels().iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
+        nearest_ranks(speeds, [PERCENT]).map_or(0.0, |[speed]| f64::from(speed))
+    };
+    depths.iter().map(of).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 1 s: slow, then eight times as fast.
+    fn uneven() -> Flow {
+        Flow::planted((0..100).map(|part| if part < 50 { 100.0 } else { 800.0 }).collect(), 1_000_000)
+    }
+
+    #[test]
+    fn steps_go_by_the_highest_flow_within_them() {
+        let flow = uneven();
+        assert!((flow.total_px() - 450.0).abs() < 1e-9);
+        // 8 px: 80 ms of the slow part, 10 ms of the fast one; none reaches into the fast part that is too long for it.
+        let steps = flow.steps(8.0);
+        for pair in steps.windows(2) {
+            let highest = if pair[1] > 500_000 { 800.0 } else { 100.0 };
+            assert!(highest * (pair[1] - pair[0]) as f64 * 1e-6 <= 8.0 + 1e-9, "{pair:?}");
+        }
+        assert_eq!((steps[0], steps[1], *steps.last().unwrap()), (0, 80_000, 1_000_000));
+        // 6.25 slow steps of 80 ms, the seventh cut short, and 50 fast ones.
+        assert!((57..=60).contains(&(steps.len() - 1)), "{}", steps.len());
+        assert!(steps.windows(2).all(|pair| pair[1] - pair[0] > 4000), "no sliver: {steps:?}");
+    }
+
+    #[test]
+    fn steps_have_their_bounds() {
+        let still = Flow::planted(vec![0.0; 64], 90_000);
+        assert_eq!(still.steps(0.5).len(), 9);
+        assert!(still.total_px().abs() < 1e-12);
+        let racing = Flow::planted(vec![1e9; 64], 1000);
+        let steps = racing.steps(0.1);
+        assert!(steps.windows(2).all(|pair| pair[1] - pair[0] >= 10), "{steps:?}");
+        assert!((50..=52).contains(&steps.len()), "{}", steps.len());
+    }
+
+    #[test]
+    fn moments_and_lengths_are_found() {
+        let flow = uneven();
+        assert!((flow.fastest_us() - 505_000.0).abs() < 1e-6);
+        // 50 px of the slow half, 400 of the fast one: half of all is past 175 px into the fast one.
+        assert!((flow.past_us(0.5) - (500_000.0 + 175.0 / 800.0 * 1e6)).abs() < 1.0);
+        assert!((flow.length_about(250_000.0, 10.0) - 100_000.0).abs() < 1.0);
+        assert!((flow.length_about(750_000.0, 10.0) - 12_500.0).abs() < 1.0);
+        // About the edge the fast part rules: half of 12.5 ms lies before it.
+        assert!((flow.length_about(500_000.0, 10.0) - 12_500.0).abs() < 1.0);
+    }
+}

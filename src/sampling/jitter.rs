@@ -1,0 +1,91 @@
+//! What the sensor's own noise does to times: errors below it are lost in it.
+
+use crate::image::Image;
+use crate::sensor::Account;
+use crate::sensor::voltmeter::Voltmeter;
+use serde::Serialize;
+
+/// The noise between two events of a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Jitter {
+    /// Mean time between events of a pixel that has any, us.
+    pub interval_us: f64,
+    /// Deviation of the noise over this time, thresholds.
+    pub rms_th: f64,
+    /// The time that the signal takes for as much, us.
+    pub us: f64,
+}
+
+impl Jitter {
+    /// Of a sensor with its noise whose stream of this many seconds has so many events, of so many pixels:
+    /// `sigma sqrt(Ti) / Th` (`numerics.md` 3.4), sigma at this grey. `None` where no event is.
+    #[must_use]
+    pub fn of(
+        sensor: &Voltmeter,
+        grey: f64,
+        [events, active_pixels]: [u64; 2],
+        seconds: f64,
+    ) -> Option<Self> {
+        if events == 0 {
+            return None;
+        }
+        let [_, k2, k3, .., k6] = sensor.k;
+        let grey = grey.max(0.0);
+        let sigma = k3 * grey.sqrt() / (grey + k2) + k6;
+        let interval_us = seconds * 1e6 * active_pixels as f64 / events as f64;
+        let threshold = f64::midpoint(sensor.threshold_on, sensor.threshold_off);
+        let rms_th = sigma * interval_us.sqrt() / threshold;
+        Some(Self { interval_us, rms_th, us: rms_th * interval_us })
+    }
+}
+
+/// A warning where a tolerance in thresholds is below the jitter of a sensor that saw this frame first, over so many us.
+#[must_use]
+pub fn lost_in_noise(
+    tolerance: f64,
+    sensor: &Voltmeter,
+    first: &Image<f32>,
+    account: &Account,
+    duration_us: i64,
+) -> Option<String> {
+    let grey = first.pixels().iter().map(|l| f64::from(*l)).sum::<f64>() / first.pixels().len() as f64;
+    let counts = [account.events, account.active_pixels];
+    let jitter = Jitter::of(sensor, grey, counts, duration_us as f64 * 1e-6)?;
+    (tolerance < jitter.rms_th).then(|| {
+        format!(
+            "sampling.tolerance {tolerance} is below the sensor's own jitter of {:.2e} thresholds, {:.1} us: its noise hides \
+             what the frames for it show",
+            jitter.rms_th, jitter.us
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+    use crate::sensor::voltmeter::Preset;
+
+    #[test]
+    fn jitter_is_the_noise_over_the_time_between_events() {
+        // The figure of numerics 3.4: dvs346, 10 ms between events: 1.8e-3 Th, which is 17.6 us.
+        let sensor = Voltmeter::new(Preset::Dvs346.k());
+        let jitter = Jitter::of(&sensor, 100.0, [100, 1], 1.0).unwrap();
+        assert!((jitter.interval_us - 1e4).abs() < 1e-6);
+        assert!((1.5e-3..2.2e-3).contains(&jitter.rms_th), "{jitter:?}");
+        assert!((jitter.us / 1e4 - jitter.rms_th).abs() < 1e-12);
+        assert_eq!(Jitter::of(&sensor, 100.0, [0, 0], 1.0), None);
+    }
+
+    #[test]
+    fn a_tolerance_below_the_jitter_is_told() {
+        let sensor = Voltmeter::new(Preset::Dvs346.k());
+        let grey = Image::filled(Size { width: 2, height: 1 }, 100.0);
+        let account = Account { events: 100, active_pixels: 1, ..Account::default() };
+        let told = |tolerance| lost_in_noise(tolerance, &sensor, &grey, &account, 1_000_000);
+        assert_eq!(told(0.03), None);
+        assert!(told(0.001).unwrap().contains("below the sensor's own jitter"));
+        let quiet = Voltmeter::new([5.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(lost_in_noise(1e-9, &quiet, &grey, &account, 1_000_000), None);
+    }
+}

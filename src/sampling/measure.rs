@@ -1,0 +1,278 @@
+//! How far brightness between two frames is from what is rendered there, in thresholds.
+
+use super::between::{Knot, value};
+use crate::frames::Frame;
+use crate::sensor::voltmeter::{Between, Voltmeter};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// A sensor as far as brightness between frames is concerned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Which of the viewer's front ends it is behind.
+    pub front_end: usize,
+    /// Offset of the logarithm, grey.
+    pub k2: f64,
+    /// Thresholds to one of `V`: the lower threshold counts.
+    pub thresholds: f64,
+}
+
+impl Scale {
+    /// Of a sensor behind the front end of this number.
+    #[must_use]
+    pub fn of(sensor: &Voltmeter, front_end: usize) -> Self {
+        let [k1, k2, ..] = sensor.k;
+        Self { front_end, k2, thresholds: k1 / sensor.threshold_on.min(sensor.threshold_off) }
+    }
+}
+
+/// What shows frames of any moment of a path.
+pub trait Viewer {
+    /// Why it cannot.
+    type Error;
+
+    /// Shows the frames at these microseconds, in this order, each as all front ends see it; with rates where `rated`.
+    ///
+    /// # Errors
+    /// When a frame cannot be had.
+    fn show(
+        &mut self,
+        moments_us: &[i64],
+        rated: bool,
+        look: &mut dyn FnMut(&[Frame]),
+    ) -> Result<(), Self::Error>;
+}
+
+/// Two neighbouring frames, a moment between them at which the truth is rendered, and the frames beyond, where there are
+/// any; us.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Interval {
+    /// The two.
+    pub ends: [i64; 2],
+    /// Before and after them.
+    pub outer: [Option<i64>; 2],
+}
+
+impl Interval {
+    /// The moment of truth.
+    fn middle(&self) -> i64 {
+        i64::midpoint(self.ends[0], self.ends[1])
+    }
+
+    fn moments(&self, between: &[Between]) -> impl Iterator<Item = i64> {
+        let outer = if between.contains(&Between::Catmull) { self.outer } else { [None; 2] };
+        let [from, to] = self.ends;
+        [Some(from), Some(to), Some(self.middle())].into_iter().chain(outer).flatten()
+    }
+}
+
+/// `V` of a frame and its slope, as one sensor sees them; 32 bits hold them to 3e-7, far below any threshold.
+struct Seen {
+    seconds: f64,
+    v: Vec<f32>,
+    slope: Vec<f32>,
+}
+
+impl Seen {
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+    fn new(frame: &Frame, k2: f64) -> Self {
+        let luminance = frame.luminance.pixels();
+        let level = |l: &f32| f64::from(l.max(0.0)) + k2;
+        let v = luminance.par_iter().map(|l| libm::log(level(l)) as f32).collect();
+        let slope = frame.rate.as_ref().map_or_else(Vec::new, |rate| {
+            rate.pixels()
+                .iter()
+                .zip(luminance)
+                .map(|(rate, l)| (f64::from(*rate) / level(l)) as f32)
+                .collect()
+        });
+        Self { seconds: frame.t.seconds(), v, slope }
+    }
+
+    fn knot(&self, i: usize) -> Knot {
+        let slope = self.slope.get(i).copied().unwrap_or(0.0);
+        Knot { seconds: self.seconds, v: f64::from(self.v[i]), slope: f64::from(slope) }
+    }
+}
+
+/// What was found of some intervals.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// The mean over pixels of the squared error in the middle, thresholds squared, by interval and method; of several
+    /// sensors the largest.
+    pub squares: Vec<Vec<f64>>,
+    /// Frames that were rendered.
+    pub frames: usize,
+}
+
+/// Measures methods on intervals. Frames are shown in the order of the intervals that want them and are let go after the
+/// last of these.
+///
+/// # Errors
+/// When a frame cannot be had.
+pub fn measure<V: Viewer>(
+    viewer: &mut V,
+    scales: &[Scale],
+    intervals: &[Interval],
+    between: &[Between],
+) -> Result<Measured, V::Error> {
+    let mut last_use = BTreeMap::new();
+    let mut order = Vec::new();
+    for (number, interval) in intervals.iter().enumerate() {
+        for moment in interval.moments(between) {
+            if last_use.insert(moment, number).is_none() {
+                order.push(moment);
+            }
+        }
+    }
+    let mut held: BTreeMap<i64, Vec<Seen>> = BTreeMap::new();
+    let mut squares: Vec<Vec<f64>> = Vec::with_capacity(intervals.len());
+    let mut coming = order.iter();
+    let rated = between.contains(&Between::Hermite);
+    viewer.show(&order, rated, &mut |frames| {
+        let seen = scales.iter().map(|scale| Seen::new(&frames[scale.front_end], scale.k2)).collect();
+        held.insert(*coming.next().expect("as many frames as were asked for"), seen);
+        while let Some(next) = intervals.get(squares.len()) {
+            if !next.moments(between).all(|moment| held.contains_key(&moment)) {
+                break;
+            }
+            squares.push(between.iter().map(|between| worst(next, *between, scales, &held)).collect());
+            held.retain(|moment, _| last_use[moment] >= squares.len());
+        }
+    })?;
+    Ok(Measured { squares, frames: order.len() })
+}
+
+/// The largest mean square of any sensor.
+fn worst(interval: &Interval, between: Between, scales: &[Scale], held: &BTreeMap<i64, Vec<Seen>>) -> f64 {
+    let mean = |(number, scale): (usize, &Scale)| {
+        let seen = |moment: i64| held.get(&moment).map(|seen| &seen[number]);
+        let outer = interval.outer.map(|moment| moment.and_then(seen));
+        let [from, to, middle] = [interval.ends[0], interval.ends[1], interval.middle()]
+            .map(|moment| seen(moment).expect("it is held"));
+        scale.thresholds * scale.thresholds * mean_square(between, outer, [from, to], middle)
+    };
+    scales.iter().enumerate().map(mean).fold(0.0, f64::max)
+}
+
+/// Pixels whose squares are summed at once: the sum is the same with any number of threads.
+const CHUNK: usize = 4096;
+
+fn mean_square(between: Between, outer: [Option<&Seen>; 2], ends: [&Seen; 2], middle: &Seen) -> f64 {
+    let error = |i: usize| {
+        let outer = outer.map(|seen| seen.map(|seen| seen.knot(i)));
+        value(between, outer, ends.map(|seen| seen.knot(i)), middle.seconds) - f64::from(middle.v[i])
+    };
+    let sum = |(chunk, values): (usize, &[f32])| -> f64 {
+        (0..values.len()).map(|i| error(chunk * CHUNK + i)).map(|error| error * error).sum()
+    };
+    let sums: Vec<f64> = middle.v.par_chunks(CHUNK).enumerate().map(sum).collect();
+    sums.iter().sum::<f64>() / middle.v.len() as f64
+}
+
+#[cfg(test)]
+pub(super) mod planted {
+    use super::*;
+    use crate::image::{Image, Size};
+    use crate::units::Timestamp;
+    use std::convert::Infallible;
+
+    pub(crate) const K2: f64 = 20.0;
+
+    /// Pixels whose `V` and slope at a moment are given.
+    pub(crate) struct Planted<S> {
+        pub(crate) size: Size,
+        pub(crate) signal: S,
+        /// Moments that were shown.
+        pub(crate) shown: Vec<i64>,
+    }
+
+    impl<S: Fn(usize, f64) -> (f64, f64)> Planted<S> {
+        pub(crate) fn new(size: Size, signal: S) -> Self {
+            Self { size, signal, shown: Vec::new() }
+        }
+    }
+
+    impl<S: Fn(usize, f64) -> (f64, f64)> Viewer for Planted<S> {
+        type Error = Infallible;
+
+        #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
+        fn show(
+            &mut self,
+            moments_us: &[i64],
+            rated: bool,
+            look: &mut dyn FnMut(&[Frame]),
+        ) -> Result<(), Infallible> {
+            for moment in moments_us {
+                let of = |i: usize| (self.signal)(i, *moment as f64 * 1e-6);
+                let image = |value: &dyn Fn(f64, f64) -> f64| {
+                    let pixel = |i| {
+                        let (v, slope) = of(i);
+                        value(libm::exp(v), slope) as f32
+                    };
+                    Image::from_vec(self.size, (0..self.size.pixels()).map(pixel).collect())
+                };
+                look(&[Frame {
+                    index: 0,
+                    t: Timestamp::from_micros(*moment),
+                    luminance: image(&|level, _| level - K2),
+                    rate: rated.then(|| image(&|level, slope| level * slope)),
+                }]);
+                self.shown.push(*moment);
+            }
+            Ok(())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::planted::{K2, Planted};
+    use super::*;
+    use crate::image::Size;
+
+    const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
+    const SIZE: Size = Size { width: 3, height: 2 };
+    const SCALE: Scale = Scale { front_end: 0, k2: K2, thresholds: 5.0 };
+
+    #[test]
+    fn planted_errors_are_measured_in_thresholds() {
+        // Parabolas of bends 0 to 5: a line misses the middle by q h^2/4.
+        let (h_us, h) = (2000, 2e-3);
+        let signal = |i: usize, t: f64| (4.5 + 1000.0 * i as f64 * t * t, 2000.0 * i as f64 * t);
+        let mut viewer = Planted::new(SIZE, signal);
+        let interval = Interval { ends: [h_us, 2 * h_us], outer: [Some(0), Some(3 * h_us)] };
+        let found = measure(&mut viewer, &[SCALE], &[interval], &ALL).unwrap();
+        let mean = (0..6).map(|i| f64::from(i) * 1000.0 * h * h / 4.0).map(|e| e * e).sum::<f64>() / 6.0;
+        let [linear, catmull, hermite] = found.squares[0][..] else { panic!() };
+        // V is known to 3e-7, times five thresholds.
+        assert!((linear.sqrt() - 5.0 * mean.sqrt()).abs() < 2e-6, "{linear} {mean}");
+        assert!(catmull.sqrt() < 4e-6 && hermite.sqrt() < 4e-6, "{catmull} {hermite}");
+        assert_eq!(found.frames, 5);
+    }
+
+    #[test]
+    fn frames_are_shown_once_and_only_where_a_method_wants_them() {
+        let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
+        let nested = [
+            Interval { ends: [90, 110], outer: [Some(70), Some(130)] },
+            Interval { ends: [70, 130], outer: [Some(10), None] },
+            Interval { ends: [500, 520], outer: [None, None] },
+        ];
+        measure(&mut viewer, &[SCALE], &nested, &ALL).unwrap();
+        assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 10, 500, 520, 510]);
+        let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
+        let found = measure(&mut viewer, &[SCALE], &nested, &[Between::Linear]).unwrap();
+        assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 500, 520, 510]);
+        assert_eq!((found.squares.len(), found.squares[0].len()), (3, 1));
+    }
+
+    #[test]
+    fn of_several_sensors_the_most_sensitive_counts() {
+        let mut viewer = Planted::new(SIZE, |_, t| (4.5 + 1000.0 * t * t, 0.0));
+        let interval = Interval { ends: [0, 2000], outer: [None, None] };
+        let scales = [SCALE, Scale { thresholds: 10.0, ..SCALE }];
+        let found = measure(&mut viewer, &scales, &[interval], &[Between::Linear]).unwrap();
+        assert!((found.squares[0][0].sqrt() - 10.0 * 1e-3).abs() < 4e-6);
+    }
+}

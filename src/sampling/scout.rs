@@ -1,0 +1,91 @@
+//! Frames of any moment of a path, rendered for the pilot alone.
+
+use super::measure::Viewer;
+use super::path::Path;
+use crate::camera::Camera;
+use crate::frames::rendered::RenderedFrames;
+use crate::frames::{Frame, FrameError, Frames as _};
+use crate::render::Renderer;
+use crate::sensor::front_end::FrontEnd;
+
+/// What renders them.
+pub struct Scout<'a> {
+    /// `None` while it renders.
+    renderer: Option<Box<dyn Renderer>>,
+    camera: Camera,
+    path: &'a Path,
+    front_ends: &'a [FrontEnd],
+    go_on: &'a dyn Fn() -> bool,
+}
+
+impl std::fmt::Debug for Scout<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Scout").field("camera", &self.camera).finish_non_exhaustive()
+    }
+}
+
+/// Why a frame cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum ScoutError {
+    /// It cannot be rendered.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The caller asked for the end.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl<'a> Scout<'a> {
+    /// Renders what `camera` sees along a path, as these front ends show it, for as long as `go_on` says so.
+    pub fn new(
+        renderer: Box<dyn Renderer>,
+        camera: Camera,
+        path: &'a Path,
+        front_ends: &'a [FrontEnd],
+        go_on: &'a dyn Fn() -> bool,
+    ) -> Self {
+        Self { renderer: Some(renderer), camera, path, front_ends, go_on }
+    }
+
+    /// The renderer.
+    ///
+    /// # Panics
+    /// If a frame could not be had.
+    #[must_use]
+    pub fn into_renderer(self) -> Box<dyn Renderer> {
+        self.renderer.expect("it came back from the last frames")
+    }
+}
+
+impl Viewer for Scout<'_> {
+    type Error = ScoutError;
+
+    fn show(
+        &mut self,
+        moments_us: &[i64],
+        rated: bool,
+        look: &mut dyn FnMut(&[Frame]),
+    ) -> Result<(), ScoutError> {
+        let (trajectory, velocities) = self.path.sampled(moments_us);
+        let renderer = self.renderer.take().expect("it came back from the last frames");
+        let mut frames = RenderedFrames::new(renderer, self.camera, trajectory);
+        if rated {
+            frames = frames.with_rates(velocities);
+        }
+        if self.front_ends.iter().any(FrontEnd::needs_colour) {
+            frames.want_colour();
+        }
+        while let Some(frame) = frames.next()? {
+            let seen = |front_end: &FrontEnd| match front_end.is_plain() {
+                true => frame.clone(),
+                false => front_end.see(&frame, frames.colour()),
+            };
+            look(&self.front_ends.iter().map(seen).collect::<Vec<_>>());
+            if !(self.go_on)() {
+                return Err(ScoutError::Interrupted);
+            }
+        }
+        self.renderer = Some(frames.into_renderer());
+        Ok(())
+    }
+}

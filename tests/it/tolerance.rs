@@ -1,0 +1,236 @@
+//! `sampling: { tolerance }`: frames where the sensor needs them.
+
+use crate::support::workspace::Workspace;
+use glam::DVec3;
+use gs2e::camera::Camera;
+use gs2e::frames::Frame;
+use gs2e::image::Size;
+use gs2e::render::Renderer;
+use gs2e::render::backend::Backend;
+use gs2e::render::{Layering, Rules, Style};
+use gs2e::sampling::Tolerance;
+use gs2e::sampling::choose::Question;
+use gs2e::sampling::flow::Flow;
+use gs2e::sampling::measure::{Scale, Viewer};
+use gs2e::sampling::path::Path;
+use gs2e::sampling::scout::Scout;
+use gs2e::scene::procedural::{self, StillLife};
+use gs2e::se3::Se3;
+use gs2e::se3::rotation::exp;
+use gs2e::seed::Seed;
+use gs2e::sensor::front_end::FrontEnd;
+use gs2e::sensor::voltmeter::{Between, Preset, Voltmeter};
+use serde_json::Value;
+use std::fs;
+use std::sync::Arc;
+
+/// A recipe with this sampling, 0.1 s of which a fifth is three times as fast.
+fn recipe(sampling: &str) -> String {
+    format!(
+        "version: 1\nscene: tiny\nseed: 7\n\
+         source: {{ procedural: {{ kind: still-life, gaussians: 500, views: 6, arc: 12, seed: 1 }} }}\n\
+         camera: {{ width: 64, height: 48 }}\ntrajectories:\n  - name: base\n    \
+         refine: {{ window: 2, duration: 0.1, curve: cubic }}\n    \
+         speed: {{ function: \"1 + 2*exp(-100*(t - 0.5)^2)\" }}\nsampling: {sampling}\n"
+    )
+}
+
+fn json(place: &Workspace, path: &str) -> Value {
+    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
+}
+
+#[test]
+fn a_recipe_may_ask_for_an_error_in_place_of_a_rate() {
+    let place = Workspace::new();
+    place.write("tolerant.yaml", recipe("{ rate: 2400, tolerance: 0.03 }"));
+    place.write("plain.yaml", recipe("{ rate: 2400, law: integral }"));
+    place.ok("release --to tolerant tolerant.yaml");
+    place.ok("release --to plain plain.yaml");
+    place.ok("audit tolerant");
+    let [tolerant, plain] =
+        ["tolerant", "plain"].map(|tree| json(&place, &format!("{tree}/tiny/scene.json")));
+    let [part, other] = [&tolerant, &plain].map(|scene| &scene["trajectories"][0]);
+
+    // Poses, stamps and pictures are those of the rate.
+    for file in ["poses.txt", "timestamps_us.txt"] {
+        let [a, b] =
+            ["tolerant", "plain"].map(|tree| fs::read(place.path(&format!("{tree}/tiny/base/{file}"))));
+        assert_eq!(a.unwrap(), b.unwrap(), "{file}");
+    }
+    assert_eq!(part["statistics"]["linear_unit_s"], other["statistics"]["linear_unit_s"]);
+
+    // What was chosen, foreseen and found.
+    let told = &part["sampling"]["tolerance"];
+    let number = |name: &str| told[name].as_f64().unwrap_or_else(|| panic!("{name}: {told}"));
+    assert!((number("tolerance") - 0.03).abs() < 1e-12);
+    assert!(number("predicted") <= 0.8 * 0.03 + 1e-9 && number("bound_95") <= 0.03, "{told}");
+    assert!(number("achieved") > 0.003 && number("achieved") <= number("bound_95"), "{told}");
+    let poses = part["poses"].as_f64().unwrap();
+    assert!(number("frames") < poses, "{told}, {poses} poses");
+    assert_eq!(part["sampling"]["between"], told["between"]);
+    assert_eq!(part["render_rules"]["rules"], "soft");
+    assert_eq!(other["sampling"], serde_json::json!({ "rate": "2400/1", "between": "linear" }));
+
+    // Nearly as many events as the many frames of the other make.
+    let [found, wanted] = [part, other].map(|part| part["statistics"]["events"].as_f64().unwrap());
+    assert!((found / wanted - 1.0).abs() < 0.05, "{found} {wanted}");
+}
+
+#[test]
+fn threads_and_another_store_change_nothing() {
+    let bytes = |threads: &str| {
+        let place = Workspace::new();
+        place.write("tolerant.yaml", recipe("{ tolerance: 0.05 }"));
+        let status =
+            place.command("release --to tree tolerant.yaml").env("RAYON_NUM_THREADS", threads).output();
+        assert!(status.unwrap().status.success());
+        ["scene.json", "base/events.h5"]
+            .map(|file| fs::read(place.path(&format!("tree/tiny/{file}"))).unwrap())
+    };
+    assert_eq!(bytes("1"), bytes("3"));
+}
+
+#[test]
+fn what_cannot_be_reached_is_refused_with_what_can() {
+    let place = Workspace::new();
+    place.write("tolerant.yaml", recipe("{ tolerance: 0.0001 }"));
+    let ended = place.gs2e("release --to tree tolerant.yaml");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    let told: String = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.contains("the tolerance of 0.0001 thresholds is below what is reached here"), "{told}");
+    assert!(told.contains("can be met; render: { rules: soft, order: blended } has fewer"), "{told}");
+    assert!(!place.path("tree").exists());
+}
+
+/// What the sensor's own noise hides is made, and told.
+#[test]
+fn a_tolerance_below_the_jitter_is_warned_of() {
+    let place = Workspace::new();
+    let noisy = "sensor: { voltmeter: { k: [5.265, 20, 0.02, 0, 0, 0.002], units: { time: us, brightness: 255 } } }\n";
+    place.write("tolerant.yaml", recipe("{ tolerance: 0.03 }") + noisy);
+    let told: String =
+        place.ok("build tolerant.yaml").stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.contains("sampling.tolerance 0.03 is below the sensor's own jitter"), "{told}");
+}
+
+const SIZE: Size = Size { width: 80, height: 60 };
+
+/// A quarter of a turn about the still life within 0.2 s, faster in the middle.
+fn path() -> Path {
+    let seconds: Vec<f64> = (0..=480).map(|j| f64::from(j) / 2400.0).collect();
+    let pose = |t: &f64| {
+        let share = t / 0.2;
+        let angle = 0.4 * (share - 0.6 * libm::sin(std::f64::consts::TAU * share) / std::f64::consts::TAU);
+        let rotation = exp(DVec3::new(0.0, -angle, 0.0));
+        Se3 { rotation, translation: rotation * DVec3::new(0.0, -0.4, -3.0) }
+    };
+    Path::through(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap()
+}
+
+fn renderer(rules: Rules) -> Box<dyn Renderer> {
+    let scene = procedural::gaussians(&StillLife { gaussians: 1500, ..StillLife::default() });
+    let style = Style { rules, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
+    Backend::Cpu.renderer(Arc::new(scene), style).unwrap()
+}
+
+/// `V` of all pixels and its slopes.
+type Levels = (f64, Vec<f64>, Vec<f64>);
+
+fn levels(frame: &Frame, k2: f64) -> Levels {
+    let l = frame.luminance.pixels();
+    let v = l.iter().map(|l| (f64::from(*l) + k2).ln()).collect();
+    let rate = frame.rate.as_ref().unwrap().pixels();
+    let slope = rate.iter().zip(l).map(|(rate, l)| f64::from(*rate) / (f64::from(*l) + k2)).collect();
+    (frame.t.0 as f64 * 1e-9, v, slope)
+}
+
+/// In the middle of two even neighbours: the mean; the polynomial of the third order through four; the mean and an eighth of
+/// the difference of the slopes. Elsewhere the polynomials of the same data in Newton's form.
+fn middle(between: Between, four: [&Levels; 4], i: usize, t: f64) -> f64 {
+    let [a, b, c, d] = four.map(|(t, v, _)| (*t, v[i]));
+    let h = c.0 - b.0;
+    let x = (t - b.0) / h;
+    let rise = c.1 - b.1;
+    let slopes = match between {
+        Between::Linear => [rise, rise],
+        Between::Hermite => [four[1].2[i] * h, four[2].2[i] * h],
+        // The derivative at the middle one of three points of the parabola through them.
+        Between::Catmull => [[a, b, c], [b, c, d]].map(|[p, q, r]| {
+            let [left, right] = [(q.1 - p.1) / (q.0 - p.0), (r.1 - q.1) / (r.0 - q.0)];
+            let second = (right - left) / (r.0 - p.0);
+            (left + second * (q.0 - p.0)) * h
+        }),
+    };
+    // Newton's form through (0, b, slope) and (1, c, slope), each taken twice.
+    b.1 + slopes[0] * x
+        + (rise - slopes[0]) * x * x
+        + (slopes[0] + slopes[1] - 2.0 * rise) * x * x * (x - 1.0)
+}
+
+/// The error on all intervals of the frames that were chosen, by a program of its own, is what the few that were held out say.
+#[test]
+fn the_error_of_all_intervals_is_within_the_tolerance() {
+    let (path, sensor) = (path(), Voltmeter::new(Preset::Dvs346.k()));
+    let camera = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0 };
+    let all = [Between::Linear, Between::Catmull, Between::Hermite];
+    for (rules, rms, between) in
+        [(Rules::Soft, 0.05, &all[..]), (Rules::Soft, 0.04, &all[2..]), (Rules::Official, 0.06, &all[..1])]
+    {
+        let flow = Flow::measure(&path, (480, 200_000), camera, &mut *renderer(rules)).unwrap();
+        let front_ends = [FrontEnd::default()];
+        let mut scout = Scout::new(renderer(rules), camera, &path, &front_ends, &|| true);
+        let question = Question {
+            tolerance: Tolerance { rms, between: None },
+            flow: &flow,
+            intervals: 480,
+            scales: &[Scale::of(&sensor, 0)],
+            between,
+            seed: Seed(3),
+            advice: "",
+        };
+        let (chosen, moments) = question.answer(&mut scout).unwrap();
+
+        let [k1, k2, ..] = sensor.k;
+        let middles = moments.windows(2).map(|pair| i64::midpoint(pair[0], pair[1]));
+        let mut asked: Vec<i64> = moments.iter().copied().chain(middles).collect();
+        asked.sort_unstable();
+        let mut seen = Vec::new();
+        scout.show(&asked, true, &mut |frames| seen.push(levels(&frames[0], k2))).unwrap();
+        let (mut sum, mut count) = (0.0, 0);
+        // Intervals with a neighbour on both sides.
+        for j in (2..seen.len() - 4).step_by(2) {
+            let four = [&seen[j - 2], &seen[j], &seen[j + 2], &seen[j + 4]];
+            let (t, truth, _) = &seen[j + 1];
+            for (i, truth) in truth.iter().enumerate() {
+                let error = k1 * (middle(chosen.between, four, i, *t) - truth);
+                sum += error * error;
+                count += 1;
+            }
+        }
+        let found = (sum / f64::from(count)).sqrt();
+        println!("{rules:?} {rms}: {found:.4} of all, {:.4} held out, {chosen:?}", chosen.achieved);
+        assert!(found <= rms, "{found} of all intervals, asked for {rms}: {chosen:?}");
+        // Twelve intervals of a hundred: they tell the root of the mean square to a fifth or better.
+        assert!((found / chosen.achieved - 1.0).abs() < 0.4, "{found}: {chosen:?}");
+    }
+}
+
+/// Where the picture moves as the depth and the motion say: a wall that a camera passes at its own depth.
+#[test]
+fn the_flow_of_a_known_motion_is_found() {
+    let camera = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0 };
+    // Turning about its own centre at 0.5 rad/s, and three times as fast in the second half: no depth matters.
+    let seconds: Vec<f64> = (0..=200).map(|j| f64::from(j) / 1000.0).collect();
+    let angle = |t: f64| if t < 0.1 { 0.5 * t } else { 0.05 + 1.5 * (t - 0.1) };
+    let from = DVec3::new(0.0, -0.4, -3.0);
+    let pose = |t: &f64| Se3 { rotation: exp(DVec3::new(0.0, angle(*t), 0.0)), translation: from };
+    let path = Path::through(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap();
+    let flow = Flow::measure(&path, (200, 200_000), camera, &mut *renderer(Rules::Soft)).unwrap();
+    // At the left and right edges the flow is f (1 + (40/75)^2), which 99 % of the pixels do not exceed but for a column.
+    for (from, to, rate) in [(10_000, 80_000, 0.5), (120_000, 190_000, 1.5)] {
+        let px_s = 75.0 * (1.0 + (40.0_f64 / 75.0).powi(2)) * rate;
+        let length = flow.length_about(f64::from(from + to) / 2.0, 1.0);
+        let found = 1e6 / length;
+        assert!((found / px_s - 1.0).abs() < 0.06, "{found} {px_s}");
+    }
+}
