@@ -20,6 +20,7 @@ pub mod scout;
 use crate::sensor::voltmeter::Between;
 use law::Law;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// What a recipe asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -86,4 +87,12 @@ pub struct Chosen {
     pub pilot_frames: usize,
     /// The methods that were tried.
     pub candidates: Vec<Candidate>,
+}
+
+impl fmt::Display for Chosen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { frames, pilot_frames, between, achieved, tolerance, .. } = self;
+        let between = between.name();
+        write!(f, "{frames} frames ({between}) and {pilot_frames} to choose them, error {achieved:.4} of {tolerance}")
+    }
 }

@@ -49,7 +49,7 @@ pub enum ChooseError<E: std::error::Error + 'static> {
     #[error(
         "the tolerance of {wanted} thresholds is below what is reached here: {} at steps of {:.2} px err by {:.4}, \
          {:.0} % of its square by jumps of the renderer; a tolerance of {:.4} can be met{advice}",
-        name(best.between), best.finest_px, best.finest, 100.0 * best.jumps, best.finest / MARGIN
+        best.between.name(), best.finest_px, best.finest, 100.0 * best.jumps, best.finest / MARGIN
     )]
     Below {
         /// The tolerance.
@@ -63,7 +63,7 @@ pub enum ChooseError<E: std::error::Error + 'static> {
     #[error(
         "the tolerance of {wanted} thresholds is not met: {} steps of {step_px:.3} px err by {achieved:.4} on intervals \
          that were held out, which the law of the pilot did not foresee",
-        name(*between)
+        between.name()
     )]
     Missed {
         /// The tolerance.
@@ -75,15 +75,6 @@ pub enum ChooseError<E: std::error::Error + 'static> {
         /// And this step.
         step_px: f64,
     },
-}
-
-/// As recipes call it.
-fn name(between: Between) -> &'static str {
-    match between {
-        Between::Linear => "linear",
-        Between::Catmull => "catmull",
-        Between::Hermite => "hermite",
-    }
 }
 
 /// What is asked and what it is asked of.

@@ -126,6 +126,18 @@ pub enum Between {
     Hermite,
 }
 
+impl Between {
+    /// As recipes call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Catmull => "catmull",
+            Self::Hermite => "hermite",
+        }
+    }
+}
+
 impl Voltmeter {
     /// Thresholds of 1, the law `exact`, log gain, voltages from zero, linear between frames, a cap of 1000.
     #[must_use]

@@ -104,7 +104,8 @@ impl Stage for Simulating {
         let (streams, anchors) = own.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
         let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
         cx.warnings.extend(own.lost_in_noise(end_us, (&streams, &anchors)));
-        cx.remark = Some(amount(streams.iter().map(|stream| stream.account.events).sum(), "ev"));
+        let events = amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
+        cx.remark = Some(chosen.as_ref().map_or(events.clone(), |chosen| format!("{events}, {chosen}")));
         let simulation = Simulation {
             camera,
             gaussians: gaussians.len(),
