@@ -121,6 +121,8 @@ pub enum Source {
     Colmap(PathBuf),
     /// A `transforms.json`, or a folder that holds one.
     Nerfstudio(PathBuf),
+    /// A 3DGS model folder, or its `cameras.json`.
+    Model(PathBuf),
     /// Nowhere: trajectories are written in the recipe, over a scene file.
     None,
 }
@@ -133,6 +135,7 @@ impl Source {
             Self::Procedural(_) => "procedural",
             Self::Colmap(_) => "colmap",
             Self::Nerfstudio(_) => "nerfstudio",
+            Self::Model(_) => "model",
             Self::None => "none",
         }
     }
@@ -140,7 +143,7 @@ impl Source {
     /// Whether its views were photographed.
     #[must_use]
     pub fn has_photos(&self) -> bool {
-        matches!(self, Self::Colmap(_) | Self::Nerfstudio(_))
+        matches!(self, Self::Colmap(_) | Self::Nerfstudio(_) | Self::Model(_))
     }
 
     /// Whether it has views, and so a camera.
@@ -155,6 +158,8 @@ impl Source {
 pub enum Reconstruct {
     /// A scene file.
     Given(PathBuf),
+    /// The newest scene of the source's own 3DGS model folder.
+    Newest(PathBuf),
 }
 
 /// One trajectory.

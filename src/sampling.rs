@@ -93,6 +93,9 @@ impl fmt::Display for Chosen {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { frames, pilot_frames, between, achieved, tolerance, .. } = self;
         let between = between.name();
-        write!(f, "{frames} frames ({between}) and {pilot_frames} to choose them, error {achieved:.4} of {tolerance}")
+        write!(
+            f,
+            "{frames} frames ({between}) and {pilot_frames} to choose them, error {achieved:.4} of {tolerance}"
+        )
     }
 }

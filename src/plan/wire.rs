@@ -20,18 +20,18 @@ use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
 pub(super) fn scene(recipe: &Recipe, backend: &Backend, wiring: &mut Wiring<'_>) {
-    let (capturing, reconstructing) = match (&recipe.source, &recipe.reconstruct) {
-        (Source::Procedural(still_life), _) => {
-            (Capturing::procedural(still_life), Reconstructing::procedural(still_life))
-        }
-        (Source::Colmap(dir), Some(Reconstruct::Given(file))) => {
-            (Capturing::Colmap { dir: dir.clone() }, Reconstructing::given(file))
-        }
-        (Source::Nerfstudio(path), Some(Reconstruct::Given(file))) => {
-            (Capturing::Nerfstudio { path: path.clone() }, Reconstructing::given(file))
-        }
-        (Source::None, Some(Reconstruct::Given(file))) => (Capturing::None, Reconstructing::given(file)),
-        (_, None) => unreachable!("recipes of other sources say where the Gaussians come from"),
+    let capturing = match &recipe.source {
+        Source::Procedural(still_life) => Capturing::procedural(still_life),
+        Source::Colmap(dir) => Capturing::Colmap { dir: dir.clone() },
+        Source::Nerfstudio(path) => Capturing::Nerfstudio { path: path.clone() },
+        Source::Model(path) => Capturing::Model { path: path.clone() },
+        Source::None => Capturing::None,
+    };
+    let reconstructing = match (&recipe.reconstruct, &recipe.source) {
+        (Some(Reconstruct::Given(file)), _) => Reconstructing::given(file),
+        (Some(Reconstruct::Newest(model)), _) => Reconstructing::newest_of(model),
+        (None, Source::Procedural(still_life)) => Reconstructing::procedural(still_life),
+        (None, _) => unreachable!("recipes of other sources say where the Gaussians come from"),
     };
     let ground = Ground {
         capture: wiring.add("capture".into(), capturing, ()),

@@ -74,9 +74,12 @@ fn sampling(recipe: &Resolved) -> Value {
 
 fn source(raw: &schema::Recipe, source: &Source) -> Value {
     let path = match raw.source.given() {
-        Some((schema::Source::Colmap(folder) | schema::Source::Nerfstudio(folder), _)) => {
-            folder.given().and_then(|(folder, _)| written(&folder.path))
-        }
+        Some((
+            schema::Source::Colmap(folder)
+            | schema::Source::Nerfstudio(folder)
+            | schema::Source::Model(folder),
+            _,
+        )) => folder.given().and_then(|(folder, _)| written(&folder.path)),
         _ => None,
     };
     match source {
@@ -89,6 +92,7 @@ fn source(raw: &schema::Recipe, source: &Source) -> Value {
         }
         Source::Colmap(_) => json!({ "colmap": { "path": path } }),
         Source::Nerfstudio(_) => json!({ "nerfstudio": { "path": path } }),
+        Source::Model(_) => json!({ "model": { "path": path } }),
         Source::None => json!("none"),
     }
 }

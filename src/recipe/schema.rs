@@ -71,7 +71,7 @@ pub(super) enum Source {
     Nerfstudio(Field<Folder>),
     Mvimgnet(Field<Later>),
     Dl3dv(Field<Later>),
-    Model(Field<Later>),
+    Model(Field<Folder>),
     /// A scene file without a capture: `source: none`.
     None,
 }

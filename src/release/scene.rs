@@ -54,7 +54,7 @@ pub struct SceneFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcePart {
-    /// `procedural`, `colmap`, `nerfstudio` or `none`.
+    /// `procedural`, `colmap`, `nerfstudio`, `model` or `none`.
     pub kind: String,
     /// The upstream dataset's own id.
     pub upstream_id: Option<String>,

@@ -20,6 +20,10 @@ use std::path::{Path, PathBuf};
 
 /// Name of the file that makes a folder a model's.
 const CAMERAS: &str = "cameras.json";
+/// Where the Gaussians are: a folder for each iteration at which they were kept, with a file in each.
+const SCENES: &str = "point_cloud";
+const ITERATION: &str = "iteration_";
+const SCENE: &str = "point_cloud.ply";
 /// Name of the file with the colour transforms.
 const EXPOSURES: &str = "exposure.json";
 
@@ -70,6 +74,48 @@ pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
 #[must_use]
 pub fn folders(path: &Path) -> Vec<PathBuf> {
     vec![or_here(locate(path).parent().unwrap_or(Path::new("")))]
+}
+
+/// The newest Gaussians of a model folder, which is named itself or by its `cameras.json`: those of the most iterations
+/// that are there.
+///
+/// # Errors
+/// When there are none, or the folder cannot be listed.
+pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
+    let scenes = scenes(path);
+    let kept = iterations(&scenes)?;
+    let newest = kept.into_iter().filter(|(_, dir)| dir.join(SCENE).is_file()).max();
+    newest.map(|(_, dir)| dir.join(SCENE)).ok_or_else(|| SourceError::Absent {
+        dir: scenes,
+        because: format!("no Gaussians are in it, wanted {ITERATION}N/{SCENE}"),
+    })
+}
+
+/// The folders whose listing decides which file [`newest_scene`] names.
+#[must_use]
+pub fn scene_folders(path: &Path) -> Vec<PathBuf> {
+    let scenes = scenes(path);
+    let iterations = iterations(&scenes).unwrap_or_default();
+    [scenes].into_iter().chain(iterations.into_iter().map(|(_, dir)| dir)).collect()
+}
+
+fn scenes(path: &Path) -> PathBuf {
+    or_here(locate(path).parent().unwrap_or(Path::new(""))).join(SCENES)
+}
+
+/// The folders of iterations, by number.
+fn iterations(scenes: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(scenes).map_err(SourceError::io(scenes))? {
+        let path = entry.map_err(SourceError::io(scenes))?.path();
+        let name =
+            path.file_name().and_then(|name| name.to_str()).and_then(|name| name.strip_prefix(ITERATION));
+        if let Some(number) = name.and_then(|number| number.parse().ok()) {
+            found.push((number, path));
+        }
+    }
+    found.sort();
+    Ok(found)
 }
 
 /// A view, and what its user should know about it.
@@ -159,6 +205,34 @@ mod tests {
         assert_eq!(names(folder("[]", None).path()), [CAMERAS]);
         assert_eq!(folders(dir.path()), [dir.path()]);
         assert_eq!(folders(Path::new(CAMERAS)), [Path::new(".")]);
+    }
+
+    #[test]
+    fn the_newest_scene_is_the_one_of_most_iterations() {
+        let dir = folder("[]", None);
+        let scenes = dir.path().join(SCENES);
+        assert!(matches!(newest_scene(dir.path()).unwrap_err(), SourceError::Io { .. }), "no folder at all");
+        std::fs::create_dir(&scenes).unwrap();
+        let told = newest_scene(dir.path()).unwrap_err().to_string();
+        assert!(
+            told.contains("point_cloud") && told.contains("wanted iteration_N/point_cloud.ply"),
+            "{told}"
+        );
+        for name in ["iteration_7000", "iteration_30000", "iteration_100000", "iteration_best", "notes"] {
+            std::fs::create_dir(scenes.join(name)).unwrap();
+            // The last is being trained: its file is not there yet.
+            if name != "iteration_100000" {
+                std::fs::write(scenes.join(name).join(SCENE), "").unwrap();
+            }
+        }
+        let newest = scenes.join("iteration_30000").join(SCENE);
+        assert_eq!(newest_scene(dir.path()).unwrap(), newest);
+        assert_eq!(newest_scene(&dir.path().join(CAMERAS)).unwrap(), newest);
+        let watched = ["", "iteration_7000", "iteration_30000", "iteration_100000"];
+        assert_eq!(
+            scene_folders(dir.path()),
+            watched.map(|name| scenes.join(name)).map(|p| p.components().collect())
+        );
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::{Context, SourceFile, Stage, StageError};
 use crate::artifact::write_json;
 use crate::scene::procedural::{self, StillLife};
-use crate::source::{Capture, colmap, nerfstudio};
+use crate::source::{Capture, colmap, model, nerfstudio};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -32,6 +32,12 @@ pub enum Capturing {
         #[serde(skip)]
         path: PathBuf,
     },
+    /// A 3DGS model folder.
+    Model {
+        /// The folder, or its `cameras.json`.
+        #[serde(skip)]
+        path: PathBuf,
+    },
     /// No source: a capture without views.
     None,
 }
@@ -56,6 +62,7 @@ impl Stage for Capturing {
             Self::Procedural { .. } | Self::None => return Ok(Vec::new()),
             Self::Colmap { dir } => (dir, colmap::files(dir)),
             Self::Nerfstudio { path } => (path, nerfstudio::files(path)),
+            Self::Model { path } => (path, model::files(path)),
         };
         if !root.exists() {
             return Err(StageError::Missing { path: root.clone() });
@@ -69,6 +76,7 @@ impl Stage for Capturing {
             Self::Procedural { .. } | Self::None => Vec::new(),
             Self::Colmap { dir } => colmap::folders(dir),
             Self::Nerfstudio { path } => nerfstudio::folders(path),
+            Self::Model { path } => model::folders(path),
         }
     }
 
@@ -82,6 +90,7 @@ impl Stage for Capturing {
             Self::Nerfstudio { path } => {
                 nerfstudio::read(path).map_err(StageError::work("read the source"))?
             }
+            Self::Model { path } => model::read(path).map_err(StageError::work("read the source"))?,
             Self::None => (Capture { views: Vec::new() }, Vec::new()),
         };
         cx.warnings.extend(warnings.iter().chain(&capture.distortion()).map(ToString::to_string));

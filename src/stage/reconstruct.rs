@@ -4,6 +4,7 @@ use super::{Context, SourceFile, Stage, StageError};
 use crate::scene::ply::write_ply;
 use crate::scene::procedural::{self, StillLife};
 use crate::scene::{self, Gaussians};
+use crate::source::model;
 use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -24,10 +25,29 @@ pub enum Reconstructing {
         /// Its form, where only the file's name tells it.
         #[serde(skip_serializing_if = "Option::is_none")]
         form: Option<&'static str>,
-        /// The file.
+        /// Where it is.
         #[serde(skip)]
-        file: PathBuf,
+        file: SceneFile,
     },
+}
+
+/// Where a scene file is.
+#[derive(Debug)]
+pub enum SceneFile {
+    /// There.
+    At(PathBuf),
+    /// The newest of a 3DGS model folder.
+    NewestOf(PathBuf),
+}
+
+impl SceneFile {
+    fn find(&self) -> Result<PathBuf, StageError> {
+        match self {
+            Self::At(file) => Ok(file.clone()),
+            Self::NewestOf(model) if !model.exists() => Err(StageError::Missing { path: model.clone() }),
+            Self::NewestOf(model) => model::newest_scene(model).map_err(StageError::work("find the scene")),
+        }
+    }
 }
 
 impl Reconstructing {
@@ -42,7 +62,13 @@ impl Reconstructing {
     #[must_use]
     pub fn given(file: &Path) -> Self {
         let is_splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
-        Self::Given { form: is_splat.then_some("splat"), file: file.to_owned() }
+        Self::Given { form: is_splat.then_some("splat"), file: SceneFile::At(file.to_owned()) }
+    }
+
+    /// The newest scene of a 3DGS model folder.
+    #[must_use]
+    pub fn newest_of(model: &Path) -> Self {
+        Self::Given { form: None, file: SceneFile::NewestOf(model.to_owned()) }
     }
 }
 
@@ -55,8 +81,15 @@ impl Stage for Reconstructing {
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         Ok(match self {
             Self::Procedural { .. } => Vec::new(),
-            Self::Given { file, .. } => vec![SourceFile { name: "scene".into(), path: file.clone() }],
+            Self::Given { file, .. } => vec![SourceFile { name: "scene".into(), path: file.find()? }],
         })
+    }
+
+    fn source_folders(&self) -> Vec<PathBuf> {
+        match self {
+            Self::Given { file: SceneFile::NewestOf(path), .. } => model::scene_folders(path),
+            Self::Given { .. } | Self::Procedural { .. } => Vec::new(),
+        }
     }
 
     fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
@@ -65,7 +98,9 @@ impl Stage for Reconstructing {
                 let still_life = StillLife { gaussians: *gaussians, seed: *seed, ..StillLife::default() };
                 procedural::gaussians(&still_life)
             }
-            Self::Given { file, .. } => scene::read(file).map_err(StageError::work("read the scene"))?,
+            Self::Given { file, .. } => {
+                scene::read(&file.find()?).map_err(StageError::work("read the scene"))?
+            }
         };
         let out = cx.out.join("scene.ply");
         File::create(&out).and_then(|file| write_ply(&gaussians, file)).map_err(StageError::io(&out))

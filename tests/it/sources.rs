@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+mod model_folders;
 mod models;
 mod planted;
 mod transforms;

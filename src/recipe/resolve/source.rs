@@ -9,19 +9,20 @@ use crate::recipe::{Reconstruct, Source, schema};
 use crate::scene::procedural::StillLife;
 use std::path::PathBuf;
 
-const SOURCES: &str = "this gs2e reads the sources procedural, colmap, nerfstudio and none";
+const SOURCES: &str = "this gs2e reads the sources procedural, colmap, nerfstudio, model and none";
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 
 impl Resolver<'_> {
     pub(super) fn source(&self, field: &Field<schema::Source>) -> Option<Source> {
-        let help = "write source: { procedural: { kind: still-life } }, or colmap or nerfstudio with a path, or none";
+        let help = "write source: { procedural: { kind: still-life } }, or colmap, nerfstudio or model with a path, or none";
         let (source, _) = self.required(field, "source", self.root, help)?;
         match source {
             schema::Source::Procedural(raw) => self.still_life(raw).map(Source::Procedural),
             schema::Source::Colmap(raw) => self.folder(raw).map(Source::Colmap),
             schema::Source::Nerfstudio(raw) => self.folder(raw).map(Source::Nerfstudio),
             schema::Source::None => Some(Source::None),
-            schema::Source::Mvimgnet(later) | schema::Source::Dl3dv(later) | schema::Source::Model(later) => {
+            schema::Source::Model(raw) => self.folder(raw).map(Source::Model),
+            schema::Source::Mvimgnet(later) | schema::Source::Dl3dv(later) => {
                 self.later(later, SOURCES);
                 None
             }
@@ -63,6 +64,7 @@ impl Resolver<'_> {
             (Field::Absent, Some(Source::None)) => {
                 self.refuse(Problem::missing("reconstruct").help(GIVEN).at(self.root))
             }
+            (Field::Absent, Some(Source::Model(path))) => Some(Some(Reconstruct::Newest(path.clone()))),
             (Field::Absent, _) => Some(None),
             (Field::Given(_, place), Some(Source::Procedural(_))) => {
                 let problem =

@@ -86,7 +86,9 @@ impl Resolver<'_> {
             (schema::Meaning::FrameRate, Some(Summation::Integral)) => {
                 let problem =
                     Problem::of_field("is frame-rate, whose steps are summed and have no integral here");
-                self.refuse(problem.help("write sampling: { law: sum }, without a tolerance").at(field.place()?))
+                self.refuse(
+                    problem.help("write sampling: { law: sum }, without a tolerance").at(field.place()?),
+                )
             }
             (schema::Meaning::FrameRate, _) => Some(Meaning::FrameRate),
         }
