@@ -5,14 +5,14 @@ use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Simulation, Stream, write_json};
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
-use crate::frames::Frame;
 use crate::frames::anchors::Anchors;
 use crate::frames::rendered::RenderedFrames;
+use crate::frames::{Frame, Frames};
 use crate::image::Size;
 use crate::render::backend::Backend;
 use crate::render::doubt::Doubt;
 use crate::render::flow::{self, Quantiles};
-use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
+use crate::render::{Channels, Omit, RenderChoice, Rendered, Renderer, View};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::front_end::{self, FrontEnd};
@@ -44,6 +44,9 @@ pub struct Simulating {
     pub sensors: BTreeMap<String, Sensor>,
     /// Seed of the sensors' noise.
     pub seed: Seed,
+    /// What is left out: the counts that a step writes down depend on it, its pictures and events do not.
+    #[serde(skip_serializing_if = "Omit::is_needless")]
+    pub omit: Omit,
     /// What renders.
     #[serde(skip)]
     pub backend: Backend,
@@ -70,7 +73,8 @@ impl Stage for Simulating {
 
     fn need(&self, files: &[Files]) -> Need {
         let sensors = self.sensors().count() as u64;
-        let front_ends = self.front_ends().iter().filter(|front_end| !front_end.is_plain()).count() as u64;
+        let is_coloured = |front_end: &&FrontEnd| self.omit == Omit::Nothing || !front_end.is_plain();
+        let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
         let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends;
         super::rendering_need(&self.backend, self.camera, files, others)
     }
@@ -83,14 +87,24 @@ impl Stage for Simulating {
         let camera = super::camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
         let gaussians = Arc::new(gaussians);
-        let new_renderer =
-            || self.backend.renderer(gaussians.clone(), style).map_err(StageError::work("render"));
+        let new_renderer = || {
+            let renderer = self.backend.renderer(gaussians.clone(), style);
+            let mut renderer = renderer.map_err(StageError::work("render"))?;
+            renderer.omit(self.omit);
+            Ok::<_, StageError>(renderer)
+        };
         let velocities = motion.velocities();
         let trajectory = motion.trajectory;
         let sampled = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
         let mut frames = RenderedFrames::new(new_renderer()?, camera, trajectory.clone());
         if self.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
             frames = frames.with_rates(velocities);
+        }
+        if self.sees_colour() {
+            frames.want_colour();
+        }
+        if let Some(clock) = cx.clock.filter(|_| self.omit.is_needless() && self.backend.has_choice()) {
+            cx.saving = frames.saving(clock).map_err(StageError::work("render"))?;
         }
         let (streams, anchors) = self.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
         cx.remark = Some(amount(streams.iter().map(|stream| stream.account.events).sum(), "ev"));
@@ -102,6 +116,7 @@ impl Stage for Simulating {
             antialiased: style.antialiased,
             streams,
             seed: self.seed,
+            omit: self.omit,
             work: frames.work(),
             flow_px: Quantiles::of(sampled.moved_px),
             doubtful_share: sampled.doubt.share(),
@@ -128,7 +143,7 @@ impl Simulating {
             Sensors::One(sensor) => (Some(sensor), BTreeMap::new()),
             Sensors::Named(sensors) => (None, sensors),
         };
-        Self { camera, render, sensor, sensors, seed, backend: Backend::default() }
+        Self { camera, render, sensor, sensors, seed, omit: Omit::default(), backend: Backend::default() }
     }
 
     /// Each sensor, with its name where there are several.
@@ -139,6 +154,11 @@ impl Simulating {
 
     fn front_ends(&self) -> Vec<FrontEnd> {
         front_end::distinct(self.sensors().map(|(_, sensor)| sensor.as_model()))
+    }
+
+    /// Whether colours are rendered: a sensor wants them, or nothing is left out.
+    fn sees_colour(&self) -> bool {
+        self.omit == Omit::Nothing || self.front_ends().iter().any(FrontEnd::needs_colour)
     }
 
     /// Streams the frames through the sensors into their files, and keeps some as each front end shows them.
