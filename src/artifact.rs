@@ -6,9 +6,8 @@
 use crate::camera::Camera;
 use crate::check::Finding;
 use crate::frames::anchors::Anchors;
-use crate::render::Velocity;
-use crate::render::Work;
 use crate::render::flow::Quantiles;
+use crate::render::{Omit, Velocity, Work};
 use crate::sampling::Chosen;
 use crate::scene::{Gaussians, Screening};
 use crate::se3::{Se3, Twist};
@@ -245,6 +244,9 @@ pub struct Simulation {
     pub streams: Vec<Stream>,
     /// Seed of their noise.
     pub seed: Seed,
+    /// What the renderer left out.
+    #[serde(default, skip_serializing_if = "Omit::is_needless")]
+    pub omit: Omit,
     /// What the renderer counted, over all frames.
     pub work: Work,
     /// How far the picture moves between neighbouring poses, px; `None` where no pixel has a depth.

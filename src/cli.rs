@@ -13,6 +13,7 @@ mod diff;
 mod failure;
 mod gc;
 mod input;
+mod left_out;
 mod machine;
 mod message;
 mod output;
@@ -29,12 +30,13 @@ mod study;
 mod trajectory;
 mod why;
 
+use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, Device, GpuError};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use console::Console;
 use problem::{Exit, Problem};
-use renderers::{Auto, Chosen};
+use renderers::{Auto, By, Chosen};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -104,6 +106,9 @@ struct Common {
     /// Which GPU, where one renders: its place in the list of all, from 0, or a part of its name
     #[arg(long, value_name = "NAME or INDEX", global = true)]
     gpu: Option<gpu::Choice>,
+    /// Render also what changes no bit, to hold it against what is left out otherwise
+    #[arg(long, global = true)]
+    no_omit: bool,
     /// Fail instead of waiting when another gs2e works in the store
     #[arg(long, global = true)]
     no_wait: bool,
@@ -124,11 +129,17 @@ impl Common {
 
     /// What renders the scenes of recipes, which the keys of their steps depend on.
     fn renderers(&self) -> Result<Chosen, Problem> {
-        match self.backend {
+        let by = match self.backend {
             // One in software is slower than the CPU renderer: it is taken where it is named.
-            Choice::Auto => Ok(Chosen::Auto(Auto::new(self.gpu.clone().unwrap_or(gpu::Choice::Hardware)))),
-            _ => self.backend().map(Chosen::One),
-        }
+            Choice::Auto => By::Auto(Auto::new(self.gpu.clone().unwrap_or(gpu::Choice::Hardware))),
+            _ => By::One(self.backend()?),
+        };
+        Ok(Chosen::new(by, self.omit()))
+    }
+
+    /// What renderers leave out.
+    fn omit(&self) -> Omit {
+        if self.no_omit { Omit::Nothing } else { Omit::Needless }
     }
 
     /// The one back end of what is rendered beside recipes' scenes: the CPU unless another one is asked for.

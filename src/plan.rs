@@ -6,13 +6,19 @@ pub mod survey;
 mod wire;
 
 use crate::recipe::Recipe;
+use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
 
-/// Says what renders each scene.
+/// Says what renders each scene, and how thoroughly.
 pub trait Renderers {
     /// The back end of a scene.
     fn of(&self, recipe: &Recipe) -> Backend;
+
+    /// What is left out of every scene.
+    fn omit(&self) -> Omit {
+        Omit::default()
+    }
 }
 
 /// One for all.
@@ -46,7 +52,11 @@ impl Plan {
     pub fn new(recipes: Vec<Recipe>, renderers: &dyn Renderers) -> Self {
         let mut plan = Self::default();
         for (scene, recipe) in recipes.iter().enumerate() {
-            wire::scene(recipe, &renderers.of(recipe), &mut Wiring { plan: &mut plan, scene });
+            wire::scene(
+                recipe,
+                (&renderers.of(recipe), renderers.omit()),
+                &mut Wiring { plan: &mut plan, scene },
+            );
         }
         plan.scenes = recipes;
         plan

@@ -9,6 +9,7 @@ mod built;
 mod card;
 mod checksum;
 pub mod diff;
+pub mod left_out;
 mod manifest;
 mod scene;
 mod transforms;

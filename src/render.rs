@@ -110,6 +110,26 @@ impl RenderChoice {
     }
 }
 
+/// What a renderer leaves out of its own accord.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Omit {
+    /// What changes no bit of an image: Gaussians that no promised view can see, harmonics that are zero in the whole
+    /// scene, layers behind what is finished.
+    #[default]
+    Needless,
+    /// Nothing: all is computed, as far as the back end can, so that [`Self::Needless`] can be held against it.
+    Nothing,
+}
+
+impl Omit {
+    /// Whether it is what every rendering does that is not told otherwise.
+    #[must_use]
+    pub fn is_needless(&self) -> bool {
+        *self == Self::Needless
+    }
+}
+
 /// Where from and through which camera, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
@@ -205,6 +225,14 @@ pub struct Work {
     pub affine_invalid: u64,
 }
 
+impl Work {
+    /// Gaussians that were drawn.
+    #[must_use]
+    pub fn drawn(&self) -> u64 {
+        self.gaussians - self.unseen - self.behind - self.degenerate - self.outside
+    }
+}
+
 impl std::ops::AddAssign for Work {
     fn add_assign(&mut self, o: Self) {
         self.gaussians += o.gaussians;
@@ -243,6 +271,12 @@ pub enum RenderError {
 pub trait Renderer {
     /// The numerical class: what, beside inputs and parameters, the pixels depend on. Enters the key.
     fn fingerprint(&self) -> &str;
+
+    /// Leaves out this from now on. A back end that has no other way of rendering goes on as before: the reference leaves
+    /// nothing out, and a GPU no more than pairs behind finished tiles.
+    fn omit(&mut self, omit: Omit) {
+        let _ = omit;
+    }
 
     /// Promises that from now on only these poses of this camera are rendered: what none of them can see may be left
     /// out, which changes no pixel. A view that was not promised is rendered too, but may lack Gaussians. A later

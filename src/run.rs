@@ -12,6 +12,7 @@ mod resources;
 
 pub use resources::Budget;
 
+use crate::frames::rendered::Saving;
 use crate::plan::assess::{PlanError, Product, Reason};
 use crate::plan::past::past;
 use crate::plan::{Plan, survey};
@@ -95,6 +96,8 @@ pub enum Event<'a> {
         warnings: &'a [String],
         /// A word on the size of its product.
         remark: Option<&'a str>,
+        /// What leaving out saved, where it was measured.
+        saving: Option<Saving>,
     },
     /// A step is up to date.
     Kept {

@@ -12,6 +12,7 @@ pub mod trajectory;
 
 use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::camera::{self, Camera, CameraChoice};
+use crate::frames::rendered::Saving;
 use crate::image::Size;
 use crate::render::backend::Backend;
 use crate::source::Capture;
@@ -225,13 +226,17 @@ pub struct Context<'a> {
     pub warnings: Vec<String>,
     /// A word on the size of its product, for the line of progress.
     pub remark: Option<String>,
+    /// Seconds since some moment, for what is told of the work and enters no product.
+    pub clock: Option<fn() -> f64>,
+    /// What leaving out saved, where it was measured.
+    pub saving: Option<Saving>,
 }
 
 impl<'a> Context<'a> {
     /// A context that writes into `out` and stops when `cancel` is set.
     #[must_use]
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
-        Self { out, cancel, warnings: Vec::new(), remark: None }
+        Self { out, cancel, warnings: Vec::new(), remark: None, clock: None, saving: None }
     }
 
     /// Asked at every frame or chunk: `Err` where the work shall stop.
@@ -318,6 +323,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Role and step of each input.
     fn inputs(&self) -> Vec<(&'static str, StepId)>;
 
+    /// The numerical class, for stages whose bytes depend on the machinery that computes them.
+    fn class(&self) -> Option<String>;
+
     /// Files outside the store that it reads.
     ///
     /// # Errors
@@ -352,6 +360,10 @@ where
 
     fn inputs(&self) -> Vec<(&'static str, StepId)> {
         self.inputs.targets()
+    }
+
+    fn class(&self) -> Option<String> {
+        self.stage.class()
     }
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {

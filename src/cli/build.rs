@@ -4,9 +4,9 @@ use super::Choice;
 use super::console::Console;
 use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
-use super::progress::Progress;
+use super::progress::{Progress, Told};
 use super::renderers::Chosen;
-use super::{Common, Targets, clock, failure, machine, on_interrupt, plan};
+use super::{Common, Targets, clock, failure, left_out, machine, on_interrupt, plan};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
@@ -220,7 +220,8 @@ impl Building<'_> {
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
         let progress = progress.beside(self.settled).falling_back(self.chosen.falls_back());
         let summary = run::run(plan, store, options, &cancel, &progress);
-        let failed = progress.close();
+        let Told { failed, left_out } = progress.close();
+        left_out::tell(&left_out, console);
         if common.keep_going && !failed.is_empty() {
             console.say(&failure::again(&failed, &self.to_find()));
         }
@@ -243,6 +244,9 @@ impl Building<'_> {
         }
         if self.common.store != Path::new(Common::STORE) {
             options.push_str(&format!(" --store {}", self.common.store.display()));
+        }
+        if self.common.no_omit {
+            options.push_str(" --no-omit");
         }
         options
     }

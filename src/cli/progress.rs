@@ -5,10 +5,14 @@ mod pace;
 
 use super::console::Console;
 use super::failure::{self, Place};
+use super::left_out::Table;
 use super::message::{Level, Message};
 use super::plan;
+use crate::artifact::Files;
+use crate::frames::rendered::Saving;
 use crate::plan::Plan;
 use crate::plan::assess::Reason;
+use crate::release::left_out;
 use crate::run::{Event, Failure, Observer};
 use crate::stage::StepId;
 use crate::store::record::Output;
@@ -43,8 +47,18 @@ struct Shown {
     finished: usize,
     /// What was wrong with the stored bytes of steps that run again for it.
     altered: BTreeMap<StepId, String>,
+    /// What was left out of each trajectory of which something was rendered.
+    left_out: BTreeMap<String, Table>,
     /// Scene, step and message of each failure.
     failed: Vec<(String, String, Message)>,
+}
+
+/// What is left to tell when a run is over.
+pub(super) struct Told {
+    /// Scene, step and message of each failure.
+    pub(super) failed: Vec<(String, String, Message)>,
+    /// What was left out of each trajectory of which something was rendered.
+    pub(super) left_out: BTreeMap<String, Table>,
 }
 
 /// How a step ended, for people and programs.
@@ -54,6 +68,8 @@ struct Ended<'a> {
     key: Option<&'a Key>,
     outputs: &'a [Output],
     seconds: Option<f64>,
+    /// What it left out, where it renders.
+    left_out: Option<&'a Table>,
 }
 
 impl<'a> Progress<'a> {
@@ -89,11 +105,11 @@ impl<'a> Progress<'a> {
         self.settled + self.plan.steps().len()
     }
 
-    /// Takes the bars away, and returns scene, step and message of each failure.
-    pub(super) fn close(self) -> Vec<(String, String, Message)> {
+    /// Takes the bars away, and returns what is to be told now.
+    pub(super) fn close(self) -> Told {
         let mut shown = self.shown.into_inner().expect("no observer panics");
         shown.bars.iter_mut().for_each(Bars::close);
-        shown.failed
+        Told { failed: shown.failed, left_out: shown.left_out }
     }
 
     fn place(&self, step: StepId) -> (&'a str, &'a str) {
@@ -138,11 +154,45 @@ impl<'a> Progress<'a> {
     }
 
     fn to_json(&self, ended: &Ended<'_>) -> Value {
-        let Ended { step, state, key, outputs, seconds } = ended;
-        json!({
+        let Ended { step, state, key, outputs, seconds, left_out } = ended;
+        let mut told = json!({
             "step": self.name(*step), "state": state, "key": key.map(Key::to_string),
             "outputs": plan::outputs(self.store, outputs), "seconds": seconds,
-        })
+        });
+        if let Some(Table { rows, saving }) = left_out {
+            told["left_out"] = json!(rows);
+            told["saving"] = json!(saving);
+        }
+        told
+    }
+
+    /// What a step left out that was made just now; `None` of one that does not render.
+    fn left_out(
+        &self,
+        shown: &Shown,
+        step: StepId,
+        outputs: &[Output],
+        saving: Option<Saving>,
+    ) -> Option<Table> {
+        let planned = &self.plan.steps()[step.0].step;
+        if !left_out::RENDER.contains(&planned.stage()) {
+            return None;
+        }
+        let files = Files::of(outputs, self.store);
+        let rows = left_out::of_step(planned.stage(), planned.class().as_deref(), &files);
+        let told = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
+        Some(Table { rows: rows.map_err(told).ok()?, saving })
+    }
+
+    /// Keeps it for the end.
+    fn keep_left_out(&self, shown: &mut Shown, step: StepId, left_out: Table) {
+        let name = self.name(step);
+        let trajectory = name.rsplit_once('/').map_or(name.as_str(), |(trajectory, _)| trajectory);
+        let table = shown.left_out.entry(trajectory.to_owned()).or_default();
+        table.rows.extend(left_out.rows);
+        // Steps end in any order; those of one step keep theirs.
+        table.rows.sort_by(|a, b| a.step.cmp(&b.step));
+        table.saving = table.saving.or(left_out.saving);
     }
 
     /// Shows something above the bars, where there are any.
@@ -183,7 +233,8 @@ impl<'a> Progress<'a> {
             let what = format!("{scene} is rendered on the CPU, since {because}");
             return self.tell(shown, &Message::new(Level::Warning, "on-cpu", what).scene(scene));
         }
-        self.ended(shown, &Ended { step, state: "failed", key: None, outputs: &[], seconds: None }, None);
+        let ended = Ended { step, state: "failed", key: None, outputs: &[], seconds: None, left_out: None };
+        self.ended(shown, &ended, None);
         let (scene, name) = self.place(step);
         let place = Place { scene, step: name, finished: shown.finished, all: self.all() };
         let message = failure::failed(place, &failure.error);
@@ -213,11 +264,9 @@ impl Observer for Progress<'_> {
             Event::Started { step, reason, cores } => self.started(shown, step, reason, cores),
             Event::Kept { step, key, outputs } => {
                 shown.finished += 1;
-                self.ended(
-                    shown,
-                    &Ended { step, state: "kept", key: Some(key), outputs, seconds: None },
-                    None,
-                );
+                let key = Some(key);
+                let ended = Ended { step, state: "kept", key, outputs, seconds: None, left_out: None };
+                self.ended(shown, &ended, None);
             }
             Event::TooLarge { step, memory, budget } => {
                 let [need, all] = [memory, budget].map(|bytes| amount(bytes, "B"));
@@ -225,11 +274,20 @@ impl Observer for Progress<'_> {
                 let what = format!("{scene}/{name} needs about {need} of {all}: it runs alone");
                 self.tell(shown, &Message::new(Level::Warning, "memory", what).step(scene, name));
             }
-            Event::Made { step, key, outputs, seconds, cores, warnings, remark } => {
+            Event::Made { step, key, outputs, seconds, cores, warnings, remark, saving } => {
                 shown.finished += 1;
-                let ended = Ended { step, state: "made", key: Some(key), outputs, seconds: Some(seconds) };
+                let left_out = self.left_out(shown, step, outputs, saving);
+                let ended = Ended {
+                    step,
+                    state: "made",
+                    key: Some(key),
+                    outputs,
+                    seconds: Some(seconds),
+                    left_out: left_out.as_ref(),
+                };
                 self.ended(shown, &ended, Some(seconds * cores as f64));
                 self.made(shown, step, seconds, remark, warnings);
+                left_out.into_iter().for_each(|table| self.keep_left_out(shown, step, table));
             }
             Event::Failed { failure } => self.failed(shown, failure),
         }

@@ -209,7 +209,9 @@ impl Render {
     ) -> Result<(String, Work), Problem> {
         let want = self.channel.wanted();
         let mut by = |backend: &Backend| {
-            let work = backend.renderer(scene.clone(), style)?.render(view, want, out)?;
+            let mut renderer = backend.renderer(scene.clone(), style)?;
+            renderer.omit(common.omit());
+            let work = renderer.render(view, want, out)?;
             Ok::<_, RenderError>((backend.class(), work))
         };
         if common.backend != Choice::Auto {

@@ -9,6 +9,7 @@ use super::problem::Problem;
 use crate::plan::assess::{Action, assess};
 use crate::plan::{Plan, Renderers, past};
 use crate::recipe::Recipe;
+use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, Choice, Device, GpuError};
 use crate::run::Summary;
@@ -16,9 +17,16 @@ use crate::store::Store;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-/// What renders the scenes of a command.
+/// What renders the scenes of a command, and what is left out.
 #[derive(Debug)]
-pub(super) enum Chosen {
+pub(super) struct Chosen {
+    by: By,
+    omit: Omit,
+}
+
+/// What renders.
+#[derive(Debug)]
+pub(super) enum By {
     /// The back end that the user asked for.
     One(Backend),
     /// What fits each scene.
@@ -26,12 +34,18 @@ pub(super) enum Chosen {
 }
 
 impl Chosen {
+    /// By these, leaving out so much.
+    pub(super) fn new(by: By, omit: Omit) -> Self {
+        Self { by, omit }
+    }
+
     /// Names what of it may change a key: what a survey under another name found does not count.
     pub(super) fn name(&self) -> String {
-        match self {
-            Self::One(backend) => backend.class(),
-            Self::Auto(_) => "auto".to_owned(),
-        }
+        let by = match &self.by {
+            By::One(backend) => backend.class(),
+            By::Auto(_) => "auto".to_owned(),
+        };
+        if self.omit.is_needless() { by } else { format!("{by} whole") }
     }
 
     /// With what is known of scenes in a store.
@@ -41,12 +55,12 @@ impl Chosen {
 
     /// Whether what a GPU fails at is rendered on the CPU next.
     pub(super) fn falls_back(&self) -> bool {
-        matches!(self, Self::Auto(_))
+        matches!(self.by, By::Auto(_))
     }
 
     /// Says where there is no GPU for what needs one.
     pub(super) fn tell(&self, console: &Console) {
-        let Self::Auto(auto) = self else { return };
+        let By::Auto(auto) = &self.by else { return };
         if let Some(Err(because)) = &*auto.gpu.borrow() {
             console.say(&format!("on the CPU, since {because}"));
         }
@@ -54,7 +68,7 @@ impl Chosen {
 
     /// Takes the scenes of a run that the GPU failed, so that they are planned for the CPU next; whether there are any.
     pub(super) fn give_up(&self, plan: &Plan, summary: &Summary) -> bool {
-        let Self::Auto(auto) = self else { return false };
+        let By::Auto(auto) = &self.by else { return false };
         let mut any = false;
         for failure in &summary.failures {
             let Some(because) = failure.of_gpu() else { continue };
@@ -114,19 +128,23 @@ pub(super) struct Knowing<'a> {
 
 impl Renderers for Knowing<'_> {
     fn of(&self, recipe: &Recipe) -> Backend {
-        match self.chosen {
-            Chosen::One(backend) => backend.clone(),
-            Chosen::Auto(_) if !gpu::blends(recipe.render.order) => Backend::Cpu,
+        match &self.chosen.by {
+            By::One(backend) => backend.clone(),
+            By::Auto(_) if !gpu::blends(recipe.render.order) => Backend::Cpu,
             // A record that cannot be read is told by whoever needs it.
-            Chosen::Auto(auto) => auto.of(&recipe.scene, past::class(recipe, self.store).unwrap_or_default()),
+            By::Auto(auto) => auto.of(&recipe.scene, past::class(recipe, self.store).unwrap_or_default()),
         }
+    }
+
+    fn omit(&self) -> Omit {
+        self.chosen.omit
     }
 }
 
 impl Knowing<'_> {
     /// The plan as it can be run: the GPU is opened where something is to be rendered by one that was not.
     pub(super) fn at_hand(&self, plan: Plan) -> Result<Plan, Problem> {
-        let Chosen::Auto(auto) = self.chosen else { return Ok(plan) };
+        let By::Auto(auto) = &self.chosen.by else { return Ok(plan) };
         let unopened = auto.gpu.borrow().is_none()
             && plan.scenes().iter().any(|recipe| matches!(self.of(recipe), Backend::Unopened(_)));
         if !unopened || assess(&plan, self.store)?.iter().all(|a| a.action == Action::Keep) {
@@ -165,7 +183,8 @@ mod tests {
         let store = dir.join("store").display().to_string();
         let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
         let auto = Auto { gpu: RefCell::new(Some(Ok(device))), ..Auto::new(Choice::Any) };
-        let (console, care, chosen) = (Console::new(false, true), Care::default(), Chosen::Auto(auto));
+        let (console, care) = (Console::new(false, true), Care::default());
+        let chosen = Chosen::new(By::Auto(auto), Omit::default());
         let targets = Targets { recipes: vec![recipe] };
         let store = open(&common, &care, &console).unwrap();
         let plan = Plan::new(crate::recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));

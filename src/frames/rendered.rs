@@ -1,5 +1,9 @@
 //! Frames rendered along a trajectory.
 
+mod saving;
+
+pub use saving::Saving;
+
 use super::{Frame, FrameError, Frames};
 use crate::camera::Camera;
 use crate::image::{Image, Size};

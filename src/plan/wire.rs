@@ -4,6 +4,7 @@
 use super::Wiring;
 use crate::artifact::Motion;
 use crate::recipe::{Output, Recipe, Reconstruct, Source, TrajectoryRecipe};
+use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::scene::Gaussians;
 use crate::seed::{Purpose, Seed};
@@ -19,7 +20,7 @@ use crate::stage::trajectory::{Moving, Seeing};
 use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
-pub(super) fn scene(recipe: &Recipe, backend: &Backend, wiring: &mut Wiring<'_>) {
+pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: &mut Wiring<'_>) {
     let capturing = match &recipe.source {
         Source::Procedural(still_life) => Capturing::procedural(still_life),
         Source::Colmap(dir) => Capturing::Colmap { dir: dir.clone() },
@@ -37,6 +38,7 @@ pub(super) fn scene(recipe: &Recipe, backend: &Backend, wiring: &mut Wiring<'_>)
         capture: wiring.add("capture".into(), capturing, ()),
         gaussians: wiring.add("reconstruct".into(), reconstructing, ()),
         backend,
+        omit,
     };
     // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
@@ -54,6 +56,7 @@ struct Ground<'a> {
     capture: Target<Capture>,
     gaussians: Target<Gaussians>,
     backend: &'a Backend,
+    omit: Omit,
 }
 
 fn trajectory(
@@ -63,7 +66,7 @@ fn trajectory(
     ground: Ground<'_>,
     wiring: &mut Wiring<'_>,
 ) -> Target<Motion> {
-    let Ground { capture, gaussians, backend } = ground;
+    let Ground { capture, gaussians, backend, omit } = ground;
     let backend = || backend.clone();
     let name = |step: &str| format!("{}/{step}", trajectory.name);
     let seeing = matches!(trajectory.speed, Speed::Flow(_)).then(|| Seeing {
@@ -84,6 +87,7 @@ fn trajectory(
     let events = recipe.outputs.contains(&Output::Events).then(|| {
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
         let simulating = Simulating {
+            omit,
             backend: backend(),
             tolerance: recipe.tolerance,
             ..Simulating::new(&recipe.sensors, seed, (recipe.camera, recipe.render))
@@ -95,6 +99,7 @@ fn trajectory(
             camera: recipe.camera,
             render: recipe.render,
             every: recipe.sharp_every,
+            omit,
             backend: backend(),
         };
         wiring.add(name("sharp"), sharp, (capture, gaussians, motion));

@@ -1,6 +1,7 @@
 //! What was built, gathered from the store for a release.
 
-use crate::artifact::{Artifact, EventStreams, Files, Motion, Simulation, Stream, Verdicts};
+use super::left_out::{self, Row};
+use crate::artifact::{Artifact, ArtifactError, EventStreams, Files, Motion, Simulation, Stream, Verdicts};
 use crate::camera::{self, Camera};
 use crate::check::Finding;
 use crate::licence::Composed;
@@ -45,6 +46,7 @@ pub(super) struct BuiltTrajectory {
     pub(super) motion_files: Vec<Output>,
     pub(super) events: Option<(EventStreams, Vec<Output>)>,
     pub(super) sharp: Option<Vec<Output>>,
+    pub(super) left_out: Vec<Row>,
     pub(super) findings: Vec<Finding>,
     pub(super) peaks_ev_per_ms: Vec<u64>,
 }
@@ -116,16 +118,33 @@ impl Shelf<'_> {
     }
 
     fn open<A: Artifact>(&self, name: &str) -> Result<(A, Vec<Output>), GatherError> {
-        let unreadable = |because: String| GatherError::Unreadable {
-            scene: self.scene.to_owned(),
-            step: name.to_owned(),
-            because,
-        };
         let outputs = self
             .find(name)
             .ok_or_else(|| GatherError::NotBuilt { scene: self.scene.to_owned(), step: name.to_owned() })?;
-        let artifact = A::open(&Files::of(outputs, self.store)).map_err(|e| unreadable(e.to_string()))?;
+        let artifact = A::open(&Files::of(outputs, self.store)).map_err(|e| self.unreadable(name, &e))?;
         Ok((artifact, outputs.to_vec()))
+    }
+
+    /// What the steps of a trajectory left out.
+    fn left_out(&self, trajectory: &str) -> Result<Vec<Row>, GatherError> {
+        let own =
+            |step: &&BuiltStep| step.name.strip_prefix(trajectory).is_some_and(|rest| rest.starts_with('/'));
+        let mut rows = Vec::new();
+        for step in self.steps.iter().filter(own) {
+            let class = step.description.iter().find(|line| line.path == "class");
+            let files = Files::of(&step.outputs, self.store);
+            let left_out = left_out::of_step(step.stage, class.map(|line| line.text.as_str()), &files);
+            rows.extend(left_out.map_err(|e| self.unreadable(&step.name, &e))?);
+        }
+        Ok(rows)
+    }
+
+    fn unreadable(&self, step: &str, error: &ArtifactError) -> GatherError {
+        GatherError::Unreadable {
+            scene: self.scene.to_owned(),
+            step: step.to_owned(),
+            because: error.to_string(),
+        }
     }
 
     fn open_optional<A: Artifact>(&self, name: &str) -> Result<Option<(A, Vec<Output>)>, GatherError> {
@@ -177,6 +196,7 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
         motion,
         motion_files,
         events: shelf.open_optional(&step("events"))?,
+        left_out: shelf.left_out(name)?,
         sharp: shelf.find(&step("sharp")).map(<[Output]>::to_vec),
         peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),

@@ -2,6 +2,7 @@
 //! what a later build is held against.
 
 use super::built::{BuiltScene, BuiltStep};
+use super::left_out::Row;
 use crate::check::{Finding, Verdict};
 use crate::render::Work;
 use crate::store::Digest;
@@ -51,6 +52,10 @@ pub struct ManifestScene {
     pub waivers: Vec<Finding>,
     /// What was left out of rendering for the events of each trajectory, over all frames.
     pub left_out: BTreeMap<String, Work>,
+    /// The same in words, and what sensors and sharp frames left out beside it, with the proof that nothing is lost by
+    /// it; absent in a release of a program that did not write it.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub omitted: BTreeMap<String, Vec<Row>>,
     /// Its files, sorted by path.
     pub files: Vec<ManifestFile>,
 }
@@ -124,6 +129,7 @@ pub(super) fn scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> Manifes
         *checks.entry(finding.verdict.name().to_owned()).or_default() += 1;
     }
     let left_out = built.trajectories.iter().filter_map(|t| Some((t.name.clone(), t.simulation()?.work)));
+    let omitted = built.trajectories.iter().map(|t| (t.name.clone(), t.left_out.clone()));
     ManifestScene {
         id: built.recipe.scene.clone(),
         source: built.recipe.source.kind().to_owned(),
@@ -132,6 +138,7 @@ pub(super) fn scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> Manifes
         checks,
         waivers: findings.into_iter().filter(|f| f.verdict == Verdict::Waived).cloned().collect(),
         left_out: left_out.collect(),
+        omitted: omitted.collect(),
         files,
     }
 }

@@ -57,6 +57,12 @@ impl Backend {
         }
     }
 
+    /// Whether it can render with what it leaves out otherwise, and without.
+    #[must_use]
+    pub fn has_choice(&self) -> bool {
+        matches!(self, Self::Cpu)
+    }
+
     /// Whether it takes a GPU.
     #[must_use]
     pub fn takes_gpu(&self) -> bool {

@@ -20,7 +20,7 @@ mod unseen;
 
 pub use level::Instructions;
 
-use super::{Channels, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
+use super::{Channels, Omit, RenderError, Rendered, Renderer, Rules, Style, View, Work, flow};
 use crate::camera::Camera;
 use crate::image::Size;
 use crate::scene::{Gaussians, sh};
@@ -41,9 +41,10 @@ pub struct Cpu {
     scene: Arc<Gaussians>,
     /// Of the Gaussians that some view may see.
     blocks: Vec<Block>,
-    /// Degree of the harmonics that are not all zero.
+    /// Degree of the harmonics that are evaluated: where something is left out, those that are not all zero.
     sh_degree: u8,
     style: Style,
+    omit: Omit,
     instructions: Instructions,
     splats: Vec<Splat>,
     rates: Vec<Rates>,
@@ -71,19 +72,19 @@ impl Cpu {
     /// # Errors
     /// When the scene has more than 2^32 - 1 Gaussians or the background is not finite.
     pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
-        let Ok(count) = u32::try_from(scene.len()) else {
+        if u32::try_from(scene.len()).is_err() {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
             return Err(RenderError::Scene(because));
-        };
+        }
         super::check_style(&style)?;
-        let numbers: Vec<u32> = (0..count).collect();
-        let blocks = activate::activate(&scene, style.rules, &numbers);
+        let blocks = activate::activate(&scene, style.rules, &unseen::all(&scene));
         let sh_degree = activate::sh_degree(&scene);
         Ok(Self {
             scene,
             blocks,
             sh_degree,
             style,
+            omit: Omit::default(),
             instructions: Instructions::best(),
             splats: Vec::new(),
             rates: Vec::new(),
@@ -158,11 +159,11 @@ impl Cpu {
         done(Pass::Sort);
         let grid = Grid::new(view.camera.size);
         let (splats, rates, tiles) = (&self.splats, &self.rates, &mut self.tiles);
-        let (Style { rules, order, .. }, level) = (self.style, self.instructions.level);
+        let (Style { rules, order, .. }, level, omit) = (self.style, self.instructions.level, self.omit);
         let features = feature_count(asked);
         work.tile_pairs = self.lists.run(Ordered { order: sorted, splats, grid }, |lists| {
             done(Pass::Bin);
-            let frame = Frame { splats, rates, lists, grid, rules, order, level };
+            let frame = Frame { splats, rates, lists, grid, rules, order, omit, level };
             work += raster(features, asked.luminance_rate, frame, tiles);
             done(Pass::Raster);
         });
@@ -174,17 +175,39 @@ impl Cpu {
     }
 }
 
+impl Cpu {
+    /// Renders the Gaussians of these numbers from now on. They are laid out anew, so that it takes no more memory than
+    /// before; the list of them, while that is done, 4 bytes a Gaussian.
+    fn keep(&mut self, numbers: &[u32]) {
+        self.blocks = Vec::new();
+        self.blocks = activate::activate(&self.scene, self.style.rules, numbers);
+    }
+}
+
 impl Renderer for Cpu {
     fn fingerprint(&self) -> &str {
         FINGERPRINT
     }
 
-    /// What is kept is laid out anew, so that it takes no more memory than before; the list of it, while that is done,
-    /// 4 bytes a Gaussian.
+    fn omit(&mut self, omit: Omit) {
+        if omit == self.omit {
+            return;
+        }
+        self.omit = omit;
+        self.sh_degree = match omit {
+            Omit::Needless => activate::sh_degree(&self.scene),
+            Omit::Nothing => self.scene.sh_degree,
+        };
+        let kept: usize = self.blocks.iter().map(|block| block.len).sum();
+        if omit == Omit::Nothing && kept < self.scene.len() {
+            self.keep(&unseen::all(&self.scene));
+        }
+    }
+
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
-        let numbers = unseen::seen(&self.scene, self.style.rules, camera, poses);
-        self.blocks = Vec::new();
-        self.blocks = activate::activate(&self.scene, self.style.rules, &numbers);
+        if self.omit == Omit::Needless {
+            self.keep(&unseen::seen(&self.scene, self.style.rules, camera, poses));
+        }
     }
 
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {

@@ -219,7 +219,7 @@ impl<'a> Executor<'a> {
             self.ready.insert(twin.1);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
-            Ok(Made { outputs, seconds, cores, warnings, remark }) => {
+            Ok(Made { outputs, seconds, cores, warnings, remark, saving }) => {
                 if is_recheck {
                     self.summary.kept += 1;
                     self.summary.rechecked += 1;
@@ -234,6 +234,7 @@ impl<'a> Executor<'a> {
                     cores,
                     warnings: &warnings,
                     remark: remark.as_deref(),
+                    saving,
                 });
                 self.done(step, Product { key, outputs, sources });
             }

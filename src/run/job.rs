@@ -2,6 +2,7 @@
 
 use super::StepError;
 use crate::artifact::Files;
+use crate::frames::rendered::Saving;
 use crate::plan::assess::{Reason, Sources, read_sources};
 use crate::plan::{Plan, PlannedStep};
 use crate::stage::{Context, Need, StageError, StepId};
@@ -9,8 +10,15 @@ use crate::store::description::Value;
 use crate::store::record::{Output, Provenance, Record};
 use crate::store::space::{Space, is_full};
 use crate::store::{Key, Store, StoreError, Workspace};
+use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
+
+/// Seconds since this was first asked.
+fn seconds() -> f64 {
+    static BEGAN: OnceLock<Instant> = OnceLock::new();
+    BEGAN.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
 
 /// A step that must run.
 pub(super) struct Stale {
@@ -32,6 +40,7 @@ pub(super) struct Made {
     pub(super) cores: usize,
     pub(super) warnings: Vec<String>,
     pub(super) remark: Option<String>,
+    pub(super) saving: Option<Saving>,
 }
 
 /// One step's work, on its own thread.
@@ -55,6 +64,7 @@ impl Job<'_> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
         let mut cx = Context::new(workspace.path(), self.cancel);
+        cx.clock = Some(seconds);
         let worked = self.pool()?.install(|| planned.step.run(&stale.files, &mut cx));
         let seconds = started.elapsed().as_secs_f64();
         // Half of a file that somebody is writing is like a broken one: that it moves is the better word for it.
@@ -62,7 +72,7 @@ impl Job<'_> {
             self.refuse_moved(planned, &stale.sources)?;
         }
         worked?;
-        let Context { warnings, remark, .. } = cx;
+        let Context { warnings, remark, saving, .. } = cx;
         let provenance = Provenance {
             tool: env!("CARGO_PKG_VERSION").to_owned(),
             seconds,
@@ -75,7 +85,7 @@ impl Job<'_> {
             None => self.store.publish(workspace, record)?,
             Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
-        Ok(Made { outputs, seconds, cores: self.cores, warnings, remark })
+        Ok(Made { outputs, seconds, cores: self.cores, warnings, remark, saving })
     }
 
     /// The error, or that there is no room where that is behind it: by its causes, else by what is left, because not

@@ -41,7 +41,7 @@ use super::front_end::FrontEnd;
 use super::noise::HotPixels;
 use super::own_events::WithHot;
 use super::pairs::{Cap, Pairs};
-use super::{Model, Pixels, SensorError, check_extent};
+use super::{Account, Model, Pixels, SensorError, check_extent};
 use crate::event::Label;
 use crate::image::Size;
 use crate::seed::Seed;
@@ -161,6 +161,20 @@ impl Voltmeter {
 }
 
 impl Voltmeter {
+    /// Cells of the pixels' clocks, each as long as the longest leaf, that the law `exact` did not look into, because no
+    /// threshold was within reach there, and all of them over a clip of this length; `None` of sensors without such a
+    /// clock. At least so many: where a leaf is shorter, more than one is counted for its cell.
+    #[must_use]
+    pub fn quiet_cells(&self, account: &Account, size: Size, span_us: i64) -> Option<[u64; 2]> {
+        let cells = u64::try_from(span_us).ok()? * 1000 / u64::from(tree::LEAF);
+        let all = cells * size.pixels() as u64;
+        let has_clock = self.law == Law::Exact && !drift::Process::new(self).is_noiseless();
+        has_clock.then(|| [all.saturating_sub(account.leaves), all])
+    }
+
+    /// A threshold is touched in a cell that is not looked into with a probability below `e` to the minus this.
+    pub const MISSED_LN: f64 = bridge::NEGLIGIBLE;
+
     /// Pixels by the law `exact`, the hot ones and the cap around it.
     fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
         let cap = self.max_events_per_pixel_frame;
@@ -215,6 +229,19 @@ impl Model for Voltmeter {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 6 pixels for 1000 times the longest leaf of 8.192 us.
+    #[test]
+    fn cells_that_were_not_looked_into_are_what_the_leaves_leave_of_all() {
+        let size = Size { width: 3, height: 2 };
+        let account = Account { leaves: 100, ..Account::default() };
+        let noisy = Voltmeter::new(Preset::Dvs346.k());
+        assert_eq!(noisy.quiet_cells(&account, size, 8192), Some([5900, 6000]));
+        let official = Voltmeter { law: Law::Official, ..noisy };
+        assert_eq!(official.quiet_cells(&account, size, 8192), None);
+        let quiet = Voltmeter::new([1.0, 2.0, 0.0, 4.0, 5.0, 0.0]);
+        assert_eq!(quiet.quiet_cells(&account, size, 8192), None);
+    }
 
     /// What entered a key before there were options beside these still says the same.
     #[test]

@@ -7,14 +7,14 @@ use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Simulation, Stream, write_json};
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
-use crate::frames::Frame;
 use crate::frames::anchors::Anchors;
 use crate::frames::rendered::RenderedFrames;
+use crate::frames::{Frame, Frames};
 use crate::image::Size;
 use crate::render::backend::Backend;
 use crate::render::doubt::Doubt;
 use crate::render::flow::{self, Quantiles};
-use crate::render::{Channels, RenderChoice, Rendered, Renderer, View};
+use crate::render::{Channels, Omit, RenderChoice, Rendered, Renderer, View};
 use crate::sampling::Tolerance;
 use crate::scene::Gaussians;
 use crate::seed::Seed;
@@ -23,7 +23,6 @@ use crate::sensor::voltmeter::Between;
 use crate::sensor::{Account, Channel, Sensor, Sensors, SimulateError, simulate_all};
 use crate::source::Capture;
 use crate::trajectory::Trajectory;
-use crate::units::amount;
 use sampling::Sampled;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -51,6 +50,9 @@ pub struct Simulating {
     /// The error between frames that the events may have; frames are then where that needs them, else at the poses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<Tolerance>,
+    /// What is left out: the counts that a step writes down depend on it, its pictures and events do not.
+    #[serde(skip_serializing_if = "Omit::is_needless")]
+    pub omit: Omit,
     /// What renders.
     #[serde(skip)]
     pub backend: Backend,
@@ -77,7 +79,8 @@ impl Stage for Simulating {
 
     fn need(&self, files: &[Files]) -> Need {
         let sensors = self.sensors().count() as u64;
-        let front_ends = self.front_ends().iter().filter(|front_end| !front_end.is_plain()).count() as u64;
+        let is_coloured = |front_end: &&FrontEnd| self.omit == Omit::Nothing || !front_end.is_plain();
+        let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
         let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends;
         super::rendering_need(&self.backend, self.camera, files, others)
     }
@@ -90,8 +93,12 @@ impl Stage for Simulating {
         let camera = super::camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
         let gaussians = Arc::new(gaussians);
-        let new_renderer =
-            || self.backend.renderer(gaussians.clone(), style).map_err(StageError::work("render"));
+        let new_renderer = || {
+            let renderer = self.backend.renderer(gaussians.clone(), style);
+            let mut renderer = renderer.map_err(StageError::work("render"))?;
+            renderer.omit(self.omit);
+            Ok::<_, StageError>(renderer)
+        };
         let Sampled { trajectory, velocities, chosen, renderer } =
             self.sample(motion, camera, new_renderer()?, cx)?;
         let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
@@ -101,11 +108,14 @@ impl Stage for Simulating {
         if own.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
             frames = frames.with_rates(velocities);
         }
+        if self.sees_colour() {
+            frames.want_colour();
+        }
+        if let Some(clock) = cx.clock.filter(|_| self.omit.is_needless() && self.backend.has_choice()) {
+            cx.saving = frames.saving(clock).map_err(StageError::work("render"))?;
+        }
         let (streams, anchors) = own.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
-        let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
-        cx.warnings.extend(own.lost_in_noise(end_us, (&streams, &anchors)));
-        let events = amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
-        cx.remark = Some(chosen.as_ref().map_or(events.clone(), |chosen| format!("{events}, {chosen}")));
+        own.tell(&trajectory, chosen.as_ref(), (&streams, &anchors), cx);
         let simulation = Simulation {
             camera,
             gaussians: gaussians.len(),
@@ -114,6 +124,7 @@ impl Stage for Simulating {
             antialiased: style.antialiased,
             streams,
             seed: self.seed,
+            omit: self.omit,
             work: frames.work(),
             flow_px: Quantiles::of(seen.moved_px),
             doubtful_share: seen.doubt.share(),
@@ -141,7 +152,8 @@ impl Simulating {
             Sensors::One(sensor) => (Some(sensor), BTreeMap::new()),
             Sensors::Named(sensors) => (None, sensors),
         };
-        Self { camera, render, sensor, sensors, seed, tolerance: None, backend: Backend::default() }
+        let (omit, tolerance, backend) = (Omit::default(), None, Backend::default());
+        Self { camera, render, sensor, sensors, seed, tolerance, omit, backend }
     }
 
     /// Each sensor, with its name where there are several.
@@ -152,6 +164,11 @@ impl Simulating {
 
     fn front_ends(&self) -> Vec<FrontEnd> {
         front_end::distinct(self.sensors().map(|(_, sensor)| sensor.as_model()))
+    }
+
+    /// Whether colours are rendered: a sensor wants them, or nothing is left out.
+    fn sees_colour(&self) -> bool {
+        self.omit == Omit::Nothing || self.front_ends().iter().any(FrontEnd::needs_colour)
     }
 
     /// Streams the frames through the sensors into their files, and keeps some as each front end shows them.

@@ -5,7 +5,7 @@ use crate::artifact::{Files, Motion, Pictures, write_json};
 use crate::camera::CameraChoice;
 use crate::image::png;
 use crate::render::backend::Backend;
-use crate::render::{Channels, RenderChoice, Rendered, View, Work};
+use crate::render::{Channels, Omit, RenderChoice, Rendered, View, Work};
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use rayon::prelude::*;
@@ -24,6 +24,9 @@ pub struct Photographing {
     pub render: RenderChoice,
     /// Every how many poses a frame is kept.
     pub every: u32,
+    /// What is left out: the counts that a step writes down depend on it, its pictures and events do not.
+    #[serde(skip_serializing_if = "Omit::is_needless")]
+    pub omit: Omit,
     /// What renders.
     #[serde(skip)]
     pub backend: Backend,
@@ -58,6 +61,7 @@ impl Stage for Photographing {
         let style = self.render.resolve(gaussians.antialiased);
         let mut renderer =
             self.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work("render"))?;
+        renderer.omit(self.omit);
         let poses = &motion.trajectory.world_from_camera;
         renderer.keep_to(&camera, poses);
         let kept: Vec<usize> = (0..poses.len()).step_by(self.every as usize).collect();

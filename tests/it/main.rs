@@ -26,6 +26,7 @@ mod locks;
 mod manifest;
 mod memory;
 mod messages;
+mod no_omit;
 mod paths;
 mod progress;
 mod real;

@@ -5,7 +5,7 @@ use crate::support::gaussians::{ALL, Blob, Draws, OFFICIAL, ahead, crowd, scene}
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::render::cpu::Cpu;
-use gs2e::render::{Channels, Rendered, Renderer, Rules, Style, Velocity, View, Work};
+use gs2e::render::{Channels, Omit, Rendered, Renderer, Rules, Style, Velocity, View, Work};
 use gs2e::scene::{Gaussians, sh};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp;
@@ -97,8 +97,11 @@ proptest! {
         let poses: Vec<Se3> =
             poses.iter().map(|pose| Se3 { translation: pose.translation + origin, ..*pose }).collect();
         let style = Style { rules, antialiased, ..OFFICIAL };
-        let [mut whole, mut kept] = [scene.clone(), scene].map(|scene| Cpu::new(scene, style).unwrap());
+        let new = || Cpu::new(scene.clone(), style).unwrap();
+        let [mut whole, mut kept, mut all_of_it] = [new(), new(), new()];
+        all_of_it.omit(Omit::Nothing);
         kept.keep_to(&camera, &poses);
+        all_of_it.keep_to(&camera, &poses);
         for &pose in poses.iter().step_by(7) {
             let (wanted, all) = frame(&mut whole, camera, pose);
             let (found, work) = frame(&mut kept, camera, pose);
@@ -107,6 +110,9 @@ proptest! {
             prop_assert_eq!(left_out(&work), left_out(&all));
             let counts = |w: Work| (w.gaussians, w.tile_pairs, w.blended, w.stopped, w.affine_doubtful);
             prop_assert_eq!(counts(work), counts(all));
+            let (found, all_work) = frame(&mut all_of_it, camera, pose);
+            prop_assert!(found == wanted, "{all:?} {all_work:?}");
+            prop_assert_eq!(all_work, Work { hidden: 0, zero_harmonics: 0, ..all });
         }
     }
 }
@@ -211,6 +217,49 @@ fn harmonics_that_are_zero_in_the_whole_scene_change_no_bit() {
             let spared = drawn * (sh::len(stored) - sh::len(degree)) as u64;
             assert_eq!(work, Work { zero_harmonics: spared, ..plain });
         }
+    }
+}
+
+/// 250 opaque layers behind a crowd, with harmonics of degree 3 of which the last are zero.
+fn opaque() -> Gaussians {
+    let layer = |k: u8| Blob {
+        position: [0.0, 0.0, 7.0 + 0.01 * f32::from(k)],
+        deviations: [90.0, 90.0, 0.01],
+        opacity: 0.95,
+        colour: [0.1, 0.002 * f64::from(k), 1.4],
+        ..Blob::default()
+    };
+    let mut both = harmonics(1, 3);
+    let wall = scene(&(0..250).map(layer).collect::<Vec<_>>());
+    let zeros = vec![[0.0; 3]; sh::len(3) - 1];
+    both.positions.extend(wall.positions);
+    both.log_scales.extend(wall.log_scales);
+    both.rotations.extend(wall.rotations);
+    both.opacity_logits.extend(wall.opacity_logits);
+    both.sh.extend(wall.sh.iter().flat_map(|first| std::iter::once(*first).chain(zeros.clone())));
+    both
+}
+
+#[test]
+fn all_that_is_left_out_can_be_computed_and_changes_no_bit() {
+    let View { camera, world_from_camera, .. } = ahead(90, 70, 80.0);
+    let scene = Arc::new(opaque());
+    for rules in ALL_RULES {
+        let mut cpu = Cpu::new(scene.clone(), Style { rules, ..OFFICIAL }).unwrap();
+        cpu.keep_to(&camera, &[world_from_camera]);
+        let (wanted, work) = frame(&mut cpu, camera, world_from_camera);
+        assert!(work.unseen > 0 && work.hidden > 0 && work.zero_harmonics > 0, "{rules:?} {work:?}");
+        cpu.omit(Omit::Nothing);
+        let (found, whole) = frame(&mut cpu, camera, world_from_camera);
+        assert!(found == wanted, "{rules:?}");
+        assert_eq!((whole.unseen, whole.hidden, whole.zero_harmonics), (0, 0, 0), "{rules:?}");
+        assert_eq!((whole.drawn(), whole.tile_pairs), (work.drawn(), work.tile_pairs), "{rules:?}");
+        assert_eq!((whole.blended, whole.stopped), (work.blended, work.stopped), "{rules:?}");
+        cpu.keep_to(&camera, &[world_from_camera]);
+        assert_eq!(frame(&mut cpu, camera, world_from_camera).1, whole, "a promise changes nothing");
+        cpu.omit(Omit::Needless);
+        cpu.keep_to(&camera, &[world_from_camera]);
+        assert_eq!(frame(&mut cpu, camera, world_from_camera), (wanted, work), "{rules:?}");
     }
 }
 

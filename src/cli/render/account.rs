@@ -57,8 +57,7 @@ impl Account {
     }
 
     fn drawn(&self) -> u64 {
-        let Work { gaussians, unseen, behind, degenerate, outside, .. } = self.work;
-        gaussians - unseen - behind - degenerate - outside
+        self.work.drawn()
     }
 
     fn warnings(&self) -> Vec<String> {

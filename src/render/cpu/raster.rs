@@ -12,7 +12,7 @@ use super::bin::{Grid, Lists};
 use super::splat::{Rates, Splat};
 use crate::render::dual::Dual;
 use crate::render::shared::TILE;
-use crate::render::{Layering, Rules, Work};
+use crate::render::{Layering, Omit, Rules, Work};
 use block::Pixels;
 use cover::Shapes;
 use fearless_simd::{Level, Simd, dispatch};
@@ -48,6 +48,8 @@ pub(super) struct Frame<'a> {
     pub(super) rules: Rules,
     /// How layers lie.
     pub(super) order: Layering,
+    /// What is left out.
+    pub(super) omit: Omit,
     /// The instruction set.
     pub(super) level: Level,
 }
@@ -128,16 +130,17 @@ fn blend<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
         shapes: Shapes::default(),
     };
     let mut work = Work::default();
+    let whole = frame.omit == Omit::Nothing;
     for run in frame.lists.of(index) {
         for places in run.chunks(BATCH) {
-            if pixels.is_finished() {
+            if pixels.is_finished() && !whole {
                 work.hidden += places.len() as u64;
                 continue;
             }
             batch.fill::<RATE>(frame, places);
             let masks = batch.shapes.cover::<S>(simd, corner);
             for (b, &mask) in masks.iter().enumerate() {
-                if mask != 0 && pixels.is_open(b) {
+                if mask != 0 && (whole || pixels.is_open(b)) {
                     pixels.blend::<S, SOFT, RATE>(simd, b, &batch, mask);
                 }
             }

@@ -56,15 +56,19 @@ const LARGEST_PX: f64 = 1e6;
 /// Nor is a Gaussian with a larger standard deviation, scene units.
 const LARGEST_DEVIATION: f64 = 1e9;
 
+/// The numbers of all Gaussians.
+pub(super) fn all(scene: &Gaussians) -> Vec<u32> {
+    (0..scene.len()).map(|i| i as u32).collect()
+}
+
 /// The numbers of the Gaussians that some of the poses may see, in order; of all where there is no pose.
 pub(super) fn seen(scene: &Gaussians, rules: Rules, camera: &Camera, poses: &[Se3]) -> Vec<u32> {
-    let all = (0..scene.len()).into_par_iter().map(|i| i as u32);
     let px = [camera.fx, camera.fy, camera.cx, camera.cy];
     if poses.is_empty() || !px.iter().all(|v| v.abs() <= LARGEST_PX) {
-        return all.collect();
+        return all(scene);
     }
     let hull = Hull::new(scene.origin, rules, camera, poses);
-    all.filter(|&i| !hull.excludes(scene, i as usize)).collect()
+    all(scene).into_par_iter().filter(|&i| !hull.excludes(scene, i as usize)).collect()
 }
 
 /// A plane in camera axes that what is seen lies in front of.

@@ -7,7 +7,7 @@
 use fearless_simd::{Simd, SimdBase as _, f64x8, mask64x8};
 
 /// A voltage may end a cell without a look at this barrier if the path touches it with probability below `e^-40`.
-const NEGLIGIBLE: f64 = 40.0;
+pub(super) const NEGLIGIBLE: f64 = 40.0;
 
 /// The two thresholds: an event happens where the voltage reaches `up` or `-down`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -25,7 +25,7 @@ pub(super) const ROOT: i64 = 1 << LEVELS;
 /// Its standard deviation of Brownian motion, `sqrt(2^20 ns)`.
 pub(super) const ROOT_DEVIATION: f64 = 1024.0;
 /// Longest leaf, ns.
-const LEAF: u32 = 1 << 13;
+pub(super) const LEAF: u32 = 1 << 13;
 /// Drift in a leaf is straight to this many thresholds.
 const STRAIGHT: f64 = 1e-6;
 

@@ -16,6 +16,7 @@ use crate::sensor::Sensor;
 use crate::sensor::voltmeter::{Between, Voltmeter};
 use crate::stage::{Context, StageError};
 use crate::trajectory::Trajectory;
+use crate::units::amount;
 
 /// Where frames are, and what renders them.
 pub(super) struct Sampled {
@@ -103,23 +104,32 @@ impl Simulating {
         }
     }
 
-    /// A warning for each sensor whose own noise hides what a tolerance asks for.
-    pub(super) fn lost_in_noise(
+    /// Says how many events there are, of which frames, and warns of each sensor whose own noise hides what a tolerance asks
+    /// for.
+    pub(super) fn tell(
         &self,
-        motion_us: i64,
+        trajectory: &Trajectory,
+        chosen: Option<&Chosen>,
         (streams, anchors): (&[Stream], &[Anchors]),
-    ) -> Vec<String> {
-        let Some(tolerance) = self.tolerance else { return Vec::new() };
+        cx: &mut Context<'_>,
+    ) {
+        let events = amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
+        let Some(chosen) = chosen else {
+            cx.remark = Some(events);
+            return;
+        };
+        cx.remark = Some(format!("{events}, {chosen}"));
         let front_ends = self.front_ends();
-        let seen = |stream: &Stream| {
+        let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
+        let hidden = |stream: &Stream| {
             let Sensor::Voltmeter(sensor) = &stream.sensor else { return None };
             let behind = front_ends.iter().position(|front_end| *front_end == sensor.front_end)?;
             let first = anchors.get(behind)?.images.first()?;
-            let warning = lost_in_noise(tolerance.rms, sensor, first, &stream.account, motion_us)?;
+            let warning = lost_in_noise(chosen.tolerance, sensor, first, &stream.account, end_us)?;
             let named = stream.name.as_ref().map(|name| format!("sensor {name}: "));
             Some(named.unwrap_or_default() + &warning)
         };
-        streams.iter().filter_map(seen).collect()
+        cx.warnings.extend(streams.iter().filter_map(hidden));
     }
 
     fn voltmeters(&self) -> impl Iterator<Item = &Voltmeter> {

@@ -137,7 +137,7 @@ impl<const N: usize> Pixels<N> {
         }
         self.blended += state.blended.as_slice().iter().map(|&v| u64::from(v.cast_unsigned())).sum::<u64>();
         let is_open = state.light.simd_gt(0.0).to_bitmask() != 0;
-        self.open ^= u64::from(!is_open) << block;
+        self.open &= !(u64::from(!is_open) << block);
     }
 
     /// Writes the planes, row by row.

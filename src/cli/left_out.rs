@@ -1,0 +1,96 @@
+//! What a build left out, as people are told of it: a table for each trajectory that was rendered.
+
+use super::console::Console;
+use crate::frames::rendered::Saving;
+use crate::release::left_out::Row;
+use std::collections::BTreeMap;
+
+/// More tables than these nobody reads.
+const MOST: usize = 8;
+
+/// What was left out of one trajectory by the steps that were made.
+#[derive(Debug, Default)]
+pub(super) struct Table {
+    pub(super) rows: Vec<Row>,
+    pub(super) saving: Option<Saving>,
+}
+
+/// Tells of each trajectory, by its scene and name.
+pub(super) fn tell(tables: &BTreeMap<String, Table>, console: &Console) {
+    if tables.len() > MOST {
+        let trajectories = tables.len();
+        console.say(&format!(
+            "what was left out of {trajectories} trajectories: --json, or manifest.json of a release"
+        ));
+        return;
+    }
+    for (name, table) in tables {
+        table.to_lines(name).iter().for_each(|line| console.say(line));
+    }
+}
+
+impl Table {
+    fn to_lines(&self, name: &str) -> Vec<String> {
+        if self.rows.is_empty() {
+            return vec![format!("left out of {name}: nothing")];
+        }
+        let amounts: Vec<String> = self.rows.iter().map(amount).collect();
+        let width = |texts: &mut dyn Iterator<Item = &str>| texts.map(str::len).max().unwrap_or(0);
+        let step = width(&mut self.rows.iter().map(|row| row.step.as_str()));
+        let what = width(&mut self.rows.iter().map(|row| row.what.as_str()));
+        let much = width(&mut amounts.iter().map(String::as_str));
+        let line = |(row, amount): (&Row, &String)| {
+            format!("  {:step$}  {:what$}  {amount:much$}  {}", row.step, row.what, row.proof)
+        };
+        let head = format!("left out of {name}: what, how much, proof");
+        let lines = self.rows.iter().zip(&amounts).map(line);
+        std::iter::once(head).chain(lines).chain(self.saving.as_ref().map(saved)).collect()
+    }
+}
+
+/// `12.5 %, 25 of 200 pairs`, or the number alone.
+fn amount(row: &Row) -> String {
+    match row.of {
+        Some(of) if of > 0 => {
+            let share = 100.0 * row.how_much as f64 / of as f64;
+            format!("{share:5.1} %, {} of {of} {}", row.how_much, row.unit)
+        }
+        _ => format!("{} {}", row.how_much, row.unit),
+    }
+}
+
+fn saved(saving: &Saving) -> String {
+    let Saving { seconds, sampled, frames } = saving;
+    format!(
+        "  without it, rendering the events' frames would take about {seconds:.1} s longer \
+         (an estimate from {sampled} of {frames} frames)"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(what: &str, how_much: u64, of: Option<u64>) -> Row {
+        let [step, what, unit, proof] = ["events", what, "pairs", "identical bytes"].map(str::to_owned);
+        Row { step, what, how_much, of, unit, proof }
+    }
+
+    #[test]
+    fn a_table_has_a_line_a_row_and_one_for_the_time() {
+        let rows = vec![row("hidden", 25, Some(200)), row("unknown", 7, None)];
+        let saving = Some(Saving { seconds: 12.34, sampled: 3, frames: 1500 });
+        let lines = Table { rows, saving }.to_lines("lab/base");
+        assert_eq!(
+            lines,
+            [
+                "left out of lab/base: what, how much, proof",
+                "  events  hidden    12.5 %, 25 of 200 pairs  identical bytes",
+                "  events  unknown  7 pairs                   identical bytes",
+                "  without it, rendering the events' frames would take about 12.3 s longer (an estimate from 3 of \
+                 1500 frames)",
+            ]
+        );
+        assert_eq!(Table::default().to_lines("lab/base"), ["left out of lab/base: nothing"]);
+    }
+}

@@ -1,0 +1,140 @@
+//! What leaving out saves on a path: a few of its frames, rendered with all that is left out and without.
+
+use super::RenderedFrames;
+use crate::frames::{FrameError, Frames as _};
+use crate::render::{Channels, Omit, Rendered};
+use serde::Serialize;
+
+/// Frames of a path for each that is rendered both ways: all of that then takes less than a hundredth of the path.
+const FRAMES_A_SAMPLE: usize = 500;
+
+/// Fewer frames than these tell nothing of a path.
+const LEAST: usize = 3;
+
+/// Time that was saved by leaving out: an estimate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Saving {
+    /// Over all frames, s; below 0 where leaving out took longer.
+    pub seconds: f64,
+    /// Frames that were rendered both ways.
+    pub sampled: usize,
+    /// Frames of the path.
+    pub frames: usize,
+}
+
+impl RenderedFrames {
+    /// What is saved by leaving out what is needless, colours that nobody wants among it, by `clock`, which gives seconds
+    /// since some moment. `None` where the path is so short that to measure it would be noticed. To be called before
+    /// the first frame; from then on the needless is left out.
+    ///
+    /// # Errors
+    /// When a frame cannot be rendered.
+    pub fn saving(&mut self, clock: fn() -> f64) -> Result<Option<Saving>, FrameError> {
+        let frames = self.len();
+        let sampled = frames / FRAMES_A_SAMPLE;
+        if sampled < LEAST {
+            return Ok(None);
+        }
+        let sample: Vec<usize> = (0..sampled).map(|k| (2 * k + 1) * frames / (2 * sampled)).collect();
+        self.renderer.omit(Omit::Nothing);
+        let whole = self.time(&sample, Channels { rgb: true, ..self.want() }, clock)?;
+        self.renderer.omit(Omit::Needless);
+        self.renderer.keep_to(&self.camera, &self.trajectory.world_from_camera);
+        let part = self.time(&sample, self.want(), clock)?;
+        let seconds = (whole - part) * frames as f64 / sampled as f64;
+        Ok(Some(Saving { seconds, sampled, frames }))
+    }
+
+    /// Seconds that these frames take. The first is rendered once more before, since it pays for what all share.
+    fn time(&mut self, sample: &[usize], want: Channels, clock: fn() -> f64) -> Result<f64, FrameError> {
+        let mut rendered = Rendered::default();
+        let mut began = clock();
+        for (number, &index) in sample.iter().take(1).chain(sample).enumerate() {
+            if number == 1 {
+                began = clock();
+            }
+            let view = self.view(index).expect("the sample is of the path");
+            let work = self.renderer.render(&view, want, &mut rendered);
+            work.map_err(|source| FrameError::Render { index, source })?;
+        }
+        Ok(clock() - began)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::image::Size;
+    use crate::render::{RenderError, Renderer, View, Work};
+    use crate::se3::Se3;
+    use crate::trajectory::Trajectory;
+    use std::cell::Cell;
+
+    thread_local! {
+        static NOW: Cell<f64> = const { Cell::new(0.0) };
+    }
+
+    fn now() -> f64 {
+        NOW.get()
+    }
+
+    /// A frame takes 5 s with everything and 2 s of what is kept; the first of each kind takes a minute.
+    #[derive(Default)]
+    struct Slow {
+        omit: Omit,
+        kept: bool,
+        warm: bool,
+    }
+
+    impl Renderer for Slow {
+        fn fingerprint(&self) -> &str {
+            "slow/1"
+        }
+
+        fn omit(&mut self, omit: Omit) {
+            *self = Self { omit, kept: false, warm: false };
+        }
+
+        fn keep_to(&mut self, _: &Camera, poses: &[Se3]) {
+            self.kept = !poses.is_empty();
+        }
+
+        fn render(&mut self, _: &View, want: Channels, _: &mut Rendered) -> Result<Work, RenderError> {
+            let seconds = match (self.warm, self.omit) {
+                (false, _) => 60.0,
+                (true, Omit::Nothing) if want.rgb && want.luminance => 5.0,
+                (true, Omit::Needless) if self.kept && !want.rgb && want.luminance => 2.0,
+                (true, omit) => panic!("{omit:?} {want:?}"),
+            };
+            self.warm = true;
+            NOW.set(NOW.get() + seconds);
+            Ok(Work::default())
+        }
+    }
+
+    fn path(poses: u32) -> RenderedFrames {
+        let trajectory = Trajectory {
+            world_from_camera: vec![Se3::IDENTITY; poses as usize],
+            stamps_us: (0..i64::from(poses)).collect(),
+        };
+        let camera = Camera { size: Size { width: 3, height: 2 }, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0 };
+        RenderedFrames::new(Box::new(Slow::default()), camera, trajectory)
+    }
+
+    #[test]
+    fn three_seconds_a_frame_are_found_and_what_is_needless_is_left_out_again() {
+        let mut frames = path(2000);
+        let found = frames.saving(now).unwrap().unwrap();
+        assert_eq!((found.sampled, found.frames), (4, 2000));
+        assert!((found.seconds - 6000.0).abs() < 1e-6, "{found:?}");
+        assert_eq!(frames.work(), Work::default(), "no frame of the path is counted");
+    }
+
+    #[test]
+    fn a_short_path_pays_for_no_frame_but_its_own() {
+        let before = now();
+        assert_eq!(path(1499).saving(now).unwrap(), None);
+        assert_eq!(now().to_bits(), before.to_bits());
+    }
+}

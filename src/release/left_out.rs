@@ -1,0 +1,123 @@
+//! What was left out of a trajectory, a row each: what, how much of how much, and the proof that nothing is lost, or what
+//! is.
+//!
+//! Rows of identical bytes are those that `--no-omit` computes after all: by construction, and by the tests that hold both
+//! against each other, they change no bit. The other rows stay: they belong to the law of the sensor or to the recipe.
+
+use crate::artifact::{ArtifactError, Files, Simulation, Stream};
+use crate::render::Work;
+use crate::render::backend::Backend;
+use crate::scene::sh;
+use crate::sensor::Sensor;
+use crate::sensor::voltmeter::Voltmeter;
+use crate::stage::Stage as _;
+use crate::stage::events::Simulating;
+use crate::stage::sharp::Photographing;
+use serde::{Deserialize, Serialize};
+
+/// One of the rows.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Stage whose work it is.
+    pub step: String,
+    /// What was left out.
+    pub what: String,
+    /// How much of it, over the whole trajectory; above 0.
+    pub how_much: u64,
+    /// Of how much; `None` where that is not known.
+    pub of: Option<u64>,
+    /// What is counted.
+    pub unit: String,
+    /// Why nothing is lost, or what is.
+    pub proof: String,
+}
+
+/// The stages that render frames, and so leave something out.
+pub const RENDER: [&str; 2] = [Simulating::NAME, Photographing::NAME];
+
+/// What a row's bytes are without it.
+const IDENTICAL: &str = "identical bytes";
+
+/// The rows of a step of this stage and numerical class, by what it wrote down; none where it leaves out nothing.
+///
+/// # Errors
+/// When its files cannot be read.
+pub fn of_step(stage: &str, class: Option<&str>, files: &Files) -> Result<Vec<Row>, ArtifactError> {
+    match stage {
+        Simulating::NAME => Ok(of_events(&files.json("simulation.json")?, class.unwrap_or_default())),
+        Photographing::NAME => Ok(of_work(stage, &files.json("work.json")?, None)),
+        _ => Ok(Vec::new()),
+    }
+}
+
+fn row(step: &str, what: &str, (how_much, of, unit): (u64, Option<u64>, &str), proof: &str) -> Option<Row> {
+    let [step, what, unit, proof] = [step, what, unit, proof].map(str::to_owned);
+    (how_much > 0).then_some(Row { step, what, how_much, of, unit, proof })
+}
+
+/// What a renderer left out; `sh_degree` is the scene's, where it is known.
+fn of_work(step: &str, work: &Work, sh_degree: Option<u8>) -> Vec<Row> {
+    let harmonics = sh_degree.map(|degree| work.drawn() * sh::len(degree) as u64);
+    [
+        row(
+            step,
+            "Gaussians that no pose sees",
+            (work.unseen, Some(work.gaussians), "Gaussian-frames"),
+            IDENTICAL,
+        ),
+        row(
+            step,
+            "harmonics that are zero in the whole scene",
+            (work.zero_harmonics, harmonics, "harmonics"),
+            IDENTICAL,
+        ),
+        row(
+            step,
+            "pairs with tiles that are finished before",
+            (work.hidden, Some(work.tile_pairs), "pairs"),
+            IDENTICAL,
+        ),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+fn of_events(simulation: &Simulation, class: &str) -> Vec<Row> {
+    let step = Simulating::NAME;
+    let mut rows = of_work(step, &simulation.work, Some(simulation.sh_degree));
+    rows.extend(colours(simulation, class));
+    for stream in &simulation.streams {
+        let of = |what: &str| stream.name.as_ref().map_or(what.to_owned(), |name| format!("{what}, {name}"));
+        if let Sensor::Voltmeter(sensor) = &stream.sensor {
+            let cells = quiet(simulation, stream, sensor);
+            let proof = format!("error: an event of probability below e^-{} a cell", Voltmeter::MISSED_LN);
+            let what = of("cells of the sensor's clock far from any threshold");
+            rows.extend(cells.and_then(|[quiet, all]| row(step, &what, (quiet, Some(all), "cells"), &proof)));
+        }
+        let (kept, capped) = (stream.account.events, stream.account.capped);
+        let what = of("events beyond the cap");
+        rows.extend(row(step, &what, (capped, Some(kept + capped), "events"), "error: they are missing"));
+    }
+    rows
+}
+
+/// Frames whose colours were not blended, since no sensor sees them. The reference blends them all the same.
+fn colours(simulation: &Simulation, class: &str) -> Option<Row> {
+    let seen = !simulation.omit.is_needless() || simulation.front_ends().iter().any(|f| f.needs_colour());
+    let proof = match class {
+        class if Backend::is_cpu(class) => IDENTICAL,
+        class if Backend::is_gpu(class) => "error: the GPU's rounding",
+        _ => return None,
+    };
+    let frames = simulation.work.gaussians.checked_div(simulation.gaussians as u64).filter(|_| !seen)?;
+    row(Simulating::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
+}
+
+/// Cells of a pixel's clock that were not looked into, and all of them.
+fn quiet(simulation: &Simulation, stream: &Stream, sensor: &Voltmeter) -> Option<[u64; 2]> {
+    let stamps = &simulation.brightness_stamps_us;
+    let span_us = stamps.last()? - stamps.first()?;
+    sensor.quiet_cells(&stream.account, simulation.camera.size, span_us)
+}
