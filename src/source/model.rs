@@ -231,7 +231,7 @@ mod tests {
         let watched = ["", "iteration_7000", "iteration_30000", "iteration_100000"];
         assert_eq!(
             scene_folders(dir.path()),
-            watched.map(|name| scenes.join(name)).map(|p| p.components().collect())
+            watched.map(|name| scenes.join(name).components().collect::<PathBuf>())
         );
     }
 
