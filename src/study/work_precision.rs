@@ -18,9 +18,9 @@ pub mod pick;
 pub mod report;
 mod voltage;
 
-use super::fit::{Fit, last_order};
 use crate::image::{Image, Size};
 use crate::sampling::jitter::Jitter;
+use crate::sampling::law::Law;
 use crate::sensor::voltmeter::Between;
 use errors::Errors;
 use grid::Steps;
@@ -139,17 +139,7 @@ impl Row {
     #[must_use]
     pub fn method(&self) -> String {
         let flow = if self.steps == Steps::Flow { ", flow steps" } else { "" };
-        format!("{} {}{flow}", self.rules, name(self.between))
-    }
-}
-
-/// As recipes call it.
-#[must_use]
-pub fn name(between: Between) -> &'static str {
-    match between {
-        Between::Linear => "linear",
-        Between::Catmull => "catmull",
-        Between::Hermite => "hermite",
+        format!("{} {}{flow}", self.rules, self.between.name())
     }
 }
 
@@ -162,11 +152,10 @@ pub struct OfRules {
     pub class: String,
     /// Events of the reference.
     pub reference: usize,
-    /// The law of `hermite` at the three finest uniform rates, step in s, error as [`Row::rms_th`]: its `f` is the floor
-    /// that jumps of the renderer leave.
-    pub fit: Option<Fit>,
-    /// The order between the finest two of these; see [`last_order`].
-    pub last_order: Option<f64>,
+    /// The law of `hermite` at the three finest uniform rates, step in s, error as [`Row::rms_th`].
+    pub law: Option<Law>,
+    /// Step of the finest of these, s.
+    pub finest_s: Option<f64>,
     /// Of the sensor.
     pub jitter: Option<Jitter>,
     /// Of frames.
@@ -269,11 +258,20 @@ fn finest(rows: &[Row]) -> Vec<(f64, f64)> {
     best.into_iter().find(|points| !points.is_empty()).unwrap_or_default()
 }
 
-/// The law of `hermite` at the finest three uniform rates, and the order between the last two of them.
+/// The law of `hermite` at the finest three uniform rates, and the step of the finest, s.
 #[must_use]
-pub fn floor(rows: &[Row]) -> (Option<Fit>, Option<f64>) {
+pub fn law(rows: &[Row]) -> (Option<Law>, Option<f64>) {
     let points = finest(rows);
-    (Fit::through(&points), last_order(&points))
+    (Law::through(&points), points.first().map(|(step, _)| *step))
+}
+
+impl OfRules {
+    /// What jumps of the renderer leave at the finest rate, thresholds: no interpolation gets below it there.
+    #[must_use]
+    pub fn left_by_jumps(&self) -> Option<f64> {
+        let (law, step) = self.law.zip(self.finest_s)?;
+        Some((law.jumps * step).sqrt())
+    }
 }
 
 impl Study {
@@ -293,10 +291,10 @@ impl Study {
         Measure::ALL.iter().filter_map(|measure| Pick::at(*measure, base, &self.rows)).collect()
     }
 
-    /// The cheapest setting of the other rule sets whose signal is nearer to its limit than the first rule set's ever
-    /// gets, and the error that this is held against: the first's floor or its lowest error, whichever is less.
+    /// The cheapest setting of the other rule sets whose signal is nearer to its limit than the first rule set's gets at
+    /// these rates, and the lowest error of the first.
     #[must_use]
-    pub fn below_the_floor(&self) -> Option<(f64, Option<&Row>)> {
+    pub fn below_the_first(&self) -> Option<(f64, Option<&Row>)> {
         let first = self.rules.first()?;
         let own = self.rows.iter().filter(|row| row.rules == first.rules).map(|row| row.rms_th);
         let lowest = own.fold(f64::INFINITY, f64::min);

@@ -21,7 +21,7 @@ use crate::study::work_precision::grid::Grid;
 use crate::study::work_precision::pass::{Setup, pass};
 use crate::study::work_precision::pick::Measure;
 use crate::study::work_precision::{
-    Costs, OfRules, Picture, Row, Study, chart, differences, floor, judge, report,
+    Costs, OfRules, Picture, Row, Study, chart, differences, judge, law as law_of, report,
 };
 use crate::trajectory::Trajectory;
 use crate::units::{Hertz, Ratio};
@@ -447,13 +447,13 @@ impl Lab<'_> {
         let setup = Setup { sensor: &self.sensor, seed: self.seed, grids, between };
         let passed = pass(&setup, &mut fine, &spent, &mut |_| unless(&self.cancelled)).map_err(ended)?;
         let rows = judge(&passed, grids, rules.name(), &costs);
-        let (fit, last_order) = floor(&rows);
+        let (law, finest_s) = law_of(&rows);
         let of = OfRules {
             rules: rules.name().to_owned(),
             class: backend.class(),
             reference: passed.reference.len(),
-            fit,
-            last_order,
+            law,
+            finest_s,
             jitter: passed.jitter(&self.own, window.seconds()),
             costs,
         };

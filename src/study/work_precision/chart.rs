@@ -1,4 +1,4 @@
-//! Error over cost, both logarithmic: a curve a method, with the sensor's own jitter and the renderer's floor.
+//! Error over cost, both logarithmic: a curve a method, with the sensor's own jitter and what the renderer's jumps leave.
 
 use super::grid::Steps;
 use super::pick::Measure;
@@ -55,9 +55,9 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
     let lines = lines(study, measure);
     let cost = Axis::around(shown.iter().map(|(row, _)| row.core_s()))?;
     let lowest = shown.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
-    // A floor far below everything would only squeeze the curves.
-    let floors = lines.iter().map(|line| line.error).filter(|error| *error > 0.2 * lowest);
-    let error = Axis::around(shown.iter().map(|(_, error)| *error).chain(floors))?;
+    // A line far below everything would only squeeze the curves.
+    let within = lines.iter().map(|line| line.error).filter(|error| *error > 0.2 * lowest);
+    let error = Axis::around(shown.iter().map(|(_, error)| *error).chain(within))?;
     let mut out = Svg::new(SIZE);
     let title = format!("{}: {}", study.scene, measure.title());
     out.text([INNER.left, 28.0], "start", GREY, &title);
@@ -160,12 +160,12 @@ struct Line {
     words: String,
 }
 
-/// The floor of each rule set, and the sensor's jitter, as far as the measure has them.
+/// What jumps leave of each rule set, and the sensor's jitter, as far as the measure has them.
 fn lines(study: &Study, measure: Measure) -> Vec<Line> {
     let mut lines = Vec::new();
     for (of, colour) in study.rules.iter().zip(COLOURS) {
-        let floor = of.fit.map(|fit| fit.f).filter(|f| measure == Measure::Rms && *f > 0.0);
-        lines.extend(floor.map(|error| Line { error, colour, words: format!("floor of {}", of.rules) }));
+        let jumps = of.left_by_jumps().filter(|error| measure == Measure::Rms && *error > 0.0);
+        lines.extend(jumps.map(|error| Line { error, colour, words: format!("jumps of {}", of.rules) }));
     }
     let jitter = study.rules.first().and_then(|of| of.jitter);
     let jitter = jitter.and_then(|jitter| match measure {

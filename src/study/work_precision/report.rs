@@ -2,7 +2,7 @@
 
 use super::grid::Steps;
 use super::pick::{Measure, Offer, Pick, Place};
-use super::{Row, Study, name};
+use super::{Row, Study};
 use crate::image::Size;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -21,7 +21,7 @@ pub fn csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
     for row in &study.rows {
         let e = &row.errors;
         let steps = if row.steps == Steps::Flow { "flow" } else { "uniform" };
-        write!(out, "{},{},{steps},{},{},", row.rules, name(row.between), row.rate, row.frames)?;
+        write!(out, "{},{},{steps},{},{},", row.rules, row.between.name(), row.rate, row.frames)?;
         write!(out, "{},{},{},{},{},", row.rms_th, e.events, e.reference, e.count, e.miscount)?;
         write!(out, "{},{},{},{},{},", e.f1[0], e.f1[1], e.f1[2], may(e.median_us), may(e.p99_us))?;
         write!(out, "{},{},", row.render.core_s, row.render.wall_s)?;
@@ -78,7 +78,7 @@ pub fn paragraph(study: &Study) -> String {
             pick.base_core_s / place.core_s
         );
     }
-    if let Some((lowest, found)) = study.below_the_floor().filter(|_| study.rules.len() > 1) {
+    if let Some((lowest, found)) = study.below_the_first().filter(|_| study.rules.len() > 1) {
         let first = &study.rules[0].rules;
         let _ = match found {
             Some(row) => write!(
@@ -143,16 +143,22 @@ fn cell(pick: &Pick, offer: &Offer) -> String {
 fn rules(out: &mut String, study: &Study) {
     let _ = writeln!(
         out,
-        "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e = C h^p + f` with h in ms; f is what \
-         jumps of the renderer leave at these rates. The last order is that between the finest two: jumps have 1/2, since \
-         each is missed in the one interval that holds it.\n\n| rules | reference events | p | C | floor f, thresholds | \
-         last order | sensor's own jitter, thresholds | us | frame, core ms | with rate | pairs a pixel |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|"
+        "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e^2 = (C h^p)^2 + J h` with h in ms; J is what \
+         jumps of the renderer make, each missed in the one interval that holds it, and its error at the finest rate stands \
+         beside it.\n\n| rules | reference events | p | C | J | jumps at the finest, thresholds | sensor's own jitter, \
+         thresholds | us | frame, core ms | with rate | pairs a pixel |\n|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for of in &study.rules {
-        let fit = of.fit.map_or_else(
+        let law = of.law.map_or_else(
             || " | | ".to_owned(),
-            |fit| format!("{:.2} | {} | {}", fit.p, short(fit.c * libm::pow(1e-3, fit.p)), short(fit.f)),
+            |law| {
+                format!(
+                    "{:.2} | {} | {}",
+                    law.p,
+                    short(law.c * libm::pow(1e-3, law.p)),
+                    short(1e-3 * law.jumps)
+                )
+            },
         );
         let jitter = of.jitter.map_or_else(
             || " | ".to_owned(),
@@ -160,11 +166,11 @@ fn rules(out: &mut String, study: &Study) {
         );
         let _ = writeln!(
             out,
-            "| {} ({}) | {} | {fit} | {} | {jitter} | {} | {:.2}x | {} |",
+            "| {} ({}) | {} | {law} | {} | {jitter} | {} | {:.2}x | {} |",
             of.rules,
             of.class,
             of.reference,
-            of.last_order.map_or_else(String::new, |order| format!("{order:.2}")),
+            of.left_by_jumps().map_or_else(String::new, short),
             short(1e3 * of.costs.value.frame.core_s),
             of.costs.rated.frame.core_s / of.costs.value.frame.core_s,
             short(of.costs.value.pairs / study.size.pixels() as f64),
