@@ -6,6 +6,7 @@ mod ci;
 mod command;
 mod demo;
 mod faults;
+mod folder;
 mod fuzz;
 mod suite;
 
