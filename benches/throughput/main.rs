@@ -4,6 +4,7 @@
 //! `RAYON_NUM_THREADS=1` gives them for one core.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the figures are printed")]
 
+mod growth;
 mod measure;
 mod workloads;
 
@@ -30,6 +31,8 @@ fn main() -> ExitCode {
     let mut all = workloads::all(&wanted);
     all.retain(|work| options.only.iter().all(|text| work.what.contains(text)));
     let timings = measure::measure(all, options.runs);
+    let growing = wanted(growth::PART).then(|| growth::measure(&options.only, options.runs));
+    let growing = growing.unwrap_or_default();
     let threads = rayon::current_num_threads();
     if options.json {
         let parts: Vec<_> = timings.iter().map(measure::Timing::json).collect();
@@ -38,9 +41,10 @@ fn main() -> ExitCode {
             .map(|(part, [median, best])| serde_json::json!({ "part": part, "median": median, "best": best }))
             .collect();
         let runs = options.runs;
+        let growing: Vec<_> = growing.iter().map(growth::Axis::json).collect();
         println!(
             "{}",
-            serde_json::json!({ "threads": threads, "runs": runs, "parts": parts, "ratios": ratios })
+            serde_json::json!({ "threads": threads, "runs": runs, "parts": parts, "ratios": ratios, "growth": growing })
         );
         return ExitCode::SUCCESS;
     }
@@ -49,6 +53,7 @@ fn main() -> ExitCode {
     for (part, [median, best]) in measure::ratios(&timings) {
         println!("{part}: {median:.2} of the rival's rate at the median, {best:.2} at the best");
     }
+    growing.iter().for_each(|axis| println!("\n{}", axis.table()));
     ExitCode::SUCCESS
 }
 
@@ -62,11 +67,12 @@ fn parse(args: impl Iterator<Item = String>) -> Result<Options, String> {
             "--bench" => {}
             "--runs" => options.runs = count(args.next().as_deref())?,
             "--only" => options.only.push(args.next().ok_or("found nothing after --only, wanted a text")?),
-            part if workloads::PARTS.contains(&part) => options.parts.push(arg),
+            part if workloads::PARTS.contains(&part) || part == growth::PART => options.parts.push(arg),
             _ => {
                 return Err(format!(
-                    "found `{arg}`, wanted an option or one of {}",
-                    workloads::PARTS.join(" ")
+                    "found `{arg}`, wanted an option or one of {} {}",
+                    workloads::PARTS.join(" "),
+                    growth::PART
                 ));
             }
         }

@@ -1,4 +1,4 @@
-//! What this machine has: cores and memory.
+//! What this machine has: cores, their name, and memory.
 
 use std::fs::read_to_string;
 use std::num::NonZero;
@@ -6,6 +6,18 @@ use std::num::NonZero;
 /// Cores that this process may use.
 pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZero::get)
+}
+
+/// What this machine calls its processor; `None` where it does not say.
+pub(super) fn processor() -> Option<String> {
+    named(&read_to_string("/proc/cpuinfo").ok()?)
+}
+
+/// `model name` of `/proc/cpuinfo`.
+fn named(cpuinfo: &str) -> Option<String> {
+    let named =
+        |line: &str| Some(line.strip_prefix("model name")?.trim_start().strip_prefix(':')?.trim().to_owned());
+    cpuinfo.lines().find_map(named).filter(|name| !name.is_empty())
 }
 
 /// Four fifths of the memory that is free now, in the machine and in the control group that holds this process, bytes;
@@ -63,6 +75,13 @@ mod tests {
         for wrong in ["", "GB", "-1", "1.5GB", "0", "99999999999GB", "1TB"] {
             t(wrong, None);
         }
+    }
+
+    #[test]
+    fn processors_are_named() {
+        let text = "processor\t: 0\nmodel\t\t: 17\nmodel name\t: AMD EPYC\nflags : fpu\n";
+        assert_eq!(named(text).as_deref(), Some("AMD EPYC"));
+        assert_eq!(named("processor: 0\nmodel : 17\n"), None);
     }
 
     #[test]

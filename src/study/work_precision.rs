@@ -10,6 +10,7 @@
 //! What a frame costs is measured beside this, by rendering a sample of frames for nothing else ([`Cost`]); what a sensor
 //! costs, while it is fed.
 
+mod brief;
 pub mod chart;
 pub mod errors;
 pub mod grid;
@@ -207,6 +208,8 @@ pub struct Study {
     pub size: Size,
     /// Cores that the program may use.
     pub cores: usize,
+    /// What the machine calls its processor, where it says so.
+    pub processor: Option<String>,
     /// Length of the window, s.
     pub seconds: f64,
     /// Frames a second of the references.
@@ -275,6 +278,13 @@ impl OfRules {
 }
 
 impl Study {
+    /// What the times were taken on, in words.
+    #[must_use]
+    pub fn machine(&self) -> String {
+        let cores = if self.cores == 1 { "1 core".to_owned() } else { format!("{} cores", self.cores) };
+        self.processor.as_ref().map_or_else(|| cores.clone(), |name| format!("{name}, {cores}"))
+    }
+
     /// The setting that the others are held against: the first rule set at even steps, linear where it was asked for, at
     /// [`BASE_RATE`] or else the finest rate.
     #[must_use]

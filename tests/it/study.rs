@@ -120,6 +120,7 @@ fn work_and_precision_of_a_built_scene() {
     }
     let words = fs::read_to_string(place.path("out/summary.md")).unwrap();
     assert!(words.contains("## Rule sets") && words.contains("| luminance in f64 |"), "{words}");
+    told_in_short(&words, &head, &rows);
     let json: Value =
         serde_json::from_slice(&fs::read(place.path("out/work_precision.json")).unwrap()).unwrap();
     let [value, rated] = ["value", "rated"].map(|kind| json["rules"][0]["costs"][kind].clone());
@@ -129,10 +130,32 @@ fn work_and_precision_of_a_built_scene() {
     assert_eq!(in_32_bits["what"], "luminance");
     assert!(in_32_bits["psnr_db"].as_f64() > Some(60.0), "{in_32_bits}");
     // The same stream with the sensor's noise, in the folder that is the scene's own.
-    let told = place.ok(&format!("{study} --noise --rules soft --steps uniform --json")).stdout;
+    let told = place.ok(&format!("{study} --noise --rules soft --steps uniform --no-pictures --json")).stdout;
     let json: Value = serde_json::from_str(&told).unwrap();
+    assert_eq!(json["pictures"].as_array().map(Vec::len), Some(0));
     assert_eq!((json["noise"].as_bool(), json["rows"].as_array().unwrap().len()), (Some(true), 9));
     assert!(place.path("study/tiny/summary.md").is_file());
+}
+
+/// The first sections of the words, against the table for programs.
+fn told_in_short(words: &str, head: &[&str], rows: &[Vec<&str>]) {
+    let section = |head: &str| words.split("\n## ").find(|part| part.starts_with(head)).unwrap();
+    let cheapest = section("The cheapest at the errors of `official linear`, 2400");
+    assert!(cheapest.contains("| `official linear` itself | 47 | "), "{cheapest}");
+    let lowest: Vec<&str> = section("The lowest errors").lines().collect();
+    let column = head.iter().position(|column| *column == "rms_th").unwrap();
+    let rms = |row: &&Vec<&str>| row[column].parse::<f64>().unwrap();
+    for (number, rules) in ["official", "blended"].into_iter().enumerate() {
+        // A row for each of four measures, and that of the setting itself.
+        let found = cheapest.matches(&format!("| `{rules} ")).count()
+            + cheapest.matches(&format!("| `{rules}` does not reach it")).count();
+        assert_eq!(found, 4 + usize::from(rules == "official"), "{cheapest}");
+        let of_rules = rows.iter().filter(|row| row[0] == rules);
+        let row = of_rules.min_by(|a, b| rms(a).total_cmp(&rms(b))).unwrap();
+        let flow = if row[2] == "flow" { ", flow steps" } else { "" };
+        let wanted = format!("| `{rules} {}{flow}`, {} frames a second | {} |", row[1], row[3], row[4]);
+        assert!(lowest[6 + number].contains(&wanted), "{wanted} in {lowest:#?}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The demo release: the README's first command, and the manifest of it that is committed.
 
 use crate::command::{Outcome, Task, cargo, root, say};
+use crate::folder::Folder;
 use std::path::{Path, PathBuf};
 
 /// The README's first command, as it stands there.
@@ -28,7 +29,7 @@ pub(crate) fn rewrite_manifest() -> Outcome {
     let folder = Folder::new("manifest")?;
     // Whose bits are the same on every machine.
     release(&folder).args(["--backend", "cpu"]).run()?;
-    let (from, to) = (folder.out().join("manifest.json"), root().join("manifests/demo.json"));
+    let (from, to) = (folder.path().join("out/manifest.json"), root().join("manifests/demo.json"));
     let fresh = std::fs::read(&from).map_err(|e| format!("{}: {e}", from.display()))?;
     let unchanged = std::fs::read(&to).is_ok_and(|committed| committed == fresh);
     std::fs::write(&to, fresh).map_err(|e| format!("{}: {e}", to.display()))?;
@@ -38,32 +39,9 @@ pub(crate) fn rewrite_manifest() -> Outcome {
 
 /// [`README_COMMAND`] with its `out`, and its store, in `folder`: as in a fresh clone, whatever was built here.
 fn release(folder: &Folder) -> Task {
-    let (out, store) = (folder.out(), folder.0.join("store"));
+    let (out, store) = (folder.path().join("out"), folder.path().join("store"));
     let args = README_COMMAND.split(' ').skip(1).map(PathBuf::from);
     let args: Vec<PathBuf> =
         args.map(|arg| if arg == Path::new("out") { out.clone() } else { arg }).collect();
     cargo(&args).args([Path::new("--store"), &store])
-}
-
-/// A folder of our own below the system's temporary one, removed when we are done with it.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Outcome<Self> {
-        let path = std::env::temp_dir().join(format!("gs2e-{name}-{}", std::process::id()));
-        std::fs::create_dir(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(Self(path))
-    }
-
-    fn out(&self) -> PathBuf {
-        self.0.join("out")
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        if let Err(e) = std::fs::remove_dir_all(&self.0) {
-            say(&format!("{} cannot be removed: {e}", self.0.display()));
-        }
-    }
 }

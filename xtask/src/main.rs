@@ -1,4 +1,4 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bench | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bench | report | manifest`.
 //!
 //! The standard library only, so that building it costs a second and never a second copy of the crate's dependencies.
 
@@ -6,7 +6,9 @@ mod ci;
 mod command;
 mod demo;
 mod faults;
+mod folder;
 mod fuzz;
+mod report;
 mod suite;
 
 use std::process::ExitCode;
@@ -21,6 +23,8 @@ usage: cargo xtask <task>
   bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, `--only TEXT`, names of parts)
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
+  report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
+                     a part of it goes to target/report
   manifest           builds the demo release and rewrites manifests/demo.json from it
 ";
 
@@ -39,6 +43,7 @@ fn main() -> ExitCode {
         (Some("bench"), args) => {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()
         }
+        (Some("report"), args) => report::run(args),
         (Some("manifest"), []) => demo::rewrite_manifest(),
         _ => return usage(),
     };

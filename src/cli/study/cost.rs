@@ -4,7 +4,7 @@ use super::interrupted;
 use super::not_rendered;
 use crate::cli::problem::Problem;
 use crate::image::{Image, luminance};
-use crate::render::{Channels, Rendered, Renderer, View};
+use crate::render::{Channels, Rendered, Renderer, View, Work};
 use crate::study::work_precision::{Cost, Spent};
 use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::fs;
@@ -17,46 +17,109 @@ pub(super) fn spent() -> Spent {
     Spent { core_s, wall_s }
 }
 
-/// Times that each view is rendered: what disturbs one of them is left out.
-const ROUNDS: usize = 2;
+/// What a kind of frames costs, and the luminance of those that were kept.
+pub(super) type Measured = (Cost, Vec<Image<f32>>);
 
-/// Renders each view for its cost, and keeps the luminance of `keep` of them, evenly spread. The first is rendered once
-/// more before, since it pays for what all share.
+/// What is rendered of each view.
+pub(super) struct Sampling<'a> {
+    /// The kinds of frames whose costs are held against each other.
+    pub(super) kinds: &'a [Channels],
+    /// Pictures to keep of each kind, evenly spread.
+    pub(super) keep: usize,
+    /// Times that each view is rendered again for its time alone: what disturbs one of them, and what the first pays for
+    /// all, is left out.
+    pub(super) rounds: usize,
+}
+
+/// Renders each view for its cost, and keeps the luminance of some: of each kind.
+///
+/// Rounds are interleaved, kind by kind, so that a machine that is busy for a while slows all of them and not one.
 pub(super) fn measure(
     renderer: &mut dyn Renderer,
     views: &[View],
-    (want, keep): (Channels, usize),
+    sampling: &Sampling<'_>,
     tap: &dyn Fn() -> ControlFlow<()>,
-) -> Result<(Cost, Vec<Image<f32>>), Problem> {
-    let mut rendered = Rendered::default();
-    let (mut total, mut blended, mut kept) = (Spent::default(), 0, Vec::new());
-    forget_peak();
-    for (number, view) in views.iter().enumerate() {
-        let mut least: Option<Spent> = None;
-        for round in 0..ROUNDS + usize::from(number == 0) {
-            let before = spent();
-            renderer.expect(view, want);
-            let work = renderer.render(view, want, &mut rendered).map_err(|e| not_rendered(&e))?;
-            let took = spent() - before;
-            if round == 0 {
-                blended += work.blended;
-            }
-            if number > 0 || round > 0 {
-                least = Some(least.filter(|least| least.core_s <= took.core_s).unwrap_or(took));
-            }
-        }
-        total += least.unwrap_or_default();
-        if kept_at(views.len(), keep).any(|at| at == number) {
-            kept.push(luminance_of(&rendered));
-        }
-        if tap().is_break() {
-            return Err(interrupted());
-        }
+) -> Result<Vec<Measured>, Problem> {
+    let mut kinds: Vec<Kind> = Vec::new();
+    for want in sampling.kinds {
+        kinds.push(Kind::first(renderer, views, (*want, sampling.keep), tap)?);
     }
-    let each = 1.0 / views.len().max(1) as f64;
-    let cost =
-        Cost { frame: total * each, pairs: blended as f64 * each, peak_mb: peak_mb(), sample: views.len() };
-    Ok((cost, kept))
+    for _ in 0..sampling.rounds {
+        kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, tap))?;
+    }
+    Ok(kinds.into_iter().map(|kind| (kind.cost(), kind.kept)).collect())
+}
+
+/// One kind of frames.
+struct Kind {
+    want: Channels,
+    rendered: Rendered,
+    /// Of each view.
+    least: Vec<Spent>,
+    /// Pairs in all.
+    blended: u64,
+    peak_mb: Option<f64>,
+    kept: Vec<Image<f32>>,
+}
+
+impl Kind {
+    /// All views once.
+    fn first(
+        renderer: &mut dyn Renderer,
+        views: &[View],
+        (want, keep): (Channels, usize),
+        tap: &dyn Fn() -> ControlFlow<()>,
+    ) -> Result<Self, Problem> {
+        let (rendered, least, kept) = (Rendered::default(), Vec::new(), Vec::new());
+        let mut kind = Self { want, rendered, least, blended: 0, peak_mb: None, kept };
+        forget_peak();
+        for (number, view) in views.iter().enumerate() {
+            let (took, work) = kind.render(renderer, view, tap)?;
+            kind.least.push(took);
+            kind.blended += work.blended;
+            if kept_at(views.len(), keep).any(|at| at == number) {
+                kind.kept.push(luminance_of(&kind.rendered));
+            }
+        }
+        kind.peak_mb = peak_mb();
+        Ok(kind)
+    }
+
+    fn again(
+        &mut self,
+        renderer: &mut dyn Renderer,
+        views: &[View],
+        tap: &dyn Fn() -> ControlFlow<()>,
+    ) -> Result<(), Problem> {
+        for (number, view) in views.iter().enumerate() {
+            let (took, _) = self.render(renderer, view, tap)?;
+            if took.core_s < self.least[number].core_s {
+                self.least[number] = took;
+            }
+        }
+        Ok(())
+    }
+
+    fn render(
+        &mut self,
+        renderer: &mut dyn Renderer,
+        view: &View,
+        tap: &dyn Fn() -> ControlFlow<()>,
+    ) -> Result<(Spent, Work), Problem> {
+        let before = spent();
+        renderer.expect(view, self.want);
+        let work = renderer.render(view, self.want, &mut self.rendered).map_err(|e| not_rendered(&e))?;
+        let took = spent() - before;
+        if tap().is_break() { Err(interrupted()) } else { Ok((took, work)) }
+    }
+
+    fn cost(&self) -> Cost {
+        let sample = self.least.len();
+        let each = 1.0 / sample.max(1) as f64;
+        let mut total = Spent::default();
+        self.least.iter().for_each(|least| total += *least);
+        Cost { frame: total * each, pairs: self.blended as f64 * each, peak_mb: self.peak_mb, sample }
+    }
 }
 
 /// Which of `views` are kept.

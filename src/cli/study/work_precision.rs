@@ -1,6 +1,6 @@
 //! `gs2e study`: error against run time.
 
-use super::cost::{kept_at, measure, spent};
+use super::cost::{Measured, Sampling, kept_at, measure, spent};
 use super::subject::{self, Subject};
 use super::{ended, interrupted, not_rendered, unless};
 use crate::camera::Camera;
@@ -70,6 +70,9 @@ pub(super) struct WorkPrecision {
     /// Let the sensors have their noise, the same in all
     #[arg(long)]
     noise: bool,
+    /// Leave out the pictures against f64
+    #[arg(long)]
+    no_pictures: bool,
     /// Where table, pictures and words go [default: study/SCENE]
     #[arg(long, value_name = "DIR")]
     to: Option<PathBuf>,
@@ -128,6 +131,8 @@ const USUAL_S: f64 = 0.1;
 const SAMPLE: usize = 12;
 /// Of these, pictures that are held against f64.
 const PICTURES: usize = 3;
+/// Times that these frames are rendered again.
+const ROUNDS: usize = 3;
 /// Places at which the flow is measured, at most, and the share of pixels in percent that move no faster.
 const FLOWS: usize = 240;
 const FLOW_PERCENT: usize = 99;
@@ -312,6 +317,7 @@ impl Lab<'_> {
             scene,
             size: self.subject.camera.size,
             cores: machine::cores(),
+            processor: machine::processor(),
             seconds: self.window.seconds(),
             finest: self.window.finest,
             noise: asked.noise,
@@ -323,9 +329,12 @@ impl Lab<'_> {
         let mut costs = Vec::new();
         for rules in &asked.rules {
             let (backend, style) = self.of(*rules);
-            let (of_rules, pictures) = self.pictures(*rules, &backend, style)?;
-            study.pictures.extend(pictures);
-            costs.push(of_rules);
+            self.console.say(&format!("{}: measuring what frames cost", rules.name()));
+            let kinds = self.kinds(&backend, style)?;
+            costs.push(Costs { value: kinds[0].0, rated: kinds[1].0 });
+            if !asked.no_pictures {
+                study.pictures.extend(self.pictures(*rules, (&backend, style), kinds)?);
+            }
         }
         for (rules, costs) in asked.rules.iter().zip(costs) {
             let (backend, style) = self.of(*rules);
@@ -383,45 +392,53 @@ impl Lab<'_> {
         if unless(&self.cancelled).is_break() { Err(interrupted()) } else { Ok(()) }
     }
 
-    /// What frames of a rule set cost, and how ways of rendering differ from f64.
+    /// Costs of luminance alone, with its rate, and of colours.
+    fn kinds(&self, backend: &Backend, style: Style) -> Result<Vec<Measured>, Problem> {
+        let views = self.window.views(self.subject.camera, SAMPLE);
+        let sampling = Sampling { kinds: &[VALUE, RATED, RGB], keep: PICTURES, rounds: ROUNDS };
+        self.measured((backend, style), &self.subject.gaussians, &views, &sampling)
+    }
+
+    fn measured(
+        &self,
+        (backend, style): (&Backend, Style),
+        scene: &Arc<Gaussians>,
+        views: &[View],
+        sampling: &Sampling<'_>,
+    ) -> Result<Vec<Measured>, Problem> {
+        let mut renderer = backend.renderer(scene.clone(), style).map_err(|e| not_rendered(&e))?;
+        let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
+        renderer.keep_to(&self.subject.camera, &poses);
+        measure(&mut *renderer, views, sampling, &|| unless(&self.cancelled))
+    }
+
+    /// How ways of rendering, these kinds among them, differ from f64.
     fn pictures(
         &self,
         rules: RuleSet,
-        backend: &Backend,
-        style: Style,
-    ) -> Result<(Costs, Vec<Picture>), Problem> {
-        self.console.say(&format!("{}: measuring what frames cost", rules.name()));
-        let camera = self.subject.camera;
-        let views = self.window.views(camera, SAMPLE);
-        let tap = || unless(&self.cancelled);
-        let few: Vec<View> = kept_at(views.len(), PICTURES).map(|at| views[at]).collect();
+        (backend, style): (&Backend, Style),
+        kinds: Vec<Measured>,
+    ) -> Result<Vec<Picture>, Problem> {
         let whole = &self.subject.gaussians;
-        let render = |backend: &Backend, scene: Arc<Gaussians>, views: &[View], want| {
-            let mut renderer = backend.renderer(scene, style).map_err(|e| not_rendered(&e))?;
-            let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
-            renderer.keep_to(&camera, &poses);
-            measure(&mut *renderer, views, (want, PICTURES), &tap)
-        };
-        let (exactly, reference) = render(&Backend::Reference, whole.clone(), &few, VALUE)?;
-        let value = render(backend, whole.clone(), &views, VALUE)?;
-        let rated = render(backend, whole.clone(), &views, RATED)?;
-        let costs = Costs { value: value.0, rated: rated.0 };
-        let mut rendered = vec![
-            ("luminance".to_owned(), value),
-            ("luminance and its rate".to_owned(), rated),
-            ("rgb".to_owned(), render(backend, whole.clone(), &views, RGB)?),
-        ];
+        let views = self.window.views(self.subject.camera, SAMPLE);
+        let few: Vec<View> = kept_at(views.len(), PICTURES).map(|at| views[at]).collect();
+        let once = Sampling { kinds: &[VALUE], keep: PICTURES, rounds: 0 };
+        let exactly = self.measured((&Backend::Reference, style), whole, &few, &once)?;
+        let names = ["luminance", "luminance and its rate", "rgb"].map(str::to_owned);
+        let mut rendered: Vec<(String, Measured)> = names.into_iter().zip(kinds).collect();
         for degree in (0..whole.sh_degree).rev() {
             let scene = Arc::new(whole.with_degree(degree));
-            rendered.push((format!("luminance, SH degree {degree}"), render(backend, scene, &views, VALUE)?));
+            let sampling = Sampling { rounds: ROUNDS, ..once };
+            let found = self.measured((backend, style), &scene, &views, &sampling)?;
+            rendered.extend(found.into_iter().map(|found| (format!("luminance, SH degree {degree}"), found)));
         }
-        rendered.push(("luminance in f64".to_owned(), (exactly, reference.clone())));
-        let picture = |(what, (cost, images)): (String, _)| {
-            let images: Vec<_> = images;
+        let reference = exactly[0].1.clone();
+        rendered.extend(exactly.into_iter().map(|found| ("luminance in f64".to_owned(), found)));
+        let picture = |(what, (cost, images)): (String, Measured)| {
             let (psnr_db, worst_grey) = differences(&images, &reference);
             Picture { rules: rules.name().to_owned(), what, cost, psnr_db, worst_grey }
         };
-        Ok((costs, rendered.into_iter().map(picture).collect()))
+        Ok(rendered.into_iter().map(picture).collect())
     }
 
     /// The one pass over the fine frames of a rule set.

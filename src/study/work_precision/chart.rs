@@ -61,7 +61,7 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
     let mut out = Svg::new(SIZE);
     let title = format!("{}: {}", study.scene, measure.title());
     out.text([INNER.left, 28.0], "start", GREY, &title);
-    axes(&mut out, cost, error);
+    axes(&mut out, cost, error, &study.machine());
     let at = |row: &Row, value: f64| point(cost.share(row.core_s()), error.share(value));
     let mut entries: Vec<(String, Look)> = Vec::new();
     for (row, _) in &shown {
@@ -95,7 +95,7 @@ fn point(x: f64, y: f64) -> [f64; 2] {
     [INNER.left + INNER.width * x, INNER.top + INNER.height * (1.0 - y)]
 }
 
-fn axes(out: &mut Svg, cost: Axis, error: Axis) {
+fn axes(out: &mut Svg, cost: Axis, error: Axis, machine: &str) {
     out.frame(INNER);
     let bottom = INNER.top + INNER.height;
     for mark in cost.marks() {
@@ -108,7 +108,8 @@ fn axes(out: &mut Svg, cost: Axis, error: Axis) {
         out.polyline([[INNER.left, y], [INNER.left + INNER.width, y]], "#eeeeee", 1.0);
         out.text([INNER.left - 8.0, y + 4.0], "end", GREY, &plain(mark));
     }
-    out.text([INNER.left + INNER.width / 2.0, bottom + 42.0], "middle", GREY, "core-seconds");
+    let below = [INNER.left + INNER.width / 2.0, bottom + 42.0];
+    out.text(below, "middle", GREY, &format!("core-seconds ({machine})"));
 }
 
 /// A mark: one digit and zeros.

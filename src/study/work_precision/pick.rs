@@ -93,6 +93,8 @@ pub struct Place {
 /// A method at the error that was asked for.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Offer {
+    /// Name of the rule set.
+    pub rules: String,
     /// Rules, interpolation and steps.
     pub method: String,
     /// Where its curve reaches the error; `None` where it does not.
@@ -121,17 +123,17 @@ impl Pick {
     #[must_use]
     pub fn at(measure: Measure, base: &Row, rows: &[Row]) -> Option<Self> {
         let error = measure.of(base).filter(|error| *error > 0.0)?;
-        let mut names: Vec<String> = Vec::new();
-        for row in rows.iter().map(Row::method) {
+        let mut names: Vec<[String; 2]> = Vec::new();
+        for row in rows.iter().map(|row| [row.rules.clone(), row.method()]) {
             if !names.contains(&row) {
                 names.push(row);
             }
         }
         let mut offers: Vec<Offer> = Vec::new();
-        for method in names {
-            let of_method = rows.iter().filter(|row| row.method() == method);
+        for name in names {
+            let of_method = rows.iter().filter(|row| row.method() == name[1]);
             let curve = of_method.filter_map(|row| Some(Point::of(row, measure.of(row)?))).collect();
-            offers.extend(offer(method, curve, error));
+            offers.extend(offer(name, curve, error));
         }
         let cost = |offer: &Offer| offer.place.map_or(f64::INFINITY, |place| place.core_s);
         offers.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
@@ -161,11 +163,11 @@ impl Point {
     }
 }
 
-fn offer(method: String, mut curve: Vec<Point>, error: f64) -> Option<Offer> {
+fn offer([rules, method]: [String; 2], mut curve: Vec<Point>, error: f64) -> Option<Offer> {
     curve.sort_by(|a, b| a.frames.total_cmp(&b.frames));
     let lowest = curve.iter().min_by(|a, b| a.error.total_cmp(&b.error))?;
     let (lowest, lowest_core_s) = (lowest.error, lowest.core_s);
-    Some(Offer { method, place: reaches(&curve, error), lowest, lowest_core_s })
+    Some(Offer { rules, method, place: reaches(&curve, error), lowest, lowest_core_s })
 }
 
 /// From where on a curve has at most this error, straight in logarithms between its points: a point that happens to be
@@ -216,7 +218,8 @@ mod tests {
 
     #[test]
     fn an_offer_says_how_low_its_curve_goes() {
-        let offer = offer("soft hermite".into(), curve(2.0, 1e4, 2.0, 0.01), 1e-3).unwrap();
+        let offer =
+            offer(["soft", "soft hermite"].map(str::to_owned), curve(2.0, 1e4, 2.0, 0.01), 1e-3).unwrap();
         assert_eq!(offer.place, None);
         assert!((offer.lowest - (1e4 / 1600.0 / 1600.0 + 0.01)).abs() < 1e-15);
         assert!((offer.lowest_core_s - 3200.0).abs() < 1e-9);

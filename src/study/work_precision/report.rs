@@ -1,5 +1,6 @@
 //! The table of a study for programs, and in words.
 
+use super::brief;
 use super::grid::Steps;
 use super::pick::{Measure, Offer, Pick, Place};
 use super::{Row, Study};
@@ -40,16 +41,18 @@ pub fn words(study: &Study) -> String {
     let noise = if study.noise { "the sensor's noise, the same in all" } else { "no noise" };
     let _ = writeln!(
         out,
-        "# Work and precision: {}\n\n{width}x{height} px, {:.1} ms, references at {} frames a second, {noise}, {} cores.\n",
+        "# Work and precision: {}\n\n{width}x{height} px, {:.1} ms, references at {} frames a second, {noise}; {}.\n",
         study.scene,
         1e3 * study.seconds,
         study.finest,
-        study.cores
+        study.machine()
     );
     let Some(base) = study.base() else { return out };
     let _ = writeln!(out, "{}\n", paragraph(study));
-    picks(&mut out, study, base);
+    brief::cheapest(&mut out, study, base);
+    brief::lowest(&mut out, study);
     rules(&mut out, study);
+    picks(&mut out, study, base);
     pictures(&mut out, study);
     settings(&mut out, study);
     out
@@ -101,7 +104,7 @@ pub fn paragraph(study: &Study) -> String {
     said
 }
 
-fn at_most(place: &Place) -> &'static str {
+pub(super) fn at_most(place: &Place) -> &'static str {
     if place.at_most { "at most " } else { "" }
 }
 
@@ -235,7 +238,7 @@ fn settings(out: &mut String, study: &Study) {
 }
 
 /// Three digits.
-fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     match value.abs() {
         size if size < f64::MIN_POSITIVE => "0".to_owned(),
         size if size >= 100.0 => format!("{value:.0}"),

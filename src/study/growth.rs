@@ -1,0 +1,119 @@
+//! How run time grows with the size of the work: an exponent, and what does not grow.
+//!
+//! Two laws through the same points, since one alone misleads: `t = c x^p` says by which power the whole grows, `t = a + b x`
+//! how far that is a share `a` that is paid once. A program that is linear but for what it pays once has `p < 1`.
+
+use serde::Serialize;
+
+/// Both laws through points `(size, time)`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Growth {
+    /// `p` of `c x^p`, by least squares of logarithms.
+    pub exponent: f64,
+    /// Of the exponent, from how far the points lie off that law.
+    pub standard_error: f64,
+    /// `a` of `a + b x`, in the unit of time, by least squares of relative errors: below 0 where time grows faster than
+    /// in proportion.
+    pub fixed: f64,
+    /// `b`, by unit of size.
+    pub marginal: f64,
+    /// By how much `a + b x` misses a point at most, as a share of its time.
+    pub worst: f64,
+}
+
+impl Growth {
+    /// Through at least three points of different sizes, all of them finite and above 0; `None` of others.
+    #[must_use]
+    pub fn through(points: &[(f64, f64)]) -> Option<Self> {
+        let sound = points.iter().all(|(x, t)| [x, t].iter().all(|v| **v > 0.0 && v.is_finite()));
+        if points.len() < 3 || !sound {
+            return None;
+        }
+        let logarithms: Vec<(f64, f64)> =
+            points.iter().map(|(x, t)| (libm::log(*x), libm::log(*t))).collect();
+        let (exponent, standard_error) = slope(&logarithms)?;
+        let [fixed, marginal] = line(points);
+        let off = |(x, t): &(f64, f64)| ((fixed + marginal * x) / t - 1.0).abs();
+        Some(Self {
+            exponent,
+            standard_error,
+            fixed,
+            marginal,
+            worst: points.iter().map(off).fold(0.0, f64::max),
+        })
+    }
+
+    /// Which share of the time at a size `a + b x` says is fixed.
+    #[must_use]
+    pub fn fixed_share(&self, size: f64) -> f64 {
+        self.fixed / (self.fixed + self.marginal * size)
+    }
+}
+
+/// Slope of the line through points, and its standard error; `None` where all have one abscissa.
+fn slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let count = points.len() as f64;
+    let [x, y] = points.iter().fold([0.0; 2], |[x, y], point| [x + point.0 / count, y + point.1 / count]);
+    let sum =
+        |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|point| of(point.0 - x, point.1 - y)).sum::<f64>();
+    let (xx, xy) = (sum(&|dx, _| dx * dx), sum(&|dx, dy| dx * dy));
+    let slope = xy / xx;
+    let residual = sum(&|dx, dy| (dy - slope * dx) * (dy - slope * dx));
+    (xx > 0.0).then(|| (slope, (residual / (count - 2.0) / xx).sqrt()))
+}
+
+/// `a` and `b` of the least sum of `((a + b x)/t - 1)^2`.
+fn line(points: &[(f64, f64)]) -> [f64; 2] {
+    let mut sums = [0.0; 5];
+    for (x, t) in points {
+        let (u, v) = (1.0 / t, x / t);
+        for (sum, term) in sums.iter_mut().zip([u * u, u * v, v * v, u, v]) {
+            *sum += term;
+        }
+    }
+    let [uu, uv, vv, u, v] = sums;
+    let determinant = uu * vv - uv * uv;
+    [(u * vv - v * uv) / determinant, (v * uu - u * uv) / determinant]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZES: [f64; 5] = [1e3, 2e3, 4e3, 8e3, 16e3];
+
+    fn through(law: impl Fn(f64) -> f64) -> Growth {
+        Growth::through(&SIZES.map(|x| (x, law(x)))).unwrap()
+    }
+
+    #[test]
+    fn planted_laws_are_found() {
+        let quadratic = through(|x| 3e-9 * x * x);
+        assert!(
+            (quadratic.exponent - 2.0).abs() < 1e-12 && quadratic.standard_error < 1e-12,
+            "{quadratic:?}"
+        );
+        // No line is a parabola; the best one passes below 0.
+        assert!(quadratic.fixed < 0.0 && quadratic.worst > 0.2, "{quadratic:?}");
+        let linear = through(|x| 0.25 + 1e-4 * x);
+        assert!((linear.fixed - 0.25).abs() < 1e-9 && (linear.marginal - 1e-4).abs() < 1e-12, "{linear:?}");
+        assert!(linear.worst < 1e-9 && (linear.fixed_share(2500.0) - 0.5).abs() < 1e-6);
+        // What is paid once makes the exponent less than 1, and bends the curve.
+        assert!((0.5..1.0).contains(&linear.exponent) && linear.standard_error > 1e-3, "{linear:?}");
+    }
+
+    /// Of three points at -1, 0 and 1 with the ordinates 0, 3 and 0 the slope is 0, the residuals are -1, 2 and -1, and
+    /// the variance of the slope is 6 / (3 - 2) / 2.
+    #[test]
+    fn the_standard_error_is_that_of_the_textbook() {
+        let (slope, error) = slope(&[(-1.0, 0.0), (0.0, 3.0), (1.0, 0.0)]).unwrap();
+        assert!(slope.abs() < 1e-15 && (error - 3f64.sqrt()).abs() < 1e-12, "{slope} {error}");
+    }
+
+    #[test]
+    fn too_little_is_no_law() {
+        assert_eq!(Growth::through(&[(1.0, 1.0), (2.0, 2.0)]), None);
+        assert_eq!(Growth::through(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
+        assert_eq!(Growth::through(&[(1.0, 1.0), (2.0, 2.0), (3.0, 0.0)]), None);
+    }
+}

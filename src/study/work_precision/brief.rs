@@ -1,0 +1,79 @@
+//! A study in short: what a frame rate's error costs by each rule set, and how low each gets. Markdown.
+
+use super::pick::{Measure, Place};
+use super::report::{at_most, short};
+use super::{Row, Study};
+use std::fmt::Write as _;
+
+/// Measures of the short table.
+const SHOWN: [Measure; 4] = [Measure::Rms, Measure::Count, Measure::Miscount, Measure::Median];
+/// Those whose lowest is told: a difference of counts passes through 0 by luck.
+const LOWEST: [Measure; 2] = [Measure::Rms, Measure::Median];
+
+/// The cheapest method of each rule set at the errors of the setting that all are held against.
+pub(super) fn cheapest(out: &mut String, study: &Study, base: &Row) {
+    let _ = writeln!(
+        out,
+        "## The cheapest at the errors of `{}`, {} frames a second\n\nEach rule set is held against its own limit.\n\n\
+         | {}: error | of that setting | method | frames | core-seconds | times fewer |\n|---|---|---|---|---|---|\n\
+         | | | `{}` itself | {} | {} | 1 |",
+        base.method(),
+        base.rate,
+        study.machine(),
+        base.method(),
+        base.frames,
+        short(base.core_s())
+    );
+    for pick in study.picks().iter().filter(|pick| SHOWN.contains(&pick.measure)) {
+        let (mut title, mut error) = (pick.measure.title(), short(pick.error));
+        for of in &study.rules {
+            let Some(offer) = pick.offers.iter().find(|offer| offer.rules == of.rules) else { continue };
+            let _ = write!(out, "| {title} | {error} | ");
+            let _ = match offer.place {
+                Some(place) => writeln!(out, "{}", taken(&offer.method, place, pick.base_core_s)),
+                None => writeln!(out, "`{}` does not reach it | | | |", of.rules),
+            };
+            (title, error) = ("", String::new());
+        }
+    }
+    out.push('\n');
+}
+
+fn taken(method: &str, place: Place, base_core_s: f64) -> String {
+    let (frames, core_s) = (place.frames.round(), short(place.core_s));
+    format!("`{method}` | {}{frames} | {core_s} | {:.2} |", at_most(&place), base_core_s / place.core_s)
+}
+
+/// The lowest errors that each rule set has at these rates, and what they cost.
+pub(super) fn lowest(out: &mut String, study: &Study) {
+    let _ = writeln!(
+        out,
+        "## The lowest errors\n\nAt these rates, each rule set against its own limit.\n\n| {}: error | lowest | setting | \
+         frames | core-seconds |\n|---|---|---|---|---|",
+        study.machine()
+    );
+    for measure in LOWEST {
+        let mut title = measure.title();
+        for of in &study.rules {
+            let Some((row, error)) = lowest_of(study, &of.rules, measure) else { continue };
+            let _ = writeln!(
+                out,
+                "| {title} | {} | `{}`, {} frames a second | {} | {} |",
+                short(error),
+                row.method(),
+                row.rate,
+                row.frames,
+                short(row.core_s())
+            );
+            title = "";
+        }
+    }
+    out.push('\n');
+}
+
+/// The row of a rule set that has the lowest error; of several the cheapest.
+fn lowest_of<'a>(study: &'a Study, rules: &str, measure: Measure) -> Option<(&'a Row, f64)> {
+    let rows = study.rows.iter().filter(|row| row.rules == rules);
+    let known = rows.filter_map(|row| Some((row, measure.of(row)?)));
+    known.min_by(|(a, x), (b, y)| x.total_cmp(y).then(a.core_s().total_cmp(&b.core_s())))
+}

@@ -1,0 +1,98 @@
+//! The scenes of the page, and their recipes.
+
+use crate::command::root;
+use std::path::PathBuf;
+
+/// A scene and how it is captured.
+pub(super) struct Scene {
+    pub(super) name: &'static str,
+    /// What it is and whose.
+    pub(super) words: &'static str,
+    /// The file of its Gaussians, and the file of its views; of a scene that the program makes, none.
+    files: Option<[&'static str; 2]>,
+    /// Of its pictures, px.
+    size: [u32; 2],
+    /// In how many bursts the whole path takes about the time that it does at the base's speed.
+    bursts: u16,
+}
+
+pub(super) const SCENES: [Scene; 3] = [
+    Scene {
+        name: "still-life",
+        words: "The scene that the program makes itself: 20,000 surfels, harmonics of degree 2.",
+        files: None,
+        size: [640, 360],
+        bursts: 36,
+    },
+    Scene {
+        name: "plant",
+        words: "`plant.splat`, a houseplant captured with a phone: 113,648 Gaussians without harmonics; by Marcel Padilla, CC-BY-4.0.",
+        files: Some(["plant.splat", "plant.transforms.json"]),
+        size: [360, 640],
+        bursts: 48,
+    },
+    Scene {
+        name: "playbot",
+        words: "`playbot.spz`, PLAYBOT at level 0: 500,000 Gaussians, harmonics of degree 2; by Stephane Agullo, CC-BY-4.0.",
+        files: Some(["playbot.spz", "playbot.transforms.json"]),
+        size: [640, 360],
+        bursts: 48,
+    },
+];
+
+/// How fast the picture moves at the full size, px/s.
+const BASE: u32 = 300;
+const FAST: u32 = 1200;
+/// Multiples of the speed, and how long each lasts, s.
+const BURSTS: [&str; 4] = ["0.1", "1.9", "0.4", "1.6"];
+const BURST_S: f64 = 0.02;
+/// By how much pictures are smaller where the page is only tried.
+const SMALLER: u32 = 4;
+
+impl Scene {
+    pub(super) fn is_there(&self) -> bool {
+        self.files.is_none_or(|files| files.iter().all(|name| shared(name).is_file()))
+    }
+
+    /// Its recipe: three trajectories and nothing made of them.
+    pub(super) fn recipe(&self, quick: bool) -> String {
+        let smaller = if quick { SMALLER } else { 1 };
+        let [width, height] = self.size.map(|side| side / smaller);
+        let source = match self.files {
+            None => {
+                "procedural: { kind: still-life, gaussians: 20000, views: 30, arc: 80, seed: 1 }".to_owned()
+            }
+            Some([_, views]) => format!("nerfstudio: {{ path: {:?} }}", shared(views)),
+        };
+        let given =
+            self.files.map(|[scene, _]| format!("reconstruct: {{ given: {{ path: {:?} }} }}", shared(scene)));
+        let licence = if self.files.is_some() { "CC-BY-4.0" } else { "CC0-1.0" };
+        let bursts: Vec<&str> = BURSTS.into_iter().cycle().take(self.bursts.into()).collect();
+        let flow = |px_s| format!("refine: {{}}, speed: {{ flow: {{ px_s: {} }} }}", px_s / smaller);
+        format!(
+            "version: 1\n\
+             scene: {}\n\
+             source: {{ {source} }}\n\
+             {}\n\
+             camera: {{ width: {width}, height: {height} }}\n\
+             trajectories:\n  \
+             - {{ name: base, {} }}\n  \
+             - {{ name: fast, {} }}\n  \
+             - {{ name: bursty, refine: {{ duration: {:.2} }}, speed: {{ list: {{ multipliers: [{}], blend: 0.25 }} }} }}\n\
+             sampling: {{ rate: 2400 }}\n\
+             outputs: []\n\
+             licence: {{ expression: {licence}, holder: their authors }}\n",
+            self.name,
+            given.unwrap_or_default(),
+            flow(BASE),
+            flow(FAST),
+            f64::from(self.bursts) * BURST_S,
+            bursts.join(", "),
+        )
+    }
+}
+
+/// A file of the optional test data.
+fn shared(name: &str) -> PathBuf {
+    root().join("../shared/data/scenes").join(name)
+}
