@@ -54,8 +54,8 @@ impl Scene {
         self.files.is_none_or(|files| files.iter().all(|name| shared(name).is_file()))
     }
 
-    /// Its recipe: three trajectories and nothing made of them.
-    pub(super) fn recipe(&self, quick: bool) -> String {
+    /// Its recipe: three trajectories, and these made of them.
+    pub(super) fn recipe(&self, quick: bool, sampling: &str, outputs: &str) -> String {
         let smaller = if quick { SMALLER } else { 1 };
         let [width, height] = self.size.map(|side| side / smaller);
         let source = match self.files {
@@ -79,8 +79,8 @@ impl Scene {
              - {{ name: base, {} }}\n  \
              - {{ name: fast, {} }}\n  \
              - {{ name: bursty, refine: {{ duration: {:.2} }}, speed: {{ list: {{ multipliers: [{}], blend: 0.25 }} }} }}\n\
-             sampling: {{ rate: 2400 }}\n\
-             outputs: []\n\
+             sampling: {{ {sampling} }}\n\
+             outputs: [{outputs}]\n\
              licence: {{ expression: {licence}, holder: their authors }}\n",
             self.name,
             given.unwrap_or_default(),
