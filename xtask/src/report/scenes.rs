@@ -54,6 +54,11 @@ impl Scene {
         self.files.is_none_or(|files| files.iter().all(|name| shared(name).is_file()))
     }
 
+    /// Whether the program makes it itself.
+    pub(super) fn is_ours(&self) -> bool {
+        self.files.is_none()
+    }
+
     /// Its recipe: three trajectories, and these made of them.
     pub(super) fn recipe(&self, quick: bool, sampling: &str, outputs: &str) -> String {
         let smaller = if quick { SMALLER } else { 1 };
