@@ -230,7 +230,7 @@ fn gs2e(verb: &[&str], work: &Path, recipe: &Path, args: &[&str]) -> Outcome<Str
 fn part(scene: &Scene, setting: &Setting, found: &Path, pictures: &Path) -> Outcome<String> {
     let summary = found.join("summary.md");
     let summary = std::fs::read_to_string(&summary).map_err(|e| format!("{}: {e}", summary.display()))?;
-    let mut section = format!("\n### {}: {}\n\n{}\n", scene.name, setting.title, head(&summary));
+    let mut section = format!("\n### {}: {}\n\n{}\n\n", scene.name, setting.title, head(&summary));
     for measure in setting.pictures {
         let name = format!("{}-{}-{measure}.svg", scene.name, setting.name);
         let [from, to]: [PathBuf; 2] = [found.join(format!("{measure}.svg")), pictures.join(&name)];
