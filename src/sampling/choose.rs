@@ -174,13 +174,17 @@ impl Question<'_> {
                 let mean = squares.iter().sum::<f64>() / squares.len() as f64;
                 (!squares.is_empty()).then(|| (*px, mean.sqrt()))
             });
-            candidates.extend(self.candidate(*between, &points.collect::<Vec<_>>()));
+            candidates.extend(self.candidate(*between, points.collect()));
         }
         if candidates.is_empty() { Err(ChooseError::Short) } else { Ok((candidates, measured.frames)) }
     }
 
     /// A method by its errors at steps in px, the longest first; `None` of too few.
-    fn candidate(&self, between: Between, points: &[(f64, f64)]) -> Option<Candidate> {
+    fn candidate(&self, between: Between, mut points: Vec<(f64, f64)>) -> Option<Candidate> {
+        // A step that errs less than a finer one does so by luck.
+        for k in (1..points.len()).rev() {
+            points[k - 1].1 = points[k - 1].1.max(points[k].1);
+        }
         let near = points.iter().take_while(|(_, e)| *e > FAR * self.tolerance.rms).count();
         let law = Law::through(&points[near.min(points.len().saturating_sub(FEWEST))..])?;
         let (finest_px, _) = *points.last()?;
@@ -326,7 +330,8 @@ mod tests {
         let (chosen, moments) = question.answer(&mut Planted::new(SIZE, waves)).unwrap();
         // Four fifths of the tolerance; the law is a power of h where the truth is a cosine, and steps are whole microseconds.
         assert!((missed_by_a_line(chosen.step_px) / 0.024 - 1.0).abs() < 0.01, "{chosen:?}");
-        assert!((chosen.achieved / 0.024 - 1.0).abs() < 0.02 && chosen.bound_95 <= 0.03, "{chosen:?}");
+        // One of the last two steps, which are shorter, may be among the twelve.
+        assert!((chosen.achieved / 0.024 - 1.0).abs() < 0.05 && chosen.bound_95 <= 0.03, "{chosen:?}");
         assert_eq!((chosen.frames, chosen.refinements), (moments.len(), 0));
         let px = PX_S * 1e-6 * (moments[1] - moments[0]) as f64;
         assert!((px / chosen.step_px - 1.0).abs() < 1e-3, "{px} {chosen:?}");
