@@ -264,8 +264,9 @@ impl Axis {
 
     /// What is paid once, and what grows.
     fn split(&self, growth: &Growth) -> String {
+        // A line through noisy runs may begin below 0: nothing is then fixed.
         let [first, last] =
-            [0, self.points.len() - 1].map(|at| 100.0 * growth.fixed_share(self.points[at].size));
+            [0, self.points.len() - 1].map(|at| 100.0 * growth.fixed_share(self.points[at].size).max(0.0));
         let frames = self.points[0].work.poses.len();
         let each = match self.name {
             FRAME_AXIS => format!("{:.3} core-ms a frame", 1e3 * growth.marginal),

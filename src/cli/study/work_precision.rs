@@ -330,7 +330,8 @@ impl Lab<'_> {
         for rules in &asked.rules {
             let (backend, style) = self.of(*rules);
             self.console.say(&format!("{}: measuring what frames cost", rules.name()));
-            let kinds = self.kinds(&backend, style)?;
+            let kinds: &[_] = if asked.no_pictures { &[VALUE, RATED] } else { &[VALUE, RATED, RGB] };
+            let kinds = self.kinds(kinds, &backend, style)?;
             costs.push(Costs { value: kinds[0].0, rated: kinds[1].0 });
             if !asked.no_pictures {
                 study.pictures.extend(self.pictures(*rules, (&backend, style), kinds)?);
@@ -392,10 +393,10 @@ impl Lab<'_> {
         if unless(&self.cancelled).is_break() { Err(interrupted()) } else { Ok(()) }
     }
 
-    /// Costs of luminance alone, with its rate, and of colours.
-    fn kinds(&self, backend: &Backend, style: Style) -> Result<Vec<Measured>, Problem> {
+    /// Costs of these kinds of frames.
+    fn kinds(&self, kinds: &[Channels], backend: &Backend, style: Style) -> Result<Vec<Measured>, Problem> {
         let views = self.window.views(self.subject.camera, SAMPLE);
-        let sampling = Sampling { kinds: &[VALUE, RATED, RGB], keep: PICTURES, rounds: ROUNDS };
+        let sampling = Sampling { kinds, keep: PICTURES, rounds: ROUNDS };
         self.measured((backend, style), &self.subject.gaussians, &views, &sampling)
     }
 

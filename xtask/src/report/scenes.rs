@@ -59,9 +59,27 @@ impl Scene {
         self.files.is_none()
     }
 
-    /// Its recipe: three trajectories, and these made of them.
-    pub(super) fn recipe(&self, quick: bool, sampling: &str, outputs: &str) -> String {
+    /// The recipe of its trajectories `base`, `fast` and `bursty`, of which nothing is made.
+    pub(super) fn paths(&self, quick: bool) -> String {
         let smaller = if quick { SMALLER } else { 1 };
+        let bursts: Vec<&str> = BURSTS.into_iter().cycle().take(self.bursts.into()).collect();
+        let bursty = format!(
+            "name: bursty, refine: {{ duration: {:.2} }}, speed: {{ list: {{ multipliers: [{}], blend: 0.25 }} }}",
+            f64::from(self.bursts) * BURST_S,
+            bursts.join(", "),
+        );
+        let trajectories = [at("base", BASE / smaller), at("fast", FAST / smaller), bursty];
+        self.recipe(smaller, &trajectories, "sampling: { rate: 2400 }\noutputs: []")
+    }
+
+    /// The recipe of the events of `fast`, sampled like this.
+    pub(super) fn events(&self, quick: bool, sampling: &str) -> String {
+        let smaller = if quick { SMALLER } else { 1 };
+        let made = format!("sampling: {{ {sampling} }}\noutputs: [events]");
+        self.recipe(smaller, &[at("fast", FAST / smaller)], &made)
+    }
+
+    fn recipe(&self, smaller: u32, trajectories: &[String], made: &str) -> String {
         let [width, height] = self.size.map(|side| side / smaller);
         let source = match self.files {
             None => {
@@ -72,29 +90,25 @@ impl Scene {
         let given =
             self.files.map(|[scene, _]| format!("reconstruct: {{ given: {{ path: {:?} }} }}", shared(scene)));
         let licence = if self.files.is_some() { "CC-BY-4.0" } else { "CC0-1.0" };
-        let bursts: Vec<&str> = BURSTS.into_iter().cycle().take(self.bursts.into()).collect();
-        let flow = |px_s| format!("refine: {{}}, speed: {{ flow: {{ px_s: {} }} }}", px_s / smaller);
+        let trajectories: String = trajectories.iter().map(|one| format!("\n  - {{ {one} }}")).collect();
         format!(
             "version: 1\n\
              scene: {}\n\
              source: {{ {source} }}\n\
              {}\n\
              camera: {{ width: {width}, height: {height} }}\n\
-             trajectories:\n  \
-             - {{ name: base, {} }}\n  \
-             - {{ name: fast, {} }}\n  \
-             - {{ name: bursty, refine: {{ duration: {:.2} }}, speed: {{ list: {{ multipliers: [{}], blend: 0.25 }} }} }}\n\
-             sampling: {{ {sampling} }}\n\
-             outputs: [{outputs}]\n\
+             trajectories:{trajectories}\n\
+             {made}\n\
              licence: {{ expression: {licence}, holder: their authors }}\n",
             self.name,
             given.unwrap_or_default(),
-            flow(BASE),
-            flow(FAST),
-            f64::from(self.bursts) * BURST_S,
-            bursts.join(", "),
         )
     }
+}
+
+/// A trajectory of even speed.
+fn at(name: &str, px_s: u32) -> String {
+    format!("name: {name}, refine: {{}}, speed: {{ flow: {{ px_s: {px_s} }} }}")
 }
 
 /// A file of the optional test data.
