@@ -190,8 +190,9 @@ fn pins() -> Vec<Pin> {
 fn every_stage_is_pinned() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/stage");
     let mut stages = BTreeSet::new();
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+    let entries = walkdir::WalkDir::new(folder).into_iter().map(Result::unwrap);
+    for file in entries.filter(|entry| entry.file_type().is_file()) {
+        let text = std::fs::read_to_string(file.path()).unwrap();
         let named =
             text.lines().filter(|line| line.contains("const NAME: ")).filter_map(|l| l.split('"').nth(1));
         stages.extend(named.map(str::to_owned));
