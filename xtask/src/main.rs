@@ -24,7 +24,8 @@ usage: cargo xtask <task>
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
-                     a part of it goes to target/report
+                     and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
+                     target/report
   manifest           builds the demo release and rewrites manifests/demo.json from it
 ";
 

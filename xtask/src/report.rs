@@ -3,6 +3,7 @@
 //! What the page says of a run is what the run itself wrote; here it is only put in order.
 
 mod scenes;
+mod tolerance;
 
 use crate::command::{Outcome, cargo, root, say};
 use crate::folder::Folder;
@@ -39,15 +40,6 @@ exponent by which that column grows, by least squares of logarithms, with the st
 the time does not depend on what grows, and the columns say which: projecting and sorting go by the Gaussians, however large the picture is; and the raster
 goes by the pairs that it blends, which stay as many where more Gaussians make up one picture. The line below a table says how far time is a
 constant and a share for each frame, pixel or Gaussian.
-";
-
-const TOLERANCE: &str = "\
-The step `events` of a build of the whole path at 1,200 px/s, at 2,400 frames a second by the rules `official` and linear between them, and with
-`sampling: { tolerance: 0.03 }` (rules `soft`), by one core. The error is that on twelve intervals of the path which the choice was not made on, in thresholds; in `scene.json` stands
-what was foreseen, and a 95 % bound.
-
-| trajectory | sampling | s | events | frames |
-|---|---|---|---|---|
 ";
 
 struct Options {
@@ -104,36 +96,45 @@ const SETTINGS: [Setting; 5] = [
     },
 ];
 
-/// Samplings that are built, and what is between frames at a rate.
-const SAMPLINGS: [&str; 2] = ["rate: 2400", "tolerance: 0.03"];
-
 /// In place of what a setting and the defaults say, where it is only tried.
 const QUICK: [&str; 6] = ["--seconds", "0.02", "--rates", "300,600,1200,2400", "--finest", "4800"];
 /// The rates of windows that would hold too few steps of the coarsest.
 const SHORT: [&str; 2] = ["--rates", "300,600,1200,2400,4800"];
 
-/// Runs the studies and writes the page.
+/// Runs the studies and the builds, and writes the pages; or, where `tolerance` is the first word, the builds alone.
 pub(crate) fn run(args: &[String]) -> Outcome {
+    if let [first, rest @ ..] = args
+        && first == "tolerance"
+    {
+        return tolerance::run(&options(rest)?);
+    }
     let options = options(args)?;
+    studies(&options)?;
+    tolerance::run(&options)
+}
+
+/// The scenes that are wanted and there, and the folder of a page about them.
+fn present(options: &Options) -> (Vec<&'static Scene>, PathBuf) {
     let (present, absent): (Vec<&Scene>, Vec<&Scene>) =
         SCENES.iter().filter(|scene| options.wants(scene)).partition(|scene| scene.is_there());
     for scene in &absent {
         say(&format!("left out: {}, since ../shared is absent", scene.name));
     }
     let whole = present.len() == SCENES.len() && !options.quick;
-    let to = root().join(if whole { "docs" } else { "target/report" });
+    (present, root().join(if whole { "docs" } else { "target/report" }))
+}
+
+fn studies(options: &Options) -> Outcome {
+    let (present, to) = present(options);
     let pictures = to.join(PICTURES);
     std::fs::create_dir_all(&pictures).map_err(|e| format!("{}: {e}", pictures.display()))?;
     let work = Folder::new("report")?;
     let mut page = INTRODUCTION.to_owned();
     for scene in present {
-        page += &study(scene, &options, work.path(), &pictures)?;
-    }
-    for scene in absent {
-        let _ = write!(page, "\n## {}\n\nLeft out: its files are absent.\n", scene.name);
+        page += &study(scene, options, work.path(), &pictures)?;
     }
     page += GROWTH;
-    page += &growth(&options)?;
+    page += &growth(options)?;
     let file = to.join(PAGE);
     std::fs::write(&file, page).map_err(|e| format!("{}: {e}", file.display()))?;
     say(&format!("written: {}", file.display()));
@@ -153,7 +154,7 @@ fn options(args: &[String]) -> Outcome<Options> {
                     .scenes
                     .push(name.ok_or(format!("--scene wants one of {}", names.join(", ")))?.clone());
             }
-            _ => return Err(format!("found `{arg}`, wanted --quick or --scene NAME")),
+            _ => return Err(format!("found `{arg}`, wanted tolerance first, --quick or --scene NAME")),
         }
     }
     Ok(options)
@@ -168,9 +169,7 @@ impl Options {
 /// The section of a scene.
 fn study(scene: &Scene, options: &Options, work: &Path, pictures: &Path) -> Outcome<String> {
     let recipe = work.join(format!("{}.yaml", scene.name));
-    let written =
-        |text: String| std::fs::write(&recipe, text).map_err(|e| format!("{}: {e}", recipe.display()));
-    written(scene.paths(options.quick))?;
+    std::fs::write(&recipe, scene.paths(options.quick)).map_err(|e| format!("{}: {e}", recipe.display()))?;
     gs2e(&["build", "--backend", "cpu"], work, &recipe, &[])?;
     let mut section = format!("\n## {}\n\n{}\n", scene.name, scene.words);
     // Frames of the blended order take ten times as long, whatever their size.
@@ -192,28 +191,7 @@ fn study(scene: &Scene, options: &Options, work: &Path, pictures: &Path) -> Outc
         section += &part(scene, setting, &to, pictures)?;
         say(&format!("{}, {}: {:.0} s", scene.name, setting.name, start.elapsed().as_secs_f64()));
     }
-    let _ = write!(section, "\n### {}: a rate, and a tolerance\n\n{TOLERANCE}", scene.name);
-    for sampling in SAMPLINGS {
-        let start = Instant::now();
-        written(scene.events(options.quick, sampling))?;
-        // By one core, whose seconds do not depend on what else is built.
-        let told = gs2e(&["build", "--backend", "cpu", "-j", "1"], work, &recipe, &[])?;
-        section += &events_steps(sampling, &told);
-        say(&format!("{}, {sampling}: {:.0} s", scene.name, start.elapsed().as_secs_f64()));
-    }
     Ok(section)
-}
-
-/// Rows of a table: each step that made events, its seconds, and what it says of them.
-fn events_steps(sampling: &str, told: &str) -> String {
-    let row = |line: &str| {
-        let (step, rest) = line.split_once("] ")?.1.split_once("/events ")?;
-        let (seconds, made) = rest.split_once(" s ")?;
-        let (events, frames) = made.split_once(", ").unwrap_or((made, ""));
-        let trajectory = step.rsplit('/').next()?;
-        Some(format!("| {trajectory} | `{sampling}` | {seconds} | {events} | {frames} |\n"))
-    };
-    told.lines().filter_map(row).collect()
 }
 
 /// Runs it, and returns what it tells people.
@@ -260,16 +238,7 @@ fn growth(options: &Options) -> Outcome<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::{events_steps, head};
-
-    #[test]
-    fn steps_that_made_events_are_rows() {
-        let told = "scenes: 1\n[3/6] plant/base/trajectory 0.1 s\n[4/6] plant/base/events 33.6 s 421.8 kev, 33 frames (hermite) and \
-                    96 to choose them\n[5/6] plant/fast/events 7.0 s 1.2 Mev\n";
-        let wanted = "| base | `rate: 1` | 33.6 | 421.8 kev | 33 frames (hermite) and 96 to choose them |\n\
-                      | fast | `rate: 1` | 7.0 | 1.2 Mev |  |\n";
-        assert_eq!(events_steps("rate: 1", told), wanted);
-    }
+    use super::head;
 
     #[test]
     fn a_page_has_what_stands_before_the_details() {

@@ -72,11 +72,12 @@ impl Scene {
         self.recipe(smaller, &trajectories, "sampling: { rate: 2400 }\noutputs: []")
     }
 
-    /// The recipe of the events of `fast`, sampled like this.
-    pub(super) fn events(&self, quick: bool, sampling: &str) -> String {
+    /// The recipe of the events of `base` or `fast`, sampled like this.
+    pub(super) fn events(&self, quick: bool, trajectory: &str, sampling: &str) -> String {
         let smaller = if quick { SMALLER } else { 1 };
         let made = format!("sampling: {{ {sampling} }}\noutputs: [events]");
-        self.recipe(smaller, &[at("fast", FAST / smaller)], &made)
+        let px_s = if trajectory == "fast" { FAST } else { BASE };
+        self.recipe(smaller, &[at(trajectory, px_s / smaller)], &made)
     }
 
     fn recipe(&self, smaller: u32, trajectories: &[String], made: &str) -> String {
