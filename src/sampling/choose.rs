@@ -1,6 +1,6 @@
 //! Which frames meet a tolerance at least cost: a pilot on a few places of the path, and a check on others.
 
-use super::flow::Flow;
+use super::flow::{Flow, SHORTEST_US};
 use super::law::Law;
 use super::measure::{Interval, Scale, Viewer, measure};
 use super::{Candidate, Chosen, Tolerance};
@@ -15,8 +15,6 @@ const RATIO: f64 = 3.0;
 /// The longest of them, px; a sixth of the path where that is less.
 const LONGEST_PX: f64 = 9.0;
 const LONGEST_SHARE: f64 = 1.0 / 6.0;
-/// The shortest, us.
-const SHORTEST_US: i64 = 20;
 /// Lengths of neighbouring steps that are taken for a ratio of 3, where flow or rounding makes it another.
 const ALIKE: f64 = 0.02;
 /// Places of the pilot: one for so many steps between poses, within these bounds.

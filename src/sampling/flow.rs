@@ -21,7 +21,7 @@ const WIDTH: u32 = 40;
 /// A moment's flow is one that so many percent of the pixels do not exceed.
 const PERCENT: usize = 99;
 /// The shortest step: 50,000 frames a second.
-const SHORTEST_US: i64 = 20;
+pub(super) const SHORTEST_US: i64 = 20;
 /// A path has no fewer steps than these, however slowly the picture moves.
 const FEWEST: i64 = 8;
 
