@@ -184,7 +184,7 @@ impl Flow {
     }
 }
 
-/// The flow of a moving camera, px/s of its own pixels, by the deeper knowledge of two depth images near its place: the
+/// The flow of a moving camera, px/s of its own pixels, by the depth images of the places before and after it: the
 /// higher of what they say.
 fn quickest(depths: &[Image<f32>], view: &View) -> f64 {
     let of = |depth: &Image<f32>| {
