@@ -12,6 +12,7 @@ mod convert;
 mod diff;
 mod failure;
 mod gc;
+mod init;
 mod input;
 mod left_out;
 mod machine;
@@ -71,6 +72,8 @@ enum Verb {
     Diff(diff::Diff),
     /// Write a scene, or events, in another file format
     Convert(convert::Convert),
+    /// Write one recipe for each scene of a dataset on disk
+    Init(init::Init),
     /// Delete what no recipe and no release refers to any more
     Gc(gc::Gc),
     /// Render one view of your own scene
@@ -243,6 +246,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Audit(verb) => verb.run(console),
         Verb::Diff(verb) => verb.run(console),
         Verb::Convert(verb) => verb.run(console),
+        Verb::Init(verb) => verb.run(common, console),
         Verb::Gc(verb) => verb.run(common, console),
         Verb::Render(verb) => verb.run(common, console),
         Verb::Simulate(verb) => verb.run(common, console),

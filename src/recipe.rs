@@ -3,10 +3,12 @@
 mod beside;
 mod canonical;
 mod clash;
+pub mod draft;
 mod edits;
 mod fault;
 mod field;
 mod find;
+mod forms;
 mod fragment;
 mod load;
 mod merge;
@@ -31,6 +33,8 @@ use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
 use crate::scene::procedural::StillLife;
 use crate::sensor::Sensors;
+use crate::source::Captured;
+use crate::source::kind::Kind;
 use crate::speed::Speed;
 use crate::store::stat_cache::Sighting;
 use crate::trajectory::path::Path;
@@ -117,12 +121,8 @@ impl fmt::Display for Position {
 pub enum Source {
     /// The embedded scene.
     Procedural(StillLife),
-    /// A COLMAP model: the folder with `cameras.bin` or `.txt`, or one with `sparse/0` below it.
-    Colmap(PathBuf),
-    /// A `transforms.json`, or a folder that holds one.
-    Nerfstudio(PathBuf),
-    /// A 3DGS model folder, or its `cameras.json`.
-    Model(PathBuf),
+    /// A capture on disk, and what the recipe says of where it is from.
+    Captured(Captured, Upstream),
     /// Nowhere: trajectories are written in the recipe, over a scene file.
     None,
 }
@@ -133,9 +133,7 @@ impl Source {
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Procedural(_) => "procedural",
-            Self::Colmap(_) => "colmap",
-            Self::Nerfstudio(_) => "nerfstudio",
-            Self::Model(_) => "model",
+            Self::Captured(captured, _) => captured.kind.name(),
             Self::None => "none",
         }
     }
@@ -143,13 +141,39 @@ impl Source {
     /// Whether its views were photographed.
     #[must_use]
     pub fn has_photos(&self) -> bool {
-        matches!(self, Self::Colmap(_) | Self::Nerfstudio(_) | Self::Model(_))
+        matches!(self, Self::Captured(..))
     }
 
     /// Whether it has views, and so a camera.
     #[must_use]
     pub fn has_views(&self) -> bool {
         !matches!(self, Self::None)
+    }
+}
+
+/// Where a capture was taken from; what is not known is `None`. It enters no key.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Upstream {
+    /// What the dataset calls it.
+    pub id: Option<String>,
+    /// Where the dataset is.
+    pub url: Option<String>,
+    /// The date of the download, `YYYY-MM-DD`.
+    pub accessed: Option<String>,
+    /// Whether its terms were accepted.
+    pub terms_accepted: Option<bool>,
+}
+
+impl Upstream {
+    /// What the layout of a dataset says by itself.
+    #[must_use]
+    pub fn of(captured: &Captured) -> Self {
+        let url = match captured.kind {
+            Kind::Mvimgnet => "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet",
+            Kind::Dl3dv => "https://github.com/DL3DV-10K/Dataset",
+            Kind::Colmap | Kind::Nerfstudio | Kind::Model => return Self::default(),
+        };
+        Self { id: captured.upstream_id(), url: Some(url.to_owned()), ..Self::default() }
     }
 }
 

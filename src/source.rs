@@ -4,15 +4,21 @@
 //! any of them is noticed. It refuses what it cannot read rightly, with file, record and byte or line; what it can
 //! read but not vouch for becomes a [`Warning`].
 
+mod captured;
 pub mod colmap;
+mod dl3dv;
+pub mod inventory;
 pub mod kind;
 pub mod lens;
 pub mod model;
+pub mod mvimgnet;
 pub mod natural;
 pub mod nerfstudio;
 mod node;
 mod photo;
 pub mod view;
+
+pub use captured::{Captured, PoseFile, Selection, pattern};
 
 use crate::camera::Camera;
 use crate::image::Size;
@@ -27,8 +33,49 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Capture {
-    /// The registered views.
+    /// The registered views that are used.
     pub views: Vec<View>,
+    /// The photos that are not, in natural order of their names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unused: Vec<Unused>,
+}
+
+/// A photo that is not used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Unused {
+    /// Image file name as the source gives it.
+    pub name: String,
+    /// SHA-256 of its bytes (hexadecimal), where it is there.
+    pub sha256: Option<String>,
+    /// Its size in pixels, where that is known.
+    pub size: Option<Size>,
+    /// The reason.
+    pub why: Why,
+}
+
+/// Why a photo is not used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Why {
+    /// The source has no pose for it.
+    NotRegistered,
+    /// Its name is one of those that the recipe leaves out.
+    Excluded,
+    /// The recipe wants fewer views than there are.
+    NotPicked,
+}
+
+impl Why {
+    /// In words, after "the photo".
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::NotRegistered => "has no pose in the source",
+            Self::Excluded => "is left out by its name",
+            Self::NotPicked => "is not one of the views that were picked",
+        }
+    }
 }
 
 /// One photo and where it was taken.
@@ -88,6 +135,13 @@ pub enum Lens {
     },
 }
 
+impl From<Vec<View>> for Capture {
+    /// A capture all of whose photos are used.
+    fn from(views: Vec<View>) -> Self {
+        Self { views, unused: Vec::new() }
+    }
+}
+
 impl Capture {
     /// The camera of trajectories through this capture: the one that all views share, else the first view's, with a
     /// warning where a size differs, or fx, fy, cx or cy by more than 1 px; `None` where there is no view.
@@ -102,9 +156,7 @@ impl Capture {
         });
         Some((first.camera, other))
     }
-}
 
-impl Capture {
     /// A warning where the photos' lenses bend the picture and trajectories will not: a scene that was trained on
     /// photos as taken is bent likewise, one that was trained on undistorted photos is right as it is.
     #[must_use]
@@ -170,6 +222,26 @@ pub enum Warning {
         image: String,
         /// How far off, see [`crate::se3::Screened`].
         deviation: f64,
+    },
+    /// Photos of registered views are not there, and others are.
+    #[error("{count} of {of} photos are not in {}; the first is `{first}`", dir.display())]
+    PhotosMissing {
+        /// Where they should be.
+        dir: PathBuf,
+        /// How many are not.
+        count: usize,
+        /// Of how many.
+        of: usize,
+        /// One of them.
+        first: String,
+    },
+    /// There are fewer views than the recipe wants.
+    #[error("the source has {found} views, {wanted} are wanted: all of them are used")]
+    FewViews {
+        /// How many there are.
+        found: usize,
+        /// How many the recipe wants.
+        wanted: u32,
     },
     /// A photo has another size than its camera.
     #[error("`{image}` is {photo}, its camera says {stated}: {action}")]
@@ -264,7 +336,7 @@ fn collect(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
     if found.is_empty() {
         return Err(SourceError::Absent { dir: path.to_owned(), because: "it holds no view".to_owned() });
     }
-    Ok(Capture { views: found.into_iter().map(|f| f.view).collect() })
+    Ok(found.into_iter().map(|f| f.view).collect::<Vec<View>>().into())
 }
 
 /// Largest side of a photo that is believed.
@@ -331,7 +403,8 @@ mod tests {
 
     #[test]
     fn the_shared_camera_is_taken_or_the_first_with_a_warning() {
-        let camera = |fx: &[f64]| Capture { views: fx.iter().map(|&fx| view("v", fx)).collect() }.camera();
+        let camera =
+            |fx: &[f64]| Capture::from(fx.iter().map(|&fx| view("v", fx)).collect::<Vec<_>>()).camera();
         assert_eq!(camera(&[]), None);
         assert_eq!(camera(&[500.0, 500.9, 499.1]).unwrap().1, None);
         let (taken, warning) = camera(&[500.0, 501.1, 480.0]).unwrap();
@@ -342,8 +415,12 @@ mod tests {
 
     #[test]
     fn a_stored_capture_is_read_back_to_the_bit() {
-        let capture =
-            Capture { views: vec![view("a b/1.jpg", 500.123_456_789_012_3), view("c", f64::MIN_POSITIVE)] };
+        let mut capture =
+            Capture::from(vec![view("a b/1.jpg", 500.123_456_789_012_3), view("c", f64::MIN_POSITIVE)]);
+        assert!(!serde_json::to_string(&capture).unwrap().contains("unused"));
+        let size = Some(Size { width: 3, height: 2 });
+        let unused = Unused { name: "d".into(), sha256: None, size, why: Why::NotRegistered };
+        capture.unused.push(unused);
         let text = serde_json::to_string(&capture).unwrap();
         assert_eq!(serde_json::from_str::<Capture>(&text).unwrap(), capture);
         assert!(text.contains(r#""lens":{"OPENCV":{"k":[0.1,0.1,0.1,0.1]}}"#), "{text}");

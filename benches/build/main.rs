@@ -7,6 +7,7 @@
 //! not be held against a figure.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the figures are printed")]
 
+mod dataset;
 mod graph;
 mod series;
 
@@ -107,6 +108,7 @@ fn measure(options: &Options) -> Outcome<Vec<String>> {
     }
     growth(root, &ours, options)?;
     with_events(root, options)?;
+    dataset::measure(root, scenes)?;
     // Last: what this program itself holds counts towards the peak of what it starts.
     ours.tell_keys()?;
     Ok(exceeded)

@@ -23,9 +23,7 @@ use std::collections::BTreeMap;
 pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: &mut Wiring<'_>) {
     let capturing = match &recipe.source {
         Source::Procedural(still_life) => Capturing::procedural(still_life),
-        Source::Colmap(dir) => Capturing::Colmap { dir: dir.clone() },
-        Source::Nerfstudio(path) => Capturing::Nerfstudio { path: path.clone() },
-        Source::Model(path) => Capturing::Model { path: path.clone() },
+        Source::Captured(captured, _) => Capturing::Captured(captured.clone()),
         Source::None => Capturing::None,
     };
     let reconstructing = match (&recipe.reconstruct, &recipe.source) {

@@ -4,7 +4,7 @@ mod trajectory;
 
 use super::field::Field;
 use super::resolve::Resolved;
-use super::{Output, Reconstruct, Source, schema};
+use super::{Output, Reconstruct, Source, Upstream, schema};
 use crate::render::Antialiased;
 use crate::sensor::noise::HotPixels;
 use crate::sensor::voltmeter::{Preset, Voltmeter};
@@ -73,15 +73,6 @@ fn sampling(recipe: &Resolved) -> Value {
 }
 
 fn source(raw: &schema::Recipe, source: &Source) -> Value {
-    let path = match raw.source.given() {
-        Some((
-            schema::Source::Colmap(folder)
-            | schema::Source::Nerfstudio(folder)
-            | schema::Source::Model(folder),
-            _,
-        )) => folder.given().and_then(|(folder, _)| written(&folder.path)),
-        _ => None,
-    };
     match source {
         Source::Procedural(still_life) => {
             let mut fields = Map::from_iter([("kind".to_owned(), json!("still-life"))]);
@@ -90,10 +81,35 @@ fn source(raw: &schema::Recipe, source: &Source) -> Value {
             }
             json!({ "procedural": fields })
         }
-        Source::Colmap(_) => json!({ "colmap": { "path": path } }),
-        Source::Nerfstudio(_) => json!({ "nerfstudio": { "path": path } }),
-        Source::Model(_) => json!({ "model": { "path": path } }),
+        Source::Captured(captured, upstream) => {
+            let mut fields = Map::from_iter([("path".to_owned(), json!(source_path(raw)))]);
+            if let Ok(Value::Object(rest)) = serde_json::to_value(&captured.selection) {
+                fields.extend(rest);
+            }
+            let Upstream { id, url, accessed, terms_accepted } = upstream;
+            let said = [
+                ("upstream_id", json!(id)),
+                ("upstream_url", json!(url)),
+                ("accessed", json!(accessed)),
+                ("terms_accepted", json!(terms_accepted)),
+            ];
+            let said = said.into_iter().filter(|(_, value)| !value.is_null());
+            fields.extend(said.map(|(key, value)| (key.to_owned(), value)));
+            json!({ captured.kind.name(): fields })
+        }
         Source::None => json!("none"),
+    }
+}
+
+/// The path of a capture as it is written.
+fn source_path(raw: &schema::Recipe) -> Option<&str> {
+    match raw.source.given()?.0 {
+        schema::Source::Colmap(folder)
+        | schema::Source::Nerfstudio(folder)
+        | schema::Source::Mvimgnet(folder)
+        | schema::Source::Dl3dv(folder)
+        | schema::Source::Model(folder) => written(&folder.given()?.0.path),
+        schema::Source::Procedural(_) | schema::Source::None => None,
     }
 }
 

@@ -17,6 +17,7 @@ pub(super) use trajectory::{
 use super::field::{Field, Later, Literal};
 use crate::check::Limits;
 use crate::sensor::voltmeter::Units;
+use crate::source::PoseFile;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -69,8 +70,8 @@ pub(super) enum Source {
     Procedural(Field<Procedural>),
     Colmap(Field<Folder>),
     Nerfstudio(Field<Folder>),
-    Mvimgnet(Field<Later>),
-    Dl3dv(Field<Later>),
+    Mvimgnet(Field<Folder>),
+    Dl3dv(Field<Folder>),
     Model(Field<Folder>),
     /// A scene file without a capture: `source: none`.
     None,
@@ -101,16 +102,20 @@ pub(super) enum Kind {
 pub(super) struct Folder {
     /// Required.
     pub path: Field<String>,
-    /// Which views are used, of how many.
-    pub views: Field<Later>,
+    /// How many views are used; default: all.
+    pub views: Field<u64>,
+    /// Patterns of the names of photos that are left out.
+    pub exclude: Field<Vec<Field<String>>>,
+    /// Of DL3DV alone: the COLMAP model's poses or those of `transforms.json`.
+    pub poses: Field<PoseFile>,
     /// What the dataset calls the scene.
-    pub upstream_id: Field<Later>,
+    pub upstream_id: Field<String>,
     /// Where it was downloaded.
-    pub upstream_url: Field<Later>,
-    /// When.
-    pub accessed: Field<Later>,
+    pub upstream_url: Field<String>,
+    /// When: `YYYY-MM-DD`.
+    pub accessed: Field<String>,
     /// Whether its terms were accepted.
-    pub terms_accepted: Field<Later>,
+    pub terms_accepted: Field<bool>,
 }
 
 /// Where the Gaussians come from.

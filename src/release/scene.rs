@@ -5,8 +5,10 @@ mod trajectory;
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
-use crate::recipe::{Recipe, Source};
+use crate::recipe::{Recipe, Source, Upstream};
 use crate::seed::{Purpose, Seed};
+use crate::source::kind::Kind;
+use crate::source::{Capture, Unused, View, natural};
 use crate::speed::Meaning;
 use crate::trajectory::path::Path;
 use crate::trajectory::report::Report;
@@ -54,7 +56,7 @@ pub struct SceneFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcePart {
-    /// `procedural`, `colmap`, `nerfstudio`, `model` or `none`.
+    /// `procedural`, `colmap`, `nerfstudio`, `model`, `mvimgnet`, `dl3dv` or `none`.
     pub kind: String,
     /// The upstream dataset's own id.
     pub upstream_id: Option<String>,
@@ -74,10 +76,10 @@ pub struct ImagePart {
     pub name: String,
     /// SHA-256 of its bytes, where the photo was there.
     pub sha256: Option<String>,
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
+    /// Width in pixels, where it is known.
+    pub width: Option<u32>,
+    /// Height in pixels, likewise.
+    pub height: Option<u32>,
     /// Whether its pose was used.
     pub used: bool,
     /// Why not.
@@ -361,27 +363,45 @@ pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
 }
 
 fn source(recipe: &Recipe) -> SourcePart {
+    let upstream = match &recipe.source {
+        Source::Captured(_, upstream) => upstream.clone(),
+        Source::Procedural(_) | Source::None => Upstream::default(),
+    };
     SourcePart {
         kind: recipe.source.kind().into(),
-        upstream_id: None,
-        upstream_url: None,
-        accessed: None,
-        terms_accepted: None,
+        upstream_id: upstream.id,
+        upstream_url: upstream.url,
+        accessed: upstream.accessed,
+        terms_accepted: upstream.terms_accepted,
     }
 }
 
+/// Every photo that the source has, in natural order of the names: those that are used and those that are not.
 fn images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
-    // The embedded scene has views, but there are no photos.
-    let views = if scene.recipe.source.has_photos() { scene.capture.views.as_slice() } else { &[] };
-    let image = |view: &crate::source::View| ImagePart {
+    if !scene.recipe.source.has_photos() {
+        // The embedded scene has views, but there are no photos.
+        return Vec::new();
+    }
+    let image = |view: &View| ImagePart {
         name: view.name.clone(),
         sha256: view.sha256.clone(),
-        width: view.camera.size.width,
-        height: view.camera.size.height,
+        width: Some(view.camera.size.width),
+        height: Some(view.camera.size.height),
         used: true,
         why_not: None,
     };
-    views.iter().map(image).collect()
+    let other = |photo: &Unused| ImagePart {
+        name: photo.name.clone(),
+        sha256: photo.sha256.clone(),
+        width: photo.size.map(|size| size.width),
+        height: photo.size.map(|size| size.height),
+        used: false,
+        why_not: Some(photo.why.words().to_owned()),
+    };
+    let Capture { views, unused } = &scene.capture;
+    let mut images: Vec<ImagePart> = views.iter().map(image).chain(unused.iter().map(other)).collect();
+    images.sort_by(|a, b| natural::compare(&a.name, &b.name));
+    images
 }
 
 fn camera(scene: &BuiltScene<'_>) -> CameraPart {
@@ -452,15 +472,25 @@ fn attributes(scene: &BuiltScene<'_>) -> Attributes {
         report.meaning == Meaning::FrameRate
             || Range::of(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
     };
+    let captured = match &scene.recipe.source {
+        Source::Captured(captured, _) => Some(captured.kind),
+        Source::Procedural(_) | Source::None => None,
+    };
+    // Scales of captures are arbitrary: only what a dataset is of says how large things are.
+    let (scale, data_source) = match captured {
+        Some(Kind::Mvimgnet) => ("object", "MVImgNet"),
+        Some(Kind::Dl3dv) => ("large", "DL3DV-10K"),
+        _ => ("unknown", scene.recipe.source.kind()),
+    };
     let uniform = scene.trajectories.iter().all(|t| is_uniform(&t.motion.report));
     Attributes {
         data_type: if sharp { vec!["sharp".into()] } else { Vec::new() },
-        scene_scale: "unknown".into(),
+        scene_scale: scale.into(),
         gt_poses: true,
         speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
         multi_trajectory: scene.trajectories.len() > 1,
         device: "3DGS + DVS-Voltmeter".into(),
-        data_source: scene.recipe.source.kind().into(),
+        data_source: data_source.into(),
     }
 }
 

@@ -7,13 +7,14 @@ mod binary;
 mod lenses;
 mod text;
 
-use super::photo::{self, Photo};
-use super::{Capture, Found, Place, SourceError, View, Warning, collect};
+use super::photo::{self, Look, Photo, SCALED};
+use super::{Capture, Found, Place, SourceError, Unused, View, Warning, collect};
 use crate::camera::Camera;
+use crate::image::Size;
 use crate::se3::{self, Se3};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use walkdir::WalkDir;
 
@@ -127,7 +128,8 @@ impl Model {
         }
     }
 
-    fn at(dir: PathBuf) -> Option<Self> {
+    /// The model whose files are in `dir` itself.
+    pub(super) fn at(dir: PathBuf) -> Option<Self> {
         let form = [Form::Binary, Form::Text].into_iter().find(|form| form.is_in(&dir))?;
         Some(Self { dir, form })
     }
@@ -211,10 +213,6 @@ fn is_number(name: &str) -> bool {
 /// The folders whose listing decides which files [`files`] names.
 #[must_use]
 pub fn folders(dir: &Path) -> Vec<PathBuf> {
-    let below = |root: &Path| {
-        let entries = WalkDir::new(root).sort_by_file_name().into_iter().filter_map(Result::ok);
-        entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
-    };
     let mut folders: Vec<PathBuf> = below(dir).collect();
     if let Ok(model) = Model::find(dir) {
         folders.extend(model.bases().into_iter().map(photo::or_here));
@@ -225,45 +223,105 @@ pub fn folders(dir: &Path) -> Vec<PathBuf> {
     folders
 }
 
+/// A folder and those below it.
+pub(super) fn below(root: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = WalkDir::new(root).sort_by_file_name().into_iter().filter_map(Result::ok);
+    entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
+}
+
 /// Reads the model found in `dir` as a capture.
 ///
 /// # Errors
 /// When no model, or more than one, is found, a file is damaged, a camera's model is not supported, or two images have
 /// one name.
 pub fn read(dir: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
+    look_at(dir, Look::Bytes)
+}
+
+/// Reads the model found in `dir`, and its photos this closely.
+pub(super) fn look_at(dir: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
     let model = Model::find(dir)?;
+    let folder = model.photos();
+    read_model(&model, Photos { folder: folder.as_deref(), sizing: Sizing::AsStated, look })
+}
+
+/// The photos of a model.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Photos<'a> {
+    /// The folder that their names count from, if there is one.
+    pub(super) folder: Option<&'a Path>,
+    /// What is done about those of another size than their camera.
+    pub(super) sizing: Sizing,
+    /// How closely they are looked at.
+    pub(super) look: Look,
+}
+
+/// What is done about a photo of another size than its camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sizing {
+    /// Nothing, and it is told.
+    AsStated,
+    /// The camera is scaled.
+    ToPhoto,
+}
+
+/// Reads a model with its photos.
+pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let Photos { folder, sizing, look } = photos;
     let mut warnings = model.disagreements()?;
     let (cameras, images) = (model.cameras()?, model.images()?);
-    let folder = model.photos();
-    let photos: Vec<Option<Photo>> = images
-        .par_iter()
-        .map(|image| {
-            folder.as_deref().and_then(|f| photo::find(f, &image.name)).map(|p| photo::read(&p)).transpose()
-        })
+    let find =
+        |name: &str| folder.and_then(|f| photo::find(f, name)).map(|p| photo::read(&p, look)).transpose();
+    let photos: Vec<Option<Photo>> =
+        images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;
+    let unused: Vec<Unused> = unregistered(folder, &images)
+        .into_par_iter()
+        .map(|name| Ok(Unused::not_registered(find(&name)?, name)))
         .collect::<Result<_, _>>()?;
+    let of_views = images.iter().map(|image| image.name.as_str()).zip(photos.iter().map(Option::as_ref));
+    warnings.extend(folder.and_then(|folder| photo::missing(folder, of_views)));
     let path = model.file("images");
     let mut found = Vec::with_capacity(images.len());
     for (image, photo) in images.into_iter().zip(photos) {
+        let fault =
+            |because| SourceError::Content { path: path.clone(), place: image.place.clone(), because };
         let Some(taken) = cameras.get(&image.camera_id) else {
-            let because =
-                format!("`{}` was taken with camera {}, which is not there", image.name, image.camera_id);
-            return Err(SourceError::Content { path, place: image.place, because });
+            let name = &image.name;
+            return Err(fault(format!(
+                "`{name}` was taken with camera {}, which is not there",
+                image.camera_id
+            )));
         };
-        warnings.extend(told(&image, taken, photo.as_ref()));
-        let view = view(&image, taken, photo);
+        let mut camera = taken.camera;
+        let other = photo.as_ref().and_then(|p| p.size).filter(|&size| size != camera.size);
+        if let Some(size) = other.filter(|_| sizing == Sizing::ToPhoto) {
+            camera = photo::fitted(&camera, size).map_err(|e| fault(format!("`{}`: {e}", image.name)))?;
+        }
+        warnings.extend(told(&image, taken, other, sizing));
+        let view = View { camera, ..view(&image, taken, photo) };
         found.push(Found { view, place: image.place });
     }
-    Ok((collect(&path, found)?, warnings))
+    Ok((Capture { unused, ..collect(&path, found)? }, warnings))
 }
 
-fn told(image: &Image, taken: &ModelCamera, photo: Option<&Photo>) -> Vec<Warning> {
+/// The photos of a folder that a model has no pose for.
+fn unregistered(folder: Option<&Path>, images: &[Image]) -> Vec<String> {
+    let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
+    let mut names = folder.map(photo::list).unwrap_or_default();
+    names.retain(|name| !registered.contains(name.as_str()));
+    names
+}
+
+fn told(image: &Image, taken: &ModelCamera, other: Option<Size>, sizing: Sizing) -> Vec<Warning> {
     let name = || image.name.clone();
-    let size = photo.and_then(|p| p.size).filter(|&size| size != taken.camera.size);
-    let size = size.map(|photo| Warning::PhotoSize {
+    let size = other.map(|photo| Warning::PhotoSize {
         image: name(),
         photo,
         stated: taken.camera.size,
-        action: "the camera is taken as the model states it",
+        action: match sizing {
+            Sizing::AsStated => "the camera is taken as the model states it",
+            Sizing::ToPhoto => SCALED,
+        },
     });
     let turned = image.rotation;
     let turned = turned.projected.then(|| Warning::Projected { image: name(), deviation: turned.deviation });
@@ -277,7 +335,7 @@ fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
         world_from_camera: camera_from_world.inverse(),
         camera: taken.camera,
         lens: taken.lens.clone(),
-        sha256: photo.map(|p| p.sha256),
+        sha256: photo.and_then(|p| p.sha256),
     }
 }
 
@@ -288,12 +346,20 @@ fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
 /// As [`read`], where it needs the model to know the photos' names.
 pub fn files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let model = Model::find(dir)?;
+    let folder = model.photos();
+    files_of(&model, folder.as_deref())
+}
+
+/// The files that [`read_model`] reads.
+pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let stems = ["cameras", "images", "points3D"].map(|stem| model.file(stem));
     let named = |path: PathBuf| (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), path);
     let mut files: Vec<(String, PathBuf)> = stems.into_iter().filter(|p| p.is_file()).map(named).collect();
-    if let Some(folder) = model.photos() {
-        let names = model.images()?.into_iter().map(|image| image.name);
-        files.extend(names.filter_map(|name| Some((format!("images/{name}"), photo::find(&folder, &name)?))));
+    if let Some(folder) = folder {
+        let images = model.images()?;
+        let unregistered = unregistered(Some(folder), &images);
+        let names = images.into_iter().map(|image| image.name).chain(unregistered);
+        files.extend(names.filter_map(|name| Some((format!("images/{name}"), photo::find(folder, &name)?))));
     }
     Ok(files)
 }

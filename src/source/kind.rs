@@ -1,9 +1,9 @@
-//! Which kind of source lies at a path, told by the files that are there.
+//! How captures are laid out on disk, and which kind lies at a path, told by the files that are there.
 
-use super::{Capture, SourceError, Warning, colmap, model, nerfstudio};
+use super::{Capture, Captured, SourceError, Warning, colmap, model, nerfstudio};
 use std::path::Path;
 
-/// The kinds of sources that can be told apart.
+/// The kinds of captures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A COLMAP model.
@@ -12,6 +12,10 @@ pub enum Kind {
     Nerfstudio,
     /// A 3DGS model folder.
     Model,
+    /// An instance of `MVImgNet`: a COLMAP model, which is what it is taken for unless it is called by its name.
+    Mvimgnet,
+    /// A scene of DL3DV-10K; likewise.
+    Dl3dv,
 }
 
 const WANTED: &str = "wanted a COLMAP model (cameras and images, .bin or .txt, here or in sparse/0), a transforms.json, \
@@ -58,6 +62,8 @@ impl Kind {
             Self::Colmap => "a COLMAP model",
             Self::Nerfstudio => "a transforms.json",
             Self::Model => "a cameras.json",
+            Self::Mvimgnet => "an instance of MVImgNet",
+            Self::Dl3dv => "a scene of DL3DV",
         }
     }
 
@@ -68,6 +74,8 @@ impl Kind {
             Self::Colmap => "colmap",
             Self::Nerfstudio => "nerfstudio",
             Self::Model => "model",
+            Self::Mvimgnet => "mvimgnet",
+            Self::Dl3dv => "dl3dv",
         }
     }
 
@@ -76,13 +84,7 @@ impl Kind {
     /// # Errors
     /// As the reader of this kind.
     pub fn read(self, path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-        let (capture, mut warnings) = match self {
-            Self::Colmap => colmap::read(path),
-            Self::Nerfstudio => nerfstudio::read(path),
-            Self::Model => model::read(path),
-        }?;
-        warnings.extend(capture.distortion());
-        Ok((capture, warnings))
+        Captured::whole(self, path.to_owned()).read()
     }
 }
 

@@ -5,7 +5,7 @@
 //! `applied_transform` is part of the poses already; the world is the file's.
 
 use super::node::{Node, load};
-use super::photo::{self, Photo};
+use super::photo::{self, Look, Photo, SCALED};
 use super::{Capture, Found, Lens, SourceError, View, Warning, collect, screen_camera};
 use crate::camera::Camera;
 use crate::image::Size;
@@ -13,9 +13,6 @@ use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-
-/// Aspect ratios of photo and stated size may differ by this part.
-const MOST_ASPECT_ERROR: f64 = 0.005;
 
 /// The file itself, given it or its folder.
 pub(super) fn locate(path: &Path) -> PathBuf {
@@ -28,14 +25,64 @@ pub(super) fn locate(path: &Path) -> PathBuf {
 /// When it is no such file, a value is missing or wrong, a pose is none, the camera model is not supported, or a photo
 /// has another shape than the file says.
 pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-    let file = locate(path);
-    let document = load(&file)?;
-    let top = Node::top(&file, &document);
+    look_at(path, Look::Bytes)
+}
+
+/// Reads a `transforms.json`, and its photos this closely.
+pub(super) fn look_at(path: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
+    read_file(&locate(path), Photos::AsNamed, look)
+}
+
+/// Where the photos are that a file names.
+#[derive(Clone, Copy)]
+pub(super) enum Photos<'a> {
+    /// Where it says.
+    AsNamed,
+    /// In this folder, whatever the folder that it names.
+    In(&'a Path),
+}
+
+impl Photos<'_> {
+    /// The photo that `file_path` means; Blender's form leaves out the extension.
+    fn find(self, file: &Path, name: &str) -> Option<PathBuf> {
+        let (folder, name) = match self {
+            Self::AsNamed => (file.parent()?, name),
+            Self::In(folder) => (folder, name.rsplit('/').next()?),
+        };
+        photo::find(folder, name).or_else(|| photo::find(folder, &format!("{name}.png")))
+    }
+
+    /// Looks at the photo of a frame, if it is there.
+    fn of(self, frame: &Node<'_>, look: Look) -> Result<Option<Photo>, SourceError> {
+        let path = self.find(frame.path(), frame.text("file_path")?);
+        path.map(|path| photo::read(&path, look)).transpose()
+    }
+}
+
+/// Reads this `transforms.json`.
+pub(super) fn read_file(
+    file: &Path,
+    photos: Photos<'_>,
+    look: Look,
+) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let document = load(file)?;
+    let top = Node::top(file, &document);
     let frames = top.list("frames")?;
-    let read: Vec<(Found, Vec<Warning>)> =
-        frames.par_iter().map(|frame| read_frame(&top, frame)).collect::<Result<_, _>>()?;
-    let (found, warnings): (Vec<Found>, Vec<Vec<Warning>>) = read.into_iter().unzip();
-    Ok((collect(&file, found)?, warnings.concat()))
+    let taken: Vec<Option<Photo>> =
+        frames.par_iter().map(|frame| photos.of(frame, look)).collect::<Result<_, _>>()?;
+    let (mut found, mut warnings) = (Vec::new(), Vec::new());
+    for (frame, photo) in frames.iter().zip(&taken) {
+        let (view, told) = read_frame(&top, frame, photo.as_ref())?;
+        found.push(view);
+        warnings.extend(told);
+    }
+    let home = match photos {
+        Photos::AsNamed => photo::or_here(file.parent().unwrap_or(Path::new(""))),
+        Photos::In(folder) => folder.to_owned(),
+    };
+    let names = found.iter().map(|found| found.view.name.as_str());
+    warnings.extend(photo::missing(&home, names.zip(taken.iter().map(Option::as_ref))));
+    Ok((collect(file, found)?, warnings))
 }
 
 /// The files that [`read`] reads, each with its name within the source: the file, and the photos that are there.
@@ -43,12 +90,16 @@ pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
 /// # Errors
 /// As [`read`], where it needs the frames to know the photos' names.
 pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let file = locate(path);
-    let document = load(&file)?;
-    let mut files = vec![("transforms.json".to_owned(), file.clone())];
-    for frame in Node::top(&file, &document).list("frames")? {
+    files_of(&locate(path), Photos::AsNamed)
+}
+
+/// The files that [`read_file`] reads.
+pub(super) fn files_of(file: &Path, photos: Photos<'_>) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let document = load(file)?;
+    let mut files = vec![("transforms.json".to_owned(), file.to_owned())];
+    for frame in Node::top(file, &document).list("frames")? {
         let name = frame.text("file_path")?;
-        files.extend(find_photo(&file, name).map(|path| (name.to_owned(), path)));
+        files.extend(photos.find(file, name).map(|path| (name.to_owned(), path)));
     }
     Ok(files)
 }
@@ -70,16 +121,13 @@ pub fn folders(path: &Path) -> Vec<PathBuf> {
     folders
 }
 
-/// The photo that `file_path` means; Blender's form leaves out the extension.
-fn find_photo(file: &Path, name: &str) -> Option<PathBuf> {
-    let folder = file.parent()?;
-    photo::find(folder, name).or_else(|| photo::find(folder, &format!("{name}.png")))
-}
-
-fn read_frame(top: &Node<'_>, frame: &Node<'_>) -> Result<(Found, Vec<Warning>), SourceError> {
+fn read_frame(
+    top: &Node<'_>,
+    frame: &Node<'_>,
+    photo: Option<&Photo>,
+) -> Result<(Found, Vec<Warning>), SourceError> {
     let name = frame.text("file_path")?.to_owned();
-    let photo = find_photo(top.path(), &name).map(|path| photo::read(&path)).transpose()?;
-    let size = photo.as_ref().and_then(|p: &Photo| p.size);
+    let size = photo.and_then(|p| p.size);
     let own = Own { frame, top };
     let stated = own.camera(size)?;
     let lens = own.lens()?;
@@ -90,29 +138,18 @@ fn read_frame(top: &Node<'_>, frame: &Node<'_>) -> Result<(Found, Vec<Warning>),
         image: name.clone(),
         photo,
         stated: stated.size,
-        action: "the camera is scaled to the photo",
+        action: SCALED,
     });
     let projected = projected.map(|deviation| Warning::Projected { image: name.clone(), deviation });
-    let sha256 = photo.map(|p| p.sha256);
+    let sha256 = photo.and_then(|p| p.sha256.clone());
     let view = View { name, world_from_camera, camera, lens, sha256 };
     Ok((Found { view, place: frame.place() }, rescaled.into_iter().chain(projected).collect()))
 }
 
-/// The camera scaled to the photo it is said to have taken: `w` and `h` may be those of the full-size photo.
+/// The camera, fitted to its photo where `w` and `h` are those of another size.
 fn fitted(frame: &Node<'_>, stated: &Camera, photo: Option<Size>) -> Result<Camera, SourceError> {
-    let Some(photo) = photo.filter(|&photo| photo != stated.size) else {
-        return Ok(*stated);
-    };
-    let kx = f64::from(photo.width) / f64::from(stated.size.width);
-    let ky = f64::from(photo.height) / f64::from(stated.size.height);
-    if (kx / ky - 1.0).abs() > MOST_ASPECT_ERROR {
-        let because = format!(
-            "the photo is {photo}, the camera says {}: their shapes differ by more than 0.5 %",
-            stated.size
-        );
-        return Err(frame.fault(because));
-    }
-    Ok(Camera { size: photo, fx: stated.fx * kx, fy: stated.fy * ky, cx: stated.cx * kx, cy: stated.cy * ky })
+    let other = photo.filter(|&photo| photo != stated.size);
+    other.map_or(Ok(*stated), |photo| photo::fitted(stated, photo)).map_err(|because| frame.fault(because))
 }
 
 /// A frame's own values, and the file's for those that it has not.

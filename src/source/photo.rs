@@ -1,18 +1,54 @@
 //! The photos beside a source: found by name, never outside the source's folder; only their hash and size are used.
 
-use super::SourceError;
+use super::{SourceError, Unused, Warning, Why, natural};
+use crate::camera::Camera;
 use crate::image::Size;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+use walkdir::WalkDir;
 
 /// What is known of a photo that is there.
 pub(super) struct Photo {
-    /// SHA-256 of its bytes, hexadecimal.
-    pub(super) sha256: String,
+    /// SHA-256 of its bytes, hexadecimal, where they were read.
+    pub(super) sha256: Option<String>,
     /// Its size; `None` where it is in no format whose size can be read.
     pub(super) size: Option<Size>,
+}
+
+impl Unused {
+    /// A photo that the source has no pose for.
+    pub(super) fn not_registered(photo: Option<Photo>, name: String) -> Self {
+        let (sha256, size) = photo.map_or((None, None), |photo| (photo.sha256, photo.size));
+        Self { name, sha256, size, why: Why::NotRegistered }
+    }
+}
+
+/// A warning where some photos of views are in `folder`, and others are not.
+pub(super) fn missing<'a>(
+    folder: &Path,
+    photos: impl Iterator<Item = (&'a str, Option<&'a Photo>)>,
+) -> Option<Warning> {
+    let (mut count, mut of, mut first) = (0, 0, None);
+    for (name, photo) in photos {
+        of += 1;
+        if photo.is_none() {
+            count += 1;
+            first = first.or(Some(name));
+        }
+    }
+    let first = first.filter(|_| count < of)?.to_owned();
+    Some(Warning::PhotosMissing { dir: folder.to_owned(), count, of, first })
+}
+
+/// How closely photos are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    /// Their sizes alone, by their first bytes.
+    Sizes,
+    /// Every byte, to be hashed.
+    Bytes,
 }
 
 /// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up.
@@ -22,13 +58,63 @@ pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     (!name.is_empty() && Path::new(name).components().all(inside) && path.is_file()).then_some(path)
 }
 
+/// Endings of the names of photos; other files beside them are none of ours.
+const ENDINGS: [&str; 7] = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp"];
+
+/// The names of all photos in a folder and below it, `/` between folders, in natural order.
+pub(super) fn list(folder: &Path) -> Vec<String> {
+    let is_photo = |path: &Path| {
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
+    };
+    let entries = WalkDir::new(folder).into_iter().filter_map(Result::ok);
+    let files = entries.filter(|entry| entry.path().is_file() && is_photo(entry.path()));
+    let name = |entry: walkdir::DirEntry| {
+        let parts = entry.path().strip_prefix(folder).ok()?.iter().map(|part| part.to_str());
+        Some(parts.collect::<Option<Vec<_>>>()?.join("/"))
+    };
+    let mut names: Vec<String> = files.filter_map(name).collect();
+    names.sort_by(|a, b| natural::compare(a, b));
+    names
+}
+
+/// What is told of a camera that was fitted to its photo.
+pub(super) const SCALED: &str = "the camera is scaled to the photo";
+
+/// Aspect ratios of photo and stated size may differ by this part.
+const MOST_ASPECT_ERROR: f64 = 0.005;
+
+/// A camera scaled to the photo that it is said to have taken: what is stated may be of the full-size photo.
+///
+/// # Errors
+/// When the two have unlike shapes.
+pub(super) fn fitted(stated: &Camera, photo: Size) -> Result<Camera, String> {
+    let kx = f64::from(photo.width) / f64::from(stated.size.width);
+    let ky = f64::from(photo.height) / f64::from(stated.size.height);
+    if (kx / ky - 1.0).abs() > MOST_ASPECT_ERROR {
+        return Err(format!(
+            "the photo is {photo}, the camera says {}: their shapes differ by more than 0.5 %",
+            stated.size
+        ));
+    }
+    Ok(Camera { size: photo, fx: stated.fx * kx, fy: stated.fy * ky, cx: stated.cx * kx, cy: stated.cy * ky })
+}
+
 /// A folder by a path that the system takes: the empty one is the current folder.
 pub(super) fn or_here(folder: &Path) -> PathBuf {
     if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
 }
 
-/// Reads a photo.
-pub(super) fn read(path: &Path) -> Result<Photo, SourceError> {
+/// Looks at a photo.
+pub(super) fn read(path: &Path, look: Look) -> Result<Photo, SourceError> {
+    let sha256 = match look {
+        Look::Sizes => None,
+        Look::Bytes => Some(sha256(path)?),
+    };
+    Ok(Photo { sha256, size: imagesize::size(path).ok().and_then(size) })
+}
+
+fn sha256(path: &Path) -> Result<String, SourceError> {
     let mut file = File::open(path).map_err(SourceError::io(path))?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
@@ -38,8 +124,7 @@ pub(super) fn read(path: &Path) -> Result<Photo, SourceError> {
             n => hash.update(&buffer[..n]),
         }
     }
-    let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(Photo { sha256, size: imagesize::size(path).ok().and_then(size) })
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 fn size(found: imagesize::ImageSize) -> Option<Size> {
@@ -63,9 +148,10 @@ mod tests {
         {
             assert_eq!(find(&folder, name), None, "{name}");
         }
-        let photo = read(&find(&folder, "./sub folder/a b.jpg").unwrap()).unwrap();
+        let photo = read(&find(&folder, "./sub folder/a b.jpg").unwrap(), Look::Bytes).unwrap();
         // The test vector of FIPS 180-2 for "abc".
-        assert_eq!(photo.sha256, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+        let wanted = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(photo.sha256.as_deref(), Some(wanted));
         assert_eq!(photo.size, None);
     }
 }

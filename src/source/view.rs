@@ -31,7 +31,7 @@ pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
         return nerfstudio::read(path);
     }
     let (view, warning) = read_camera(&top)?;
-    Ok((Capture { views: vec![view] }, warning.into_iter().collect()))
+    Ok((vec![view].into(), warning.into_iter().collect()))
 }
 
 /// One view of those at a place, and what its user should know about it.
@@ -44,10 +44,11 @@ pub fn choose((capture, warnings): (Capture, Vec<Warning>), index: usize) -> Opt
         Warning::Projected { image, .. } | Warning::PhotoSize { image, .. } => *image == view.name,
         // Told of all views together; of this one below.
         Warning::DistortionIgnored { .. } | Warning::CamerasDiffer { .. } => false,
+        Warning::PhotosMissing { .. } | Warning::FewViews { .. } => false,
         Warning::CountsDiffer { .. } | Warning::Exposure { .. } => true,
     };
     let mut told: Vec<Warning> = warnings.into_iter().filter(concerns).collect();
-    let alone = Capture { views: vec![view.clone()] };
+    let alone = Capture::from(vec![view.clone()]);
     told.extend(alone.distortion());
     Some((view, told))
 }

@@ -3,7 +3,7 @@
 use super::{Context, SourceFile, Stage, StageError};
 use crate::artifact::write_json;
 use crate::scene::procedural::{self, StillLife};
-use crate::source::{Capture, colmap, model, nerfstudio};
+use crate::source::{Capture, Captured};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -20,26 +20,11 @@ pub enum Capturing {
         /// Seed of the capture's unevenness.
         seed: u64,
     },
-    /// A COLMAP model.
-    Colmap {
-        /// Its folder.
-        #[serde(skip)]
-        dir: PathBuf,
-    },
-    /// A nerfstudio `transforms.json`.
-    Nerfstudio {
-        /// The file, or its folder.
-        #[serde(skip)]
-        path: PathBuf,
-    },
-    /// A 3DGS model folder.
-    Model {
-        /// The folder, or its `cameras.json`.
-        #[serde(skip)]
-        path: PathBuf,
-    },
     /// No source: a capture without views.
     None,
+    /// A capture on disk: its kind and selection, and by digest the content of its files.
+    #[serde(untagged)]
+    Captured(Captured),
 }
 
 impl Capturing {
@@ -58,25 +43,19 @@ impl Stage for Capturing {
     type Output = Capture;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
-        let (root, listed) = match self {
-            Self::Procedural { .. } | Self::None => return Ok(Vec::new()),
-            Self::Colmap { dir } => (dir, colmap::files(dir)),
-            Self::Nerfstudio { path } => (path, nerfstudio::files(path)),
-            Self::Model { path } => (path, model::files(path)),
-        };
+        let Self::Captured(captured) = self else { return Ok(Vec::new()) };
+        let root = &captured.path;
         if !root.exists() {
             return Err(StageError::Missing { path: root.clone() });
         }
-        let listed = listed.map_err(StageError::work("read the source"))?;
+        let listed = captured.files().map_err(StageError::work("read the source"))?;
         Ok(listed.into_iter().map(|(name, path)| SourceFile { name, path }).collect())
     }
 
     fn source_folders(&self) -> Vec<PathBuf> {
         match self {
+            Self::Captured(captured) => captured.folders(),
             Self::Procedural { .. } | Self::None => Vec::new(),
-            Self::Colmap { dir } => colmap::folders(dir),
-            Self::Nerfstudio { path } => nerfstudio::folders(path),
-            Self::Model { path } => model::folders(path),
         }
     }
 
@@ -86,14 +65,10 @@ impl Stage for Capturing {
                 let still_life = StillLife { views: *views, arc: *arc, seed: *seed, ..StillLife::default() };
                 (procedural::capture(&still_life), Vec::new())
             }
-            Self::Colmap { dir } => colmap::read(dir).map_err(StageError::work("read the source"))?,
-            Self::Nerfstudio { path } => {
-                nerfstudio::read(path).map_err(StageError::work("read the source"))?
-            }
-            Self::Model { path } => model::read(path).map_err(StageError::work("read the source"))?,
-            Self::None => (Capture { views: Vec::new() }, Vec::new()),
+            Self::Captured(captured) => captured.read().map_err(StageError::work("read the source"))?,
+            Self::None => (Vec::new().into(), Vec::new()),
         };
-        cx.warnings.extend(warnings.iter().chain(&capture.distortion()).map(ToString::to_string));
+        cx.warnings.extend(warnings.iter().map(ToString::to_string));
         let out = cx.out.join("capture.json");
         write_json(&out, &capture).map_err(StageError::io(&out))
     }

@@ -20,6 +20,7 @@ mod front_ends;
 mod gc;
 mod glance;
 mod golden_digests;
+mod init;
 mod interruption;
 mod keys;
 mod locks;

@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+mod against_colmap;
+pub(crate) mod datasets;
+mod half_pixel;
 mod model_folders;
 mod models;
 mod planted;

@@ -5,27 +5,29 @@ use super::number::{Range, Whole};
 use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
 use crate::recipe::text::Place;
-use crate::recipe::{Reconstruct, Source, schema};
+use crate::recipe::{Reconstruct, Source, Upstream, forms, schema};
 use crate::scene::procedural::StillLife;
+use crate::source::kind::Kind;
+use crate::source::{self, Captured, PoseFile, Selection, mvimgnet};
 use std::path::PathBuf;
 
-const SOURCES: &str = "this gs2e reads the sources procedural, colmap, nerfstudio, model and none";
+/// Most views that a recipe may ask for.
+const MOST_VIEWS: u32 = 1_000_000;
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 
 impl Resolver<'_> {
     pub(super) fn source(&self, field: &Field<schema::Source>) -> Option<Source> {
-        let help = "write source: { procedural: { kind: still-life } }, or colmap, nerfstudio or model with a path, or none";
+        let help = "write source: { procedural: { kind: still-life } }, or colmap, nerfstudio, model, mvimgnet or dl3dv with \
+                    a path, or none";
         let (source, _) = self.required(field, "source", self.root, help)?;
         match source {
             schema::Source::Procedural(raw) => self.still_life(raw).map(Source::Procedural),
-            schema::Source::Colmap(raw) => self.folder(raw).map(Source::Colmap),
-            schema::Source::Nerfstudio(raw) => self.folder(raw).map(Source::Nerfstudio),
             schema::Source::None => Some(Source::None),
-            schema::Source::Model(raw) => self.folder(raw).map(Source::Model),
-            schema::Source::Mvimgnet(later) | schema::Source::Dl3dv(later) => {
-                self.later(later, SOURCES);
-                None
-            }
+            schema::Source::Colmap(raw) => self.captured(Kind::Colmap, raw),
+            schema::Source::Nerfstudio(raw) => self.captured(Kind::Nerfstudio, raw),
+            schema::Source::Model(raw) => self.captured(Kind::Model, raw),
+            schema::Source::Mvimgnet(raw) => self.captured(Kind::Mvimgnet, raw),
+            schema::Source::Dl3dv(raw) => self.captured(Kind::Dl3dv, raw),
         }
     }
 
@@ -41,13 +43,70 @@ impl Resolver<'_> {
         Some(StillLife { gaussians: gaussians?, views: views?, arc: arc?, seed: seed? })
     }
 
-    fn folder(&self, field: &Field<schema::Folder>) -> Option<PathBuf> {
+    fn captured(&self, kind: Kind, field: &Field<schema::Folder>) -> Option<Source> {
         let (raw, place) = field.given()?;
-        self.later(&raw.views, "this gs2e uses every view of the source");
-        for later in [&raw.upstream_id, &raw.upstream_url, &raw.accessed, &raw.terms_accepted] {
-            self.later(later, "this gs2e records no upstream");
+        let path = self.path(&raw.path, place);
+        let views = match &raw.views {
+            Field::Absent => Some(None),
+            given => self.small(given, 1, Whole::new(1, u64::from(MOST_VIEWS))).map(Some),
+        };
+        let selection =
+            Selection { views: views?, exclude: self.exclude(kind, raw)?, poses: self.pose_file(kind, raw)? };
+        let captured = Captured { kind, path: path?, selection };
+        let known = Upstream::of(&captured);
+        let terms = match &raw.terms_accepted {
+            Field::Absent => None,
+            Field::Bad => return None,
+            Field::Given(accepted, _) => Some(*accepted),
+        };
+        let upstream = Upstream {
+            id: self.said(&raw.upstream_id)?.or(known.id),
+            url: self.formed(&raw.upstream_url, forms::URL)?.or(known.url),
+            accessed: self.formed(&raw.accessed, forms::DAY)?,
+            terms_accepted: terms,
+        };
+        Some(Source::Captured(captured, upstream))
+    }
+
+    /// Patterns of names; what a dataset is known to leave beside its photos, where the recipe has none.
+    fn exclude(&self, kind: Kind, raw: &schema::Folder) -> Option<Vec<String>> {
+        let list = match &raw.exclude {
+            Field::Absent if kind == Kind::Mvimgnet => return Some(vec![mvimgnet::LEFTOVERS.to_owned()]),
+            Field::Absent => return Some(Vec::new()),
+            Field::Bad => return None,
+            Field::Given(list, _) => list,
+        };
+        let pattern = |item: &Field<String>| {
+            let (text, place) = item.given()?;
+            match source::pattern(text) {
+                Ok(()) => self.filled(text, place),
+                Err(because) => self.refuse(Problem::of_field(format!("is no pattern: {because}")).at(place)),
+            }
+        };
+        let patterns: Vec<Option<String>> = list.iter().map(pattern).collect();
+        patterns.into_iter().collect()
+    }
+
+    fn pose_file(&self, kind: Kind, raw: &schema::Folder) -> Option<Option<PoseFile>> {
+        match &raw.poses {
+            Field::Absent => Some(None),
+            Field::Bad => None,
+            Field::Given(poses, _) if kind == Kind::Dl3dv => Some(Some(*poses)),
+            Field::Given(_, place) => {
+                let problem =
+                    Problem::of_key("goes with the source dl3dv alone, which may have two sets of poses");
+                self.refuse(problem.help("remove it: this source has one").at(*place))
+            }
         }
-        self.path(&raw.path, place)
+    }
+
+    /// A text that says something, if one is there.
+    fn said(&self, field: &Field<String>) -> Option<Option<String>> {
+        match field {
+            Field::Absent => Some(None),
+            Field::Bad => None,
+            Field::Given(text, place) => self.filled(text, *place).map(Some),
+        }
     }
 
     pub(super) fn reconstruct(
@@ -57,14 +116,16 @@ impl Resolver<'_> {
     ) -> Option<Option<Reconstruct>> {
         match (field, source) {
             (Field::Bad, _) => None,
-            (Field::Absent, Some(Source::Colmap(_) | Source::Nerfstudio(_))) => {
+            (Field::Absent, Some(Source::Captured(captured, _))) if captured.kind == Kind::Model => {
+                Some(Some(Reconstruct::Newest(captured.path.clone())))
+            }
+            (Field::Absent, Some(Source::Captured(..))) => {
                 let help = format!("{GIVEN}, the scene file that was trained on this source");
                 self.refuse(Problem::missing("reconstruct").help(help).at(self.root))
             }
             (Field::Absent, Some(Source::None)) => {
                 self.refuse(Problem::missing("reconstruct").help(GIVEN).at(self.root))
             }
-            (Field::Absent, Some(Source::Model(path))) => Some(Some(Reconstruct::Newest(path.clone()))),
             (Field::Absent, _) => Some(None),
             (Field::Given(_, place), Some(Source::Procedural(_))) => {
                 let problem =

@@ -40,7 +40,7 @@ pub(super) fn capture(life: &StillLife) -> Capture {
         lens: Lens::Pinhole,
         sha256: None,
     });
-    Capture { views: views.collect() }
+    views.collect::<Vec<View>>().into()
 }
 
 /// `count` angles from `-arc / 2` to `arc / 2`, in turns, with steps that differ by up to a factor of two.

@@ -1,7 +1,7 @@
 //! One meaning, many spellings; and numbers that are exactly what is written.
 
 use super::{read, recipe, said, snapshot, sound};
-use gs2e::recipe::{Output, Reconstruct, Source};
+use gs2e::recipe::{Output, Reconstruct, Source, Upstream};
 use gs2e::render::Rules;
 use gs2e::sensor::esim::{Esim, Intensity};
 use gs2e::sensor::front_end::{Decode, FrontEnd, Luminance, Range};
@@ -9,6 +9,8 @@ use gs2e::sensor::noise::{HotPixels, Redraw, Reference, Refractory, Threshold};
 use gs2e::sensor::v2e::{self, Filter, Leak, V2e};
 use gs2e::sensor::voltmeter::{Law, Preset, Voltmeter};
 use gs2e::sensor::{Sensor, Sensors};
+use gs2e::source::Captured;
+use gs2e::source::kind::Kind;
 use gs2e::trajectory::path::Path;
 use gs2e::trajectory::refine::{Refine, Scale};
 use gs2e::trajectory::travel::Count;
@@ -156,8 +158,9 @@ fn paths_start_at_the_file_that_names_them() {
     write("sub/a.yaml", "version: 1\nscene: a\nsource: { colmap: { path: ../capture } }\n");
     write("sub/b.yaml", "version: 1\nscene: b\nsource: { nerfstudio: { path: /abs/transforms.json } }\n");
     let recipes = gs2e::recipe::read_all(&[root.path().to_owned()]).unwrap();
-    assert_eq!(recipes[0].source, Source::Colmap(root.path().join("sub/../capture")));
-    assert_eq!(recipes[1].source, Source::Nerfstudio("/abs/transforms.json".into()));
+    let whole = |kind, path| Source::Captured(Captured::whole(kind, path), Upstream::default());
+    assert_eq!(recipes[0].source, whole(Kind::Colmap, root.path().join("sub/../capture")));
+    assert_eq!(recipes[1].source, whole(Kind::Nerfstudio, "/abs/transforms.json".into()));
     assert_eq!(recipes[0].reconstruct, Some(Reconstruct::Given(root.path().join("scenes/a.ply"))));
     // As written, so that a release says the same wherever it is made.
     assert_eq!(recipes[0].merged["source"]["colmap"]["path"], "../capture");

@@ -4,12 +4,12 @@ use super::planted::{self, Planted, model};
 use super::{shared, size};
 use glam::DVec3;
 use gs2e::camera::Camera;
-use gs2e::source::{Capture, Lens, View, colmap};
+use gs2e::source::{Capture, Lens, View, Why, colmap};
 use std::path::Path;
 
 /// Mean distance in pixels between the key points of a model and its points seen through the capture: over points (of
 /// each point's mean) and over observations; and the number of points.
-fn reprojection(dir: &Path) -> (f64, f64, usize) {
+pub(super) fn reprojection(dir: &Path) -> (f64, f64, usize) {
     let model = colmap::Model::find(dir).unwrap();
     let (capture, _) = colmap::read(dir).unwrap();
     let points = model.points().unwrap();
@@ -48,7 +48,7 @@ fn colmaps_points_fall_on_its_key_points() {
         let told = capture.distortion().expect("a bent lens is told").to_string();
         assert!(told.contains("distorted by up to"), "{told}");
         let straight = View { lens: Lens::Pinhole, ..capture.views[0].clone() };
-        assert_eq!(Capture { views: vec![straight] }.distortion(), None);
+        assert_eq!(Capture::from(vec![straight]).distortion(), None);
     }
 }
 
@@ -143,8 +143,17 @@ fn photos_are_hashed_and_listed_where_they_are() {
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
         names,
-        ["cameras.bin", "images.bin", "points3D.bin", "images/9.jpg", "images/left side/a b.jpg"]
+        [
+            "cameras.bin",
+            "images.bin",
+            "points3D.bin",
+            "images/9.jpg",
+            "images/left side/a b.jpg",
+            "images/9_bg_removed.png"
+        ]
     );
+    let [unused] = &capture.unused[..] else { panic!("{:?}", capture.unused) };
+    assert_eq!((unused.name.as_str(), unused.why), ("9_bg_removed.png", Why::NotRegistered));
     assert!(files.iter().all(|(_, path)| path.is_file()));
 }
 

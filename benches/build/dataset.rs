@@ -1,0 +1,48 @@
+//! From a dataset on disk to recipes, and to a plan of them.
+
+use crate::Outcome;
+use crate::series::timed;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+// What lays the dataset out is the tests', which need all of it.
+#[path = "../../tests/it/sources/datasets.rs"]
+#[expect(dead_code, reason = "the tests use the rest")]
+mod datasets;
+#[path = "../../tests/it/sources/planted.rs"]
+#[expect(dead_code, reason = "the tests use the rest")]
+mod planted;
+
+/// New instances of the second run.
+const MORE: u32 = 10;
+
+/// Lays out `scenes` instances, makes recipes of them, plans them, and does all of it again with a few more.
+pub(crate) fn measure(root: &Path, scenes: usize) -> Outcome {
+    let dir = root.join("dataset");
+    let count = u32::try_from(scenes).map_err(|e| e.to_string())?;
+    let generator = datasets::Generator::new();
+    // Never read here: a scene is only hashed.
+    generator.mvimgnet(&dir.join("data"), 0, count, b"ply\n");
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
+        command
+            .args(arguments)
+            .current_dir(&dir)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        timed(command).map(|ran| ran.seconds)
+    };
+    let init = ["init", "mvimgnet", "data", "--to", "recipes"];
+    let plan = ["plan", "--json", "recipes"];
+    let views = datasets::VIEWS;
+    println!(
+        "init     {scenes} instances of {views} photos: {:.2} s, again {:.2} s",
+        run(&init)?,
+        run(&init)?
+    );
+    println!("init     plan of nothing built: {:.2} s, again {:.2} s", run(&plan)?, run(&plan)?);
+    generator.mvimgnet(&dir.join("data"), count, MORE, b"ply\n");
+    println!("init     {MORE} instances more: {:.2} s, plan {:.2} s", run(&init)?, run(&plan)?);
+    Ok(())
+}

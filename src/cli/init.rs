@@ -1,0 +1,328 @@
+//! `gs2e init`: one recipe for each scene of a dataset on disk. What has a recipe keeps it as it is.
+
+mod sample;
+mod write;
+
+use super::console::Console;
+use super::message::{Level, Message};
+use super::problem::{Exit, Problem};
+use super::{Common, input};
+use crate::recipe::draft::{self, Draft, Pace};
+use crate::source::inventory::{self, Entry, Rejection, Rules};
+use crate::source::kind::Kind;
+use crate::source::{Captured, Selection, Warning, mvimgnet, pattern};
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `init`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Recipes go into the folder of --to, with one defaults.yaml for what they share. Running it again adds the \
+    scenes that are new and touches no recipe that is there. What cannot be used is listed in rejected.tsv beside them, each \
+    with its reason."
+)]
+pub(super) struct Init {
+    /// How the dataset is laid out
+    #[arg(value_name = "FORMAT", value_enum)]
+    format: Format,
+    /// The dataset, or a part of it
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Where the recipes go
+    #[arg(long, value_name = "DIR")]
+    to: PathBuf,
+    /// Where the scene file of each capture is: {path} is the capture's folder, {name} the scene's id without what comes
+    /// before the first "/" [default: {path}/point_cloud.ply, if defaults.yaml names none]
+    #[arg(long, value_name = "PATTERN")]
+    scene: Option<String>,
+    /// What the scenes' ids begin with [default: the format]
+    #[arg(long, value_name = "NAME")]
+    prefix: Option<String>,
+    /// Which classes of MVImgNet [default: all]
+    #[arg(long, value_name = "N,…", value_delimiter = ',')]
+    classes: Vec<String>,
+    /// Have no more than so many recipes, with those that are there: those scenes whose hash with the seed is smallest
+    #[arg(long, value_name = "N")]
+    limit: Option<usize>,
+    /// Seed of that choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Use so many views of each scene, picked evenly [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    views: Option<u32>,
+    /// Registered views that a scene must have
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    min_views: usize,
+    /// Pixels that the shorter side of every view must have
+    #[arg(long, value_name = "PX", default_value_t = 256)]
+    min_side: u32,
+    /// Leave out photos whose name is like this; may be repeated [default: *_bg_removed.png for mvimgnet]
+    #[arg(long, value_name = "GLOB", value_parser = glob)]
+    exclude: Vec<String>,
+    /// How fast cameras go; the numbers are this program's, medium is the paper's [default: medium]
+    #[arg(long, value_enum)]
+    pace: Option<Tempo>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Colmap,
+    Mvimgnet,
+    Dl3dv,
+    Nerfstudio,
+    Model,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Tempo {
+    Mild,
+    Medium,
+    Strong,
+}
+
+impl From<Tempo> for Pace {
+    fn from(tempo: Tempo) -> Self {
+        match tempo {
+            Tempo::Mild => Self::Mild,
+            Tempo::Medium => Self::Medium,
+            Tempo::Strong => Self::Strong,
+        }
+    }
+}
+
+impl From<Format> for Kind {
+    fn from(format: Format) -> Self {
+        match format {
+            Format::Colmap => Self::Colmap,
+            Format::Mvimgnet => Self::Mvimgnet,
+            Format::Dl3dv => Self::Dl3dv,
+            Format::Nerfstudio => Self::Nerfstudio,
+            Format::Model => Self::Model,
+        }
+    }
+}
+
+fn glob(text: &str) -> Result<String, String> {
+    pattern(text).map(|()| text.to_owned())
+}
+
+/// Where scene files are looked for unless something is said.
+const BESIDE: &str = "{path}/point_cloud.ply";
+
+/// What becomes of the scenes of a tree.
+#[derive(Debug, Default)]
+struct Outcome {
+    /// Scenes and their recipes.
+    written: Vec<(String, PathBuf)>,
+    /// Scenes that had one.
+    kept: usize,
+    /// Scenes that would do, and are not among those that were chosen.
+    left: usize,
+    /// Scenes, folders and what is wrong with them.
+    rejected: Vec<(String, PathBuf, &'static str, String)>,
+    /// Scenes that are used, and what is odd about them.
+    told: Vec<(String, String)>,
+    /// Scene files that recipes name and that are not there.
+    without_scene: Vec<PathBuf>,
+}
+
+/// A scene that may be used.
+struct Candidate {
+    scene: String,
+    recipe: PathBuf,
+    path: PathBuf,
+    told: Vec<String>,
+}
+
+impl Init {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
+        common.limit_cores();
+        if !self.classes.is_empty() && self.format != Format::Mvimgnet {
+            return Err(Problem::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
+        }
+        let reconstructs = draft::defaults_reconstruct(&self.to)?;
+        if let (Some(_), Some(_)) = (reconstructs, self.pace) {
+            let what =
+                format!("--pace is written into {}, which is there", draft::defaults_in(&self.to).display());
+            return Err(Problem::usage("usage", what).help("change `factor` there, or leave --pace out"));
+        }
+        let entries = inventory::take(self.format.into(), &self.dir, &self.rules())
+            .map_err(|e| input::no_source("dataset", &e, &self.dir))?;
+        if entries.is_empty() {
+            let what = format!("no scene of {} is in {}", Kind::from(self.format).name(), self.dir.display());
+            return Err(
+                Problem::usage("input-missing", what).help("gs2e init --help says how each is laid out")
+            );
+        }
+        let mut outcome = Outcome::default();
+        let candidates = self.candidates(entries, &mut outcome);
+        let chosen = self.choose(candidates, &mut outcome);
+        write::folder(&self.to)?;
+        if reconstructs.is_none() {
+            let pace = self.pace.unwrap_or(Tempo::Medium).into();
+            write::file(&draft::defaults_in(&self.to), &draft::defaults(pace))?;
+        }
+        let pattern = self.scene.as_deref();
+        // A model folder brings its own Gaussians.
+        let own = self.format == Format::Model || reconstructs == Some(true);
+        let pattern = pattern.or((!own).then_some(BESIDE));
+        for candidate in chosen {
+            self.write(candidate, pattern, &mut outcome)?;
+        }
+        write::rejected(&self.to, &outcome.rejected)?;
+        outcome.tell(&self, console);
+        Ok(Exit::Done)
+    }
+
+    fn rules(&self) -> Rules {
+        Rules {
+            min_side: self.min_side,
+            min_views: self.min_views,
+            selection: self.selection(),
+            classes: self.classes.iter().cloned().collect::<BTreeSet<String>>(),
+        }
+    }
+
+    /// Which views are used.
+    fn selection(&self) -> Selection {
+        let known = (self.format == Format::Mvimgnet).then(|| mvimgnet::LEFTOVERS.to_owned());
+        let exclude = known.into_iter().chain(self.exclude.iter().cloned()).collect();
+        Selection { views: self.views, exclude, poses: None }
+    }
+
+    /// The scenes that may be used; the others are rejected.
+    fn candidates(&self, entries: Vec<Entry>, outcome: &mut Outcome) -> Vec<Candidate> {
+        let prefix = self.prefix.as_deref().unwrap_or(Kind::from(self.format).name());
+        let mut candidates = Vec::new();
+        let mut taken: BTreeMap<PathBuf, String> = BTreeMap::new();
+        for Entry { name, path, verdict } in entries {
+            let scene = format!("{prefix}/{name}");
+            // In one folder, so that the defaults there are those of each, however it is named to `build`.
+            let recipe = self.to.join(format!("{}.yaml", name.replace('/', "_")));
+            let named = draft::screen(&scene, &[&path]).and_then(|()| {
+                let other = taken.get(&recipe);
+                other.map_or(Ok(()), |other| Err(format!("its recipe would be that of {other}")))
+            });
+            match (verdict, named) {
+                (Ok(warnings), Ok(())) => {
+                    taken.insert(recipe.clone(), scene.clone());
+                    let told = warnings.iter().filter(|w| is_odd(w)).map(ToString::to_string).collect();
+                    candidates.push(Candidate { scene, recipe, path, told });
+                }
+                (Ok(_), Err(because)) => outcome.rejected.push((scene, path, "name", because)),
+                (Err(rejection), _) => {
+                    outcome.rejected.push((scene, path, rejection.code(), words(&rejection)));
+                }
+            }
+        }
+        candidates
+    }
+
+    /// Those that get a recipe now.
+    fn choose(&self, candidates: Vec<Candidate>, outcome: &mut Outcome) -> Vec<Candidate> {
+        let (kept, mut new): (Vec<Candidate>, Vec<Candidate>) =
+            candidates.into_iter().partition(|candidate| candidate.recipe.exists());
+        outcome.kept = kept.len();
+        if let Some(limit) = self.limit {
+            let room = limit.saturating_sub(kept.len());
+            new.sort_by_cached_key(|candidate| sample::rank(self.seed, &candidate.scene));
+            outcome.left = new.len().saturating_sub(room);
+            new.truncate(room);
+            new.sort_by(|a, b| a.recipe.cmp(&b.recipe));
+        }
+        new
+    }
+
+    fn write(
+        &self,
+        candidate: Candidate,
+        pattern: Option<&str>,
+        outcome: &mut Outcome,
+    ) -> Result<(), Problem> {
+        let Candidate { scene, recipe, path, told } = candidate;
+        let folder = recipe.parent().unwrap_or(Path::new(""));
+        write::folder(folder)?;
+        let given = pattern.map(|pattern| filled(pattern, &path, &scene));
+        outcome.without_scene.extend(given.iter().filter(|file| !file.is_file()).cloned());
+        let way = |to: &Path| write::way(folder, to);
+        let kind = self.format.into();
+        let mut selection = self.selection();
+        if self.exclude.is_empty() {
+            // What is known of the dataset is known to whoever reads the recipe.
+            selection.exclude.clear();
+        }
+        let captured = Captured { kind, path: way(&path)?, selection };
+        let given = given.map(|file| way(&file)).transpose()?;
+        let text = Draft { scene: &scene, captured: &captured, given: given.as_deref() }.text();
+        write::file(&recipe, &text)?;
+        outcome.told.extend(told.into_iter().map(|told| (scene.clone(), told)));
+        outcome.written.push((scene, recipe));
+        Ok(())
+    }
+}
+
+/// A scene file by its pattern.
+fn filled(pattern: &str, path: &Path, scene: &str) -> PathBuf {
+    let name = scene.split_once('/').map_or(scene, |(_, name)| name);
+    PathBuf::from(pattern.replace("{path}", &path.to_string_lossy()).replace("{name}", name))
+}
+
+/// Whether a warning is about this scene: lenses are a dataset's way, and are told when the scene is built.
+fn is_odd(warning: &Warning) -> bool {
+    !matches!(warning, Warning::DistortionIgnored { .. } | Warning::FewViews { .. })
+}
+
+/// A rejection on one line.
+fn words(rejection: &Rejection) -> String {
+    rejection.to_string().replace(|c: char| c.is_control(), " ")
+}
+
+impl Outcome {
+    fn tell(&self, init: &Init, console: &Console) {
+        for (scene, told) in &self.told {
+            console.say(&format!("{scene}: {told}"));
+        }
+        let to = init.to.display();
+        let (written, kept) = (self.written.len(), self.kept);
+        console.say(&format!("{written} recipes were written to {to}, {kept} were there"));
+        if self.left > 0 {
+            console.say(&format!("{} more scenes would do; --limit leaves them out", self.left));
+        }
+        if let Some(first) = self.rejected.first() {
+            let (count, list) = (self.rejected.len(), write::rejected_in(&init.to));
+            let (scene, _, _, because) = first;
+            console.say(&format!(
+                "{count} scenes were rejected, listed in {}; the first, {scene}: {because}",
+                list.display()
+            ));
+        }
+        if let Some(first) = self.without_scene.first() {
+            let count = self.without_scene.len();
+            let what = format!("{count} of the recipes written name a scene file that is not there");
+            let message = Message::new(Level::Warning, "scene-missing", what).path(first);
+            let help = "train them first, say where they are with --scene, or write `reconstruct` into defaults.yaml";
+            console.for_people().tell(&message.help(help));
+        }
+        if console.json {
+            console.result(&self.to_json());
+        }
+    }
+
+    fn to_json(&self) -> Value {
+        let rejected = self.rejected.iter().map(|(scene, path, code, because)| {
+            json!({ "scene": scene, "path": path, "code": code, "because": because })
+        });
+        let written = self.written.iter().map(|(scene, path)| json!({ "scene": scene, "recipe": path }));
+        let told = self.told.iter().map(|(scene, told)| json!({ "scene": scene, "because": told }));
+        json!({
+            "written": written.collect::<Vec<_>>(),
+            "kept": self.kept,
+            "left": self.left,
+            "rejected": rejected.collect::<Vec<_>>(),
+            "noticed": told.collect::<Vec<_>>(),
+            "without_scene": self.without_scene,
+        })
+    }
+}

@@ -1,0 +1,71 @@
+//! Files that `init` writes: whole or not at all, and never over one that is there.
+
+use super::super::problem::Problem;
+use crate::recipe::draft;
+use std::fmt::Write as _;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The list of what was rejected, beside the recipes. It is no recipe.
+const REJECTED: &str = "rejected.tsv";
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> Problem {
+    let what = format!("cannot write {}", path.display());
+    move |e| Problem::failed("output-failed", format!("{what}: {e}"))
+}
+
+/// Makes a folder and those above it.
+pub(super) fn folder(path: &Path) -> Result<(), Problem> {
+    fs::create_dir_all(path).map_err(failed(path))
+}
+
+/// Writes a file by way of one beside it, which no walk over recipes sees.
+pub(super) fn file(path: &Path, text: &str) -> Result<(), Problem> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let partial = path.with_file_name(format!(".{name}.partial"));
+    let write = fs::write(&partial, text).and_then(|()| fs::rename(&partial, path));
+    write.map_err(failed(path))
+}
+
+/// The way from a recipe's folder to a place, as it is written in the recipe.
+pub(super) fn way(folder: &Path, to: &Path) -> Result<PathBuf, Problem> {
+    // What is not there yet lies below something that is.
+    let mut there = to;
+    let mut rest = PathBuf::new();
+    while !there.as_os_str().is_empty() && !there.exists() {
+        rest = Path::new(there.file_name().unwrap_or_default()).join(&rest);
+        there = there.parent().unwrap_or(Path::new(""));
+    }
+    let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
+    let way = draft::way(folder, there).map_err(failed(folder))?;
+    Ok(if rest.as_os_str().is_empty() { way } else { way.join(rest).components().collect() })
+}
+
+/// Where the list of what was rejected is.
+pub(super) fn rejected_in(folder: &Path) -> PathBuf {
+    folder.join(REJECTED)
+}
+
+/// Writes the list of what was rejected: scene, folder, code and reason; none where nothing was.
+pub(super) fn rejected(
+    folder: &Path,
+    rejected: &[(String, PathBuf, &'static str, String)],
+) -> Result<(), Problem> {
+    let path = rejected_in(folder);
+    if rejected.is_empty() {
+        return match fs::remove_file(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(failed(&path)(e)),
+            _ => Ok(()),
+        };
+    }
+    let mut text = String::from("scene\tfolder\tcode\tbecause\n");
+    for (scene, folder, code, because) in rejected {
+        let folder = folder.to_string_lossy().replace(|c: char| c.is_control(), "\u{fffd}");
+        let _ = writeln!(text, "{scene}\t{folder}\t{code}\t{because}");
+    }
+    if fs::read_to_string(&path).is_ok_and(|known| known == text) {
+        return Ok(());
+    }
+    file(&path, &text)
+}

@@ -1,0 +1,141 @@
+//! Recipes for scenes that have none yet: one short file a scene, over one `defaults.yaml` with what all of them share.
+
+use super::find::DEFAULTS;
+use super::load::Parts;
+use super::{Faults, names};
+use crate::source::Captured;
+use std::fmt::Write as _;
+use std::io;
+use std::path::{Path, PathBuf};
+use unicode_normalization::is_nfc;
+
+/// What is written for a scene.
+#[derive(Debug)]
+pub struct Draft<'a> {
+    /// Scene id.
+    pub scene: &'a str,
+    /// Its capture. The path is written as it is: relative to the recipe's folder, or from the root.
+    pub captured: &'a Captured,
+    /// The scene file, likewise, where the recipe names one.
+    pub given: Option<&'a Path>,
+}
+
+/// How fast cameras go, in words of the paper (its table 1), which gives no numbers: they are this program's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// Half of the usual speed.
+    Mild,
+    /// As the paper's appendix C has it: five poses a view.
+    Medium,
+    /// Double the usual speed.
+    Strong,
+}
+
+impl Pace {
+    /// Poses a view.
+    fn factor(self) -> &'static str {
+        match self {
+            Self::Mild => "10",
+            Self::Medium => "5",
+            Self::Strong => "5/2",
+        }
+    }
+}
+
+/// What speaks against a scene's id or a path, if anything does.
+///
+/// # Errors
+/// In words, after the id or path.
+pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
+    names::scene_id(scene).map_err(|because| format!("its id would be `{scene}`, {because}"))?;
+    for path in paths {
+        let text = path.to_str().ok_or_else(|| format!("the path {} is no text", path.display()))?;
+        if text.contains(|c: char| c.is_control() || c == '\\') || !is_nfc(text) {
+            let wanted = "wanted no control character, no backslash, and letters composed (Unicode NFC)";
+            return Err(format!("the path {text:?} cannot stand in a recipe: {wanted}"));
+        }
+    }
+    Ok(())
+}
+
+impl Draft<'_> {
+    /// The recipe. Texts are quoted as JSON quotes them, which YAML reads as well.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let quoted = |text: &str| serde_json::Value::from(text).to_string();
+        let path = |path: &Path| quoted(&path.to_string_lossy());
+        let Captured { kind, path: place, selection } = self.captured;
+        let mut fields = format!("path: {}", path(place));
+        if let Some(views) = selection.views {
+            let _ = write!(fields, ", views: {views}");
+        }
+        if !selection.exclude.is_empty() {
+            let patterns: Vec<String> = selection.exclude.iter().map(|text| quoted(text)).collect();
+            let _ = write!(fields, ", exclude: [{}]", patterns.join(", "));
+        }
+        let (scene, kind) = (self.scene, kind.name());
+        let mut text = format!("version: 1\nscene: {}\nsource:\n  {kind}: {{ {fields} }}\n", quoted(scene));
+        if let Some(given) = self.given {
+            let _ = writeln!(text, "reconstruct:\n  given: {{ path: {} }}", path(given));
+        }
+        text
+    }
+}
+
+/// What all drafts of a folder share: the paper's trajectories (3.5.1, 3.5.2, appendices A and C) and sensor.
+#[must_use]
+pub fn defaults(pace: Pace) -> String {
+    format!(
+        "\
+# What all recipes in this folder and below share. A recipe's own values win.
+seed: 20250521
+trajectories:
+  - name: base
+    refine: {{ window: 2, factor: {}, curve: cubic }}
+    speed: {{ function: \"0.25*sin(t) + 1.1\" }}
+  - name: mini
+    novel: {{ groups: 3, keyframes: 5, frames: 150, curve: any }}
+sampling: {{ rate: 2400, between: linear }}
+render: {{ rules: official, antialiased: auto, background: [0, 0, 0] }}
+sensor:
+  voltmeter: {{ preset: dvs346, threshold: {{ on: 1.0, off: 1.0 }} }}
+outputs: [events, sharp]
+",
+        pace.factor()
+    )
+}
+
+/// Whether the `defaults.yaml` of a folder of recipes says where the Gaussians come from; `None` where there is none.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
+    let path = defaults_in(folder);
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let read = Parts::alone(&path).map(|parts| Some(parts.has("reconstruct")));
+    read.or_else(|faults| Faults::or(None, faults))
+}
+
+/// Where the defaults of a folder of recipes are.
+#[must_use]
+pub fn defaults_in(folder: &Path) -> PathBuf {
+    folder.join(DEFAULTS)
+}
+
+/// The way from a folder to a place, both as the user named them: from the root where the place is named so, else up and
+/// down, through what the two have in common.
+///
+/// # Errors
+/// When one of them is not there.
+pub fn way(from_folder: &Path, to: &Path) -> io::Result<PathBuf> {
+    if to.is_absolute() {
+        return Ok(to.to_owned());
+    }
+    let (from, to) = (from_folder.canonicalize()?, to.canonicalize()?);
+    let shared = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
+    let up = from.iter().skip(shared).map(|_| "..");
+    let way: PathBuf = up.map(Path::new).chain(to.iter().skip(shared).map(Path::new)).collect();
+    Ok(if way.as_os_str().is_empty() { PathBuf::from(".") } else { way })
+}

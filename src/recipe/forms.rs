@@ -1,0 +1,121 @@
+//! Texts of a form: versions, addresses, days.
+
+use super::field::Field;
+use super::problem::{Problem, quoted};
+use super::resolve::Resolver;
+
+/// A form of texts.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Form {
+    holds: fn(&str) -> bool,
+    /// In words, after "wanted".
+    wanted: &'static str,
+}
+
+/// A version.
+pub(super) const VERSION: Form = Form { holds: is_version, wanted: "a version such as 1.2.0" };
+/// An address.
+pub(super) const URL: Form = Form { holds: is_url, wanted: "an address such as https://example.org/data" };
+/// A day.
+pub(super) const DAY: Form = Form { holds: is_date, wanted: "a day such as 2025-05-21" };
+
+impl Form {
+    /// Whether a text is of this form.
+    pub(super) fn holds(self, text: &str) -> bool {
+        (self.holds)(text)
+    }
+}
+
+impl Resolver<'_> {
+    /// A text of a form, if one is there.
+    pub(super) fn formed(&self, field: &Field<String>, form: Form) -> Option<Option<String>> {
+        let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
+        if form.holds(text) {
+            return Some(Some(text.clone()));
+        }
+        self.refuse(Problem::of_field(format!("is {}, wanted {}", quoted(text), form.wanted)).at(place))
+    }
+}
+
+/// A semantic version (semver.org 2.0.0), without a check of the identifiers behind `-` and `+` beyond their letters.
+fn is_version(text: &str) -> bool {
+    let core_end = text.find(['-', '+']).unwrap_or(text.len());
+    let (core, suffix) = text.split_at(core_end);
+    let number = |part: &str| {
+        let digits = !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+        digits && (part == "0" || !part.starts_with('0'))
+    };
+    let identifiers = suffix.is_empty()
+        || suffix.len() > 1 && suffix.bytes().all(|b| b.is_ascii_alphanumeric() || b"-+.".contains(&b));
+    core.split('.').count() == 3 && core.split('.').all(number) && identifiers
+}
+
+fn is_url(text: &str) -> bool {
+    let Some((scheme, rest)) = text.split_once(':') else { return false };
+    let named = scheme.starts_with(|c: char| c.is_ascii_lowercase())
+        && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b"+.-".contains(&b));
+    named
+        && !rest.trim_matches('/').is_empty()
+        && !text.contains(|c: char| c.is_whitespace() || c.is_control())
+}
+
+/// A day of the Gregorian calendar.
+fn is_date(text: &str) -> bool {
+    let shape = text.len() == 10
+        && text
+            .bytes()
+            .enumerate()
+            .all(|(i, b)| if i == 4 || i == 7 { b == b'-' } else { b.is_ascii_digit() });
+    if !shape {
+        return false;
+    }
+    let [year, month, day] =
+        [&text[..4], &text[5..7], &text[8..]].map(|part| part.parse::<u32>().unwrap_or(0));
+    let leap = year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
+    let days = match month {
+        2 if leap => 29,
+        2 => 28,
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => return false,
+    };
+    (1..=days).contains(&day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(holds: fn(&str) -> bool, good: &[&str], bad: &[&str]) {
+        good.iter().for_each(|text| assert!(holds(text), "{text}"));
+        bad.iter().for_each(|text| assert!(!holds(text), "{text}"));
+    }
+
+    #[test]
+    fn versions_addresses_and_days_are_told_from_others() {
+        check(
+            is_version,
+            &["0.0.0", "1.2.3", "10.0.1-rc.1+build"],
+            &["", "1", "1.2", "1.2.3.4", "v1.2.3", "01.2.3", "1.2.3-"],
+        );
+        check(
+            is_url,
+            &["https://a.org", "doi:10.5281/zenodo.1"],
+            &["", "a.org", "https://", "https://a b", "1x:y"],
+        );
+        check(
+            is_date,
+            &["2025-05-21", "2024-02-29", "2000-02-29"],
+            &[
+                "2025-02-29",
+                "1900-02-29",
+                "2025-13-01",
+                "2025-00-01",
+                "2025-04-31",
+                "21.5.2025",
+                "2025-5-21",
+                "2025-05-2é",
+            ],
+        );
+    }
+}

@@ -1,0 +1,237 @@
+//! A capture on disk as a recipe names it: of which kind, where, and which of its views are used.
+
+use super::kind::Kind;
+use super::photo::Look;
+use super::{Capture, SourceError, Unused, View, Warning, Why, colmap, dl3dv, model, mvimgnet, nerfstudio};
+use glob::Pattern;
+use serde::{Deserialize, Serialize, Serializer};
+use std::path::PathBuf;
+
+/// A capture on disk. What is serialised, its kind and selection, is what it means beside the content of its files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Captured {
+    /// How its files are laid out.
+    pub kind: Kind,
+    /// The folder or file.
+    pub path: PathBuf,
+    /// Which of its views are used.
+    pub selection: Selection,
+}
+
+/// Which views of a capture are used: all, unless it says otherwise.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct Selection {
+    /// How many, picked evenly.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub views: Option<u32>,
+    /// Patterns of the names of photos that are left out, as [`Pattern`] has them; held against the whole name and against
+    /// its last part.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<String>,
+    /// Which of two files the poses are taken from, where a layout has both; `None` is the COLMAP model, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub poses: Option<PoseFile>,
+}
+
+/// The files that poses can be in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PoseFile {
+    /// A COLMAP model.
+    Colmap,
+    /// A `transforms.json`.
+    Transforms,
+}
+
+impl Serialize for Captured {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_newtype_variant("Captured", 0, self.kind.name(), &self.selection)
+    }
+}
+
+impl Captured {
+    /// All views of what lies at `path`.
+    #[must_use]
+    pub fn whole(kind: Kind, path: PathBuf) -> Self {
+        Self { kind, path, selection: Selection::default() }
+    }
+
+    /// What its dataset calls it, told by its folders: `class/instance`, or 64 hexadecimal digits.
+    #[must_use]
+    pub fn upstream_id(&self) -> Option<String> {
+        let mut names = self.path.iter().rev().map(|name| name.to_str());
+        let mut name = || names.next().flatten();
+        match self.kind {
+            Kind::Mvimgnet => {
+                let (instance, class) = (name()?, name()?);
+                let known = mvimgnet::is_instance(instance) && mvimgnet::is_class(class);
+                known.then(|| format!("{class}/{instance}"))
+            }
+            Kind::Dl3dv => name().filter(|name| dl3dv::is_scene(name)).map(str::to_owned),
+            Kind::Colmap | Kind::Nerfstudio | Kind::Model => None,
+        }
+    }
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// As the reader of its kind, and when no view is left.
+    pub fn read(&self) -> Result<(Capture, Vec<Warning>), SourceError> {
+        self.look(Look::Bytes)
+    }
+
+    /// Reads it but for the bytes of the photos, whose hashes are then not known.
+    ///
+    /// # Errors
+    /// As [`Captured::read`].
+    pub fn glance(&self) -> Result<(Capture, Vec<Warning>), SourceError> {
+        self.look(Look::Sizes)
+    }
+
+    fn look(&self, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
+        let (capture, mut warnings) = match self.kind {
+            Kind::Colmap => colmap::look_at(&self.path, look),
+            Kind::Nerfstudio => nerfstudio::look_at(&self.path, look),
+            Kind::Model => model::read(&self.path),
+            Kind::Mvimgnet => mvimgnet::read(&self.path, look),
+            Kind::Dl3dv => dl3dv::read(&self.path, self.selection.poses, look),
+        }?;
+        let capture = self.select(capture, &mut warnings)?;
+        warnings.extend(capture.distortion());
+        Ok((capture, warnings))
+    }
+
+    /// The files that [`Captured::read`] reads, each with its name within the source.
+    ///
+    /// # Errors
+    /// As [`Captured::read`], where the names of photos are in the files.
+    pub fn files(&self) -> Result<Vec<(String, PathBuf)>, SourceError> {
+        match self.kind {
+            Kind::Colmap => colmap::files(&self.path),
+            Kind::Nerfstudio => nerfstudio::files(&self.path),
+            Kind::Model => model::files(&self.path),
+            Kind::Mvimgnet => mvimgnet::files(&self.path),
+            Kind::Dl3dv => dl3dv::files(&self.path, self.selection.poses),
+        }
+    }
+
+    /// The folders whose listing decides which files those are, as far as they exist.
+    #[must_use]
+    pub fn folders(&self) -> Vec<PathBuf> {
+        match self.kind {
+            Kind::Colmap => colmap::folders(&self.path),
+            Kind::Nerfstudio => nerfstudio::folders(&self.path),
+            Kind::Model => model::folders(&self.path),
+            Kind::Mvimgnet => mvimgnet::folders(&self.path),
+            Kind::Dl3dv => dl3dv::folders(&self.path),
+        }
+    }
+
+    /// Leaves out what the selection does not want.
+    fn select(&self, capture: Capture, warnings: &mut Vec<Warning>) -> Result<Capture, SourceError> {
+        let Capture { views, mut unused } = capture;
+        let is_excluded = self.selection.excludes();
+        for photo in unused.iter_mut().filter(|photo| is_excluded(&photo.name)) {
+            photo.why = Why::Excluded;
+        }
+        let (excluded, views): (Vec<View>, Vec<View>) = views.into_iter().partition(|v| is_excluded(&v.name));
+        unused.extend(excluded.into_iter().map(|view| Unused::of(view, Why::Excluded)));
+        if views.is_empty() {
+            let because = "no view is left of it: the names of all are left out".to_owned();
+            return Err(SourceError::Absent { dir: self.path.clone(), because });
+        }
+        let mut capture = Capture { views: Vec::new(), unused };
+        let wanted = self.selection.views;
+        warnings.extend(
+            wanted
+                .filter(|&wanted| (wanted as usize) > views.len())
+                .map(|wanted| Warning::FewViews { found: views.len(), wanted }),
+        );
+        let picked = evenly(views.len(), wanted.map_or(usize::MAX, |wanted| wanted as usize));
+        for (i, view) in views.into_iter().enumerate() {
+            if picked.binary_search(&i).is_ok() {
+                capture.views.push(view);
+            } else {
+                capture.unused.push(Unused::of(view, Why::NotPicked));
+            }
+        }
+        capture.unused.sort_by(|a, b| super::natural::compare(&a.name, &b.name));
+        Ok(capture)
+    }
+}
+
+impl Selection {
+    /// Whether a photo of this name is left out. Patterns are valid by then; one that is not matches nothing.
+    pub(super) fn excludes(&self) -> impl Fn(&str) -> bool {
+        let patterns: Vec<Pattern> = self.exclude.iter().filter_map(|text| Pattern::new(text).ok()).collect();
+        move |name: &str| {
+            let last = name.rsplit('/').next().unwrap_or(name);
+            patterns.iter().any(|pattern| pattern.matches(name) || pattern.matches(last))
+        }
+    }
+}
+
+/// What speaks against a pattern of names, if anything does.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn pattern(text: &str) -> Result<(), String> {
+    Pattern::new(text).map(drop).map_err(|e| e.msg.to_owned())
+}
+
+/// `wanted` of `count` numbers from 0, evenly: the i-th is `i (count - 1) / (wanted - 1)`, rounded half up. All of them
+/// where no more are there; the first where one is wanted.
+fn evenly(count: usize, wanted: usize) -> Vec<usize> {
+    if wanted >= count {
+        return (0..count).collect();
+    }
+    let gaps = wanted.saturating_sub(1);
+    (0..wanted).map(|i| if gaps == 0 { 0 } else { (2 * i * (count - 1) + gaps) / (2 * gaps) }).collect()
+}
+
+impl Unused {
+    /// A view that is not used.
+    fn of(view: View, why: Why) -> Self {
+        Self { name: view.name, sha256: view.sha256, size: Some(view.camera.size), why }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_are_picked_evenly() {
+        let t = |count, wanted, indices: &[usize]| {
+            assert_eq!(evenly(count, wanted), indices, "{wanted} of {count}")
+        };
+        t(5, 9, &[0, 1, 2, 3, 4]);
+        t(5, 5, &[0, 1, 2, 3, 4]);
+        t(5, 1, &[0]);
+        t(5, 2, &[0, 4]);
+        t(5, 3, &[0, 2, 4]);
+        // 0, 4/3, 8/3, 4 and 0, 5/2, 5: halves go up
+        t(5, 4, &[0, 1, 3, 4]);
+        t(6, 3, &[0, 3, 5]);
+        for (count, wanted) in [(300, 30), (31, 30), (1000, 999), (97, 2)] {
+            let picked = evenly(count, wanted);
+            assert_eq!((picked.len(), picked[0], picked[wanted - 1]), (wanted, 0, count - 1));
+            assert!(picked.array_windows().all(|[a, b]| a < b), "{wanted} of {count}");
+        }
+    }
+
+    #[test]
+    fn names_are_left_out_by_pattern() {
+        let exclude = vec!["*_bg_removed.png".to_owned(), "left/*".to_owned()];
+        let selection = Selection { exclude, ..Selection::default() };
+        let is_excluded = selection.excludes();
+        let t = |name, wanted| assert_eq!(is_excluded(name), wanted, "{name}");
+        t("001_bg_removed.png", true);
+        t("images/001_bg_removed.png", true);
+        t("001_bg_removed.png.jpg", false);
+        t("001.jpg", false);
+        t("left/001.jpg", true);
+        t("right/left/001.jpg", false);
+        assert!(pattern("[").is_err() && pattern("a?[0-9]*").is_ok());
+    }
+}

@@ -1,0 +1,102 @@
+//! DL3DV-10K (GitHub DL3DV-10K/Dataset): a scene is a folder named by 64 hexadecimal digits.
+//!
+//! The bulk sets have `transforms.json` and one folder of photos in it: `images_4` at 960P, `images_8` at 480P,
+//! `images_2` at 2K, `images` at 4K. The samples have both, with all sizes, in a folder `colmap` of the scene, and a COLMAP
+//! model in `colmap/sparse/0` of that; the benchmark likewise in a folder `nerfstudio`. `transforms.json` speaks of
+//! `images`, and of the size of the photos there, whatever folder is there: names and cameras are brought to the photos.
+//!
+//! The two forms of the poses may have world frames of their own: the Gaussians of a scene belong to one of them.
+
+use super::colmap::{self, Model, Sizing};
+use super::nerfstudio;
+use super::photo::{Look, or_here};
+use super::{Capture, PoseFile, SourceError, Warning};
+use std::path::{Path, PathBuf};
+
+/// Where a scene's files may be, below its folder.
+const HOMES: [&str; 3] = ["", "colmap", "nerfstudio"];
+
+/// Folders of photos, the largest first.
+const PHOTOS: [&str; 4] = ["images", "images_2", "images_4", "images_8"];
+
+/// Whether a folder is a scene by its name: 64 hexadecimal digits.
+pub(super) fn is_scene(name: &str) -> bool {
+    name.len() == 64 && name.bytes().all(|b| b.is_ascii_hexdigit())
+}
+
+/// The files of a scene, found and not yet read.
+struct Files {
+    poses: Poses,
+    photos: Option<PathBuf>,
+}
+
+enum Poses {
+    Colmap(Model),
+    Transforms(PathBuf),
+}
+
+impl Files {
+    /// Finds the poses that are wanted, or else the COLMAP model, or else `transforms.json`.
+    fn find(scene: &Path, wanted: Option<PoseFile>) -> Result<Self, SourceError> {
+        std::fs::read_dir(scene).map_err(SourceError::io(scene))?;
+        let homes = || HOMES.iter().map(|home| or_here(&scene.join(home)));
+        let transforms = homes().map(|home| home.join("transforms.json")).find(|file| file.is_file());
+        let model = match (wanted, Model::near(scene)) {
+            (Some(PoseFile::Transforms), _) => None,
+            (_, Some(model)) => Some(model),
+            (_, None) => Model::below(scene)?,
+        };
+        let poses = match (wanted, model, transforms) {
+            (_, Some(model), _) => Poses::Colmap(model),
+            (None | Some(PoseFile::Transforms), None, Some(file)) => Poses::Transforms(file),
+            (wanted, ..) => {
+                let what = match wanted {
+                    Some(PoseFile::Colmap) => {
+                        "no COLMAP model is in it: wanted sparse/0, up to three folders down"
+                    }
+                    Some(PoseFile::Transforms) => {
+                        "no transforms.json is in it, nor in colmap or nerfstudio below"
+                    }
+                    None => "no poses are in it: wanted a COLMAP model or a transforms.json",
+                };
+                return Err(SourceError::Absent { dir: scene.to_owned(), because: what.to_owned() });
+            }
+        };
+        let photos = homes().flat_map(|home| PHOTOS.map(|name| home.join(name))).find(|dir| dir.is_dir());
+        Ok(Self { poses, photos })
+    }
+}
+
+pub(super) fn read(
+    scene: &Path,
+    wanted: Option<PoseFile>,
+    look: Look,
+) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let Files { poses, photos } = Files::find(scene, wanted)?;
+    let (capture, mut warnings) = match poses {
+        Poses::Colmap(model) => {
+            let photos = colmap::Photos { folder: photos.as_deref(), sizing: Sizing::ToPhoto, look };
+            colmap::read_model(&model, photos)
+        }
+        Poses::Transforms(file) => nerfstudio::read_file(&file, named(photos.as_deref()), look),
+    }?;
+    // The layout is so: there is nothing to tell.
+    warnings.retain(|warning| !matches!(warning, Warning::PhotoSize { .. }));
+    Ok((capture, warnings))
+}
+
+pub(super) fn files(scene: &Path, wanted: Option<PoseFile>) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let Files { poses, photos } = Files::find(scene, wanted)?;
+    match poses {
+        Poses::Colmap(model) => colmap::files_of(&model, photos.as_deref()),
+        Poses::Transforms(file) => nerfstudio::files_of(&file, named(photos.as_deref())),
+    }
+}
+
+pub(super) fn folders(scene: &Path) -> Vec<PathBuf> {
+    colmap::below(scene).collect()
+}
+
+fn named(photos: Option<&Path>) -> nerfstudio::Photos<'_> {
+    photos.map_or(nerfstudio::Photos::AsNamed, nerfstudio::Photos::In)
+}

@@ -1,0 +1,211 @@
+//! What a dataset tree holds: the folders that are scenes of a kind, and what stands in the way of using each.
+
+use super::kind::Kind;
+use super::{
+    Capture, Captured, Selection, SourceError, Warning, colmap, dl3dv, model, mvimgnet, natural, nerfstudio,
+};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use walkdir::WalkDir;
+
+/// How deep scenes may lie below the tree's own folder: DL3DV's lie in one folder a thousand of them, other people's
+/// captures in folders of their own making.
+const DEEPEST: usize = 3;
+
+/// What a scene must have to be used.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rules {
+    /// The shorter side of every view, px, at least.
+    pub min_side: u32,
+    /// Registered views, at least.
+    pub min_views: usize,
+    /// Which views are used.
+    pub selection: Selection,
+    /// Which classes are looked at, where scenes have one; all if there is none.
+    pub classes: BTreeSet<String>,
+}
+
+/// A scene of the tree.
+#[derive(Debug)]
+pub struct Entry {
+    /// Its id below the dataset's: `class/instance`, 64 hexadecimal digits, or its path in the tree.
+    pub name: String,
+    /// Its folder.
+    pub path: PathBuf,
+    /// What its user should know, or why it cannot be used.
+    pub verdict: Result<Vec<Warning>, Rejection>,
+}
+
+/// Why a scene cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum Rejection {
+    /// It cannot be read.
+    #[error(transparent)]
+    Unreadable(#[from] SourceError),
+    /// It has too few views.
+    #[error("{found} registered views, wanted at least {wanted}")]
+    FewViews {
+        /// How many it has.
+        found: usize,
+        /// How many it needs.
+        wanted: usize,
+    },
+    /// Its pictures are too small.
+    #[error("`{image}` is {found} px on its shorter side, wanted at least {wanted}")]
+    Small {
+        /// The first such view.
+        image: String,
+        /// Its shorter side.
+        found: u32,
+        /// What it needs.
+        wanted: u32,
+    },
+    /// Its folder is not named as the dataset names scenes.
+    #[error("the folder's name is none of the dataset's: wanted {0}")]
+    Name(&'static str),
+    /// The dataset has it twice.
+    #[error("the scene is also in {}", .0.display())]
+    Twice(PathBuf),
+}
+
+impl Rejection {
+    /// Its name for programs.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Unreadable(SourceError::Absent { .. }) => "incomplete",
+            Self::Unreadable(_) => "unreadable",
+            Self::FewViews { .. } => "few-views",
+            Self::Small { .. } => "small",
+            Self::Name(_) => "name",
+            Self::Twice(_) => "twice",
+        }
+    }
+}
+
+/// Takes stock of the tree at `root`, whose scenes are of this kind; sorted by name, in natural order.
+///
+/// # Errors
+/// When the tree cannot be listed.
+pub fn take(kind: Kind, root: &Path, rules: &Rules) -> Result<Vec<Entry>, SourceError> {
+    let mut found = match kind {
+        Kind::Mvimgnet => instances(root, &rules.classes)?,
+        Kind::Dl3dv => hashes(root)?,
+        Kind::Colmap => folders(root, &|dir| colmap::Model::near(dir).is_some())?,
+        Kind::Nerfstudio => folders(root, &|dir| nerfstudio::locate(dir).is_file())?,
+        Kind::Model => folders(root, &|dir| model::locate(dir).is_file())?,
+    };
+    found.sort_by(|a, b| natural::compare(&a.name, &b.name).then_with(|| a.path.cmp(&b.path)));
+    let mut entries: Vec<Entry> = found.into_par_iter().map(|found| found.judged(kind, rules)).collect();
+    for i in 1..entries.len() {
+        if entries[i].name == entries[i - 1].name {
+            entries[i].verdict = Err(Rejection::Twice(entries[i - 1].path.clone()));
+        }
+    }
+    Ok(entries)
+}
+
+/// A folder that may be a scene.
+struct Found {
+    name: String,
+    path: PathBuf,
+    /// What is wrong with its name, if anything is.
+    misnamed: Option<Rejection>,
+}
+
+impl Found {
+    fn judged(self, kind: Kind, rules: &Rules) -> Entry {
+        let Self { name, path, misnamed } = self;
+        let captured = Captured { kind, path: path.clone(), selection: rules.selection.clone() };
+        let verdict = match misnamed {
+            Some(rejection) => Err(rejection),
+            None => captured.glance().map_err(Rejection::from).and_then(|(capture, told)| {
+                rules.hold(&capture)?;
+                Ok(told)
+            }),
+        };
+        Entry { name, path, verdict }
+    }
+}
+
+impl Rules {
+    /// Holds a capture against the rules.
+    fn hold(&self, capture: &Capture) -> Result<(), Rejection> {
+        // Views that were left out to have fewer are registered all the same.
+        let others = capture.unused.iter().filter(|photo| photo.why == super::Why::NotPicked).count();
+        let found = capture.views.len() + others;
+        if found < self.min_views {
+            return Err(Rejection::FewViews { found, wanted: self.min_views });
+        }
+        let side = |view: &super::View| view.camera.size.width.min(view.camera.size.height);
+        match capture.views.iter().find(|view| side(view) < self.min_side) {
+            None => Ok(()),
+            Some(view) => {
+                Err(Rejection::Small { image: view.name.clone(), found: side(view), wanted: self.min_side })
+            }
+        }
+    }
+}
+
+/// `class/instance`: classes are numbers, and other folders beside them are none.
+fn instances(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found>, SourceError> {
+    let wanted = |class: &str| mvimgnet::is_class(class) && (classes.is_empty() || classes.contains(class));
+    let mut found = Vec::new();
+    for (class, dir) in subfolders(root)?.into_iter().filter(|(class, _)| wanted(class)) {
+        found.extend(subfolders(&dir)?.into_iter().map(|(instance, path)| {
+            let known = mvimgnet::is_instance(&instance);
+            let misnamed = (!known).then_some(Rejection::Name("8 hexadecimal digits"));
+            Found { name: format!("{class}/{instance}"), path, misnamed }
+        }));
+    }
+    Ok(found)
+}
+
+/// Folders named by hash, in the tree or one folder further down; other folders are none.
+fn hashes(root: &Path) -> Result<Vec<Found>, SourceError> {
+    let mut found = Vec::new();
+    let mut add = |name: String, path| found.push(Found { name, path, misnamed: None });
+    for (name, path) in subfolders(root)? {
+        if dl3dv::is_scene(&name) {
+            add(name, path);
+        } else {
+            subfolders(&path)?
+                .into_iter()
+                .filter(|(name, _)| dl3dv::is_scene(name))
+                .for_each(|(n, p)| add(n, p));
+        }
+    }
+    Ok(found)
+}
+
+/// Folders that hold a capture, not looking into those; the tree itself may be one.
+fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, SourceError> {
+    std::fs::read_dir(root).map_err(SourceError::io(root))?;
+    let mut found = Vec::new();
+    let mut walk = WalkDir::new(root).max_depth(DEEPEST).sort_by_file_name().into_iter();
+    while let Some(entry) = walk.next() {
+        let Some(entry) = entry.ok().filter(|entry| entry.file_type().is_dir()) else { continue };
+        if !is_scene(entry.path()) {
+            continue;
+        }
+        walk.skip_current_dir();
+        let below = entry.path().strip_prefix(root).unwrap_or(Path::new(""));
+        let own = root.canonicalize().ok().and_then(|root| root.file_name().map(PathBuf::from));
+        let named = if below.as_os_str().is_empty() { own.unwrap_or_default() } else { below.to_owned() };
+        let parts: Vec<_> = named.iter().map(|part| part.to_string_lossy()).collect();
+        found.push(Found { name: parts.join("/"), path: entry.into_path(), misnamed: None });
+    }
+    Ok(found)
+}
+
+/// The folders in a folder, by name; those whose name is no text are none of any dataset's.
+fn subfolders(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(SourceError::io(dir))? {
+        let path = entry.map_err(SourceError::io(dir))?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).map(str::to_owned);
+        found.extend(name.filter(|_| path.is_dir()).map(|name| (name, path)));
+    }
+    Ok(found)
+}

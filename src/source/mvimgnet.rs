@@ -1,0 +1,60 @@
+//! `MVImgNet` (GitHub GAP-LAB-CUHK-SZ/MVImgNet): an instance is a folder `<class>/<instance>` with a COLMAP model in
+//! `sparse/0` and its photos in `images`.
+//!
+//! Photos whose background was removed lie beside the others, as `*_bg_removed.png`: they are no views. Some instances
+//! have no model.
+
+use super::colmap::{self, Model, Photos, Sizing};
+use super::photo::Look;
+use super::{Capture, SourceError, Warning};
+use std::path::{Path, PathBuf};
+
+/// Names of the photos that are no views.
+pub const LEFTOVERS: &str = "*_bg_removed.png";
+
+/// Whether a folder is a class by its name: a number.
+pub(super) fn is_class(name: &str) -> bool {
+    !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit())
+}
+
+/// Whether a folder is an instance by its name: 8 hexadecimal digits.
+pub(super) fn is_instance(name: &str) -> bool {
+    name.len() == 8 && name.bytes().all(|b| b.is_ascii_hexdigit())
+}
+
+/// The model of an instance.
+pub(super) fn model(instance: &Path) -> Result<Model, SourceError> {
+    std::fs::read_dir(instance).map_err(SourceError::io(instance))?;
+    let dir = instance.join("sparse/0");
+    Model::at(dir.clone()).ok_or_else(|| {
+        let is_there =
+            |name: &str| ["bin", "txt"].iter().any(|form| dir.join(name).with_extension(form).is_file());
+        let because = match (is_there("cameras"), is_there("images")) {
+            (false, false) => "the instance has no COLMAP model: cameras and images are missing",
+            (false, true) => "the instance's COLMAP model has no cameras",
+            (true, false) => "the instance's COLMAP model has no images",
+            (true, true) => {
+                "the files of the instance's COLMAP model are of two forms, wanted all .bin or all .txt"
+            }
+        };
+        SourceError::Absent { dir, because: because.to_owned() }
+    })
+}
+
+fn photos(instance: &Path) -> PathBuf {
+    instance.join("images")
+}
+
+pub(super) fn read(instance: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
+    let folder = photos(instance);
+    colmap::read_model(&model(instance)?, Photos { folder: Some(&folder), sizing: Sizing::AsStated, look })
+}
+
+pub(super) fn files(instance: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
+    colmap::files_of(&model(instance)?, Some(&photos(instance)))
+}
+
+pub(super) fn folders(instance: &Path) -> Vec<PathBuf> {
+    let sparse = [instance.to_owned(), instance.join("sparse"), instance.join("sparse/0")];
+    sparse.into_iter().filter(|dir| dir.is_dir()).chain(colmap::below(&photos(instance))).collect()
+}

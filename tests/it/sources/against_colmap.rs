@@ -1,0 +1,80 @@
+//! What COLMAP's own program says of real models, against what is read here.
+
+use super::shared;
+use gs2e::source::colmap;
+use std::path::Path;
+use std::process::Command;
+
+/// The output of COLMAP with these arguments; `None`, said, where there is no COLMAP.
+#[expect(clippy::print_stderr, reason = "a test that is not run says so")]
+fn run(arguments: &[&str]) -> Option<String> {
+    match Command::new("colmap").args(arguments).output() {
+        Ok(output) => {
+            assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+            // Which of the two its log goes to depends on its version.
+            Some(String::from_utf8([output.stdout, output.stderr].concat()).unwrap())
+        }
+        Err(error) => {
+            assert!(std::env::var_os("REQUIRE_COLMAP").is_none(), "COLMAP is wanted: {error}");
+            eprintln!("not run: there is no COLMAP");
+            None
+        }
+    }
+}
+
+/// The poses of a text export: name, quaternion w x y z and translation, world to camera.
+fn exported(dir: &Path) -> Vec<(String, [f64; 7])> {
+    let text = std::fs::read_to_string(dir.join("images.txt")).unwrap();
+    let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
+    let pose = |line: &&str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        (words[9].to_owned(), std::array::from_fn(|i| words[i + 1].parse().unwrap()))
+    };
+    // Every second line has key points.
+    lines.iter().step_by(2).map(pose).collect()
+}
+
+#[test]
+fn poses_are_those_of_colmaps_own_export() {
+    for name in ["fox", "castle"] {
+        let Some(dir) = shared(&format!("captures/{name}")) else { return };
+        let model = dir.join("sparse/0");
+        let out = tempfile::tempdir().unwrap();
+        let [from, to] = [&model, out.path()].map(|path: &Path| path.to_str().unwrap().to_owned());
+        let arguments =
+            ["model_converter", "--input_path", &from, "--output_path", &to, "--output_type", "TXT"];
+        if run(&arguments).is_none() {
+            return;
+        }
+        let (capture, _) = colmap::read(&dir).unwrap();
+        let exported = exported(out.path());
+        assert_eq!(exported.len(), capture.views.len());
+        for (image, [w, x, y, z, t @ ..]) in exported {
+            let view = capture.views.iter().find(|view| view.name == image).unwrap();
+            let found = view.world_from_camera.inverse();
+            let q = found.rotation;
+            let sign = (q.w * w + q.x * x + q.y * y + q.z * z).signum();
+            // The text has 17 digits; there and back through the camera's centre costs a few roundings of numbers up to 10.
+            for (found, wanted) in [(q.w, w), (q.x, x), (q.y, y), (q.z, z)] {
+                assert!((sign * found - wanted).abs() < 1e-15, "{image}: {q} for {w} {x} {y} {z}");
+            }
+            for (found, wanted) in found.translation.to_array().into_iter().zip(t) {
+                assert!((found - wanted).abs() < 1e-14, "{image}: {found} for {wanted}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_reprojection_error_is_what_colmap_analyses() {
+    for name in ["fox", "castle"] {
+        let Some(dir) = shared(&format!("captures/{name}")) else { return };
+        let model = dir.join("sparse/0");
+        let Some(said) = run(&["model_analyzer", "--path", model.to_str().unwrap()]) else { return };
+        let number = said.split("Mean reprojection error: ").nth(1).unwrap().split("px").next().unwrap();
+        let wanted: f64 = number.parse().unwrap();
+        let (found, _, _) = super::models::reprojection(&dir);
+        // It prints six digits behind the point.
+        assert!((found - wanted).abs() < 1e-6, "{name}: {found} px, COLMAP has {wanted}");
+    }
+}
