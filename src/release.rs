@@ -10,6 +10,7 @@ mod card;
 mod checksum;
 pub mod diff;
 pub mod left_out;
+mod loader;
 mod manifest;
 mod scene;
 mod transforms;
@@ -134,6 +135,7 @@ fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Resu
         let text = crate::licence::text(id, &holders(scenes));
         top.add(format!("LICENSES/{id}.txt"), Content::Bytes(text.into_bytes()));
     }
+    top.add(loader::NAME.into(), Content::Bytes(loader::TEXT.into()));
     let manifest = Manifest {
         format: 1,
         name: info.name.clone(),

@@ -16,6 +16,7 @@ pub(super) fn compose(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &C
     for section in [
         introduction(scenes, info),
         FILES.to_owned(),
+        LOADING.to_owned(),
         conventions(scenes),
         making(scenes),
         checks(scenes),
@@ -98,8 +99,22 @@ const FILES: &str = "\
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
 | `checks.json` | verdicts of the validation passes |
+| `gs2e.py` | a loader, over numpy and h5py alone |
 | `manifest.json` | every step with its key, every file with size and BLAKE3 |
 | `SHA256SUMS` | `sha256sum --strict -c SHA256SUMS` |
+";
+
+const LOADING: &str = "\
+## How to load it
+
+```python
+from gs2e import Scene  # gs2e.py, copied beside your own code
+
+scene = Scene(\"<scene>\", \"<trajectory>\")
+t, x, y, p, label = scene.events(10_000, 20_000)  # t0_us <= t < t1_us
+world_from_camera = scene.pose(15_000)  # [4, 4], between poses by lerp and slerp
+voxel = scene.voxel(10_000, 20_000, bins=5)  # [bins, H, W]; also .event_frame(), .K, .frames
+```
 ";
 
 const CONVENTIONS: &str = "\

@@ -22,6 +22,7 @@ mod glance;
 mod golden_digests;
 mod interruption;
 mod keys;
+mod loader;
 mod locks;
 mod manifest;
 mod memory;
