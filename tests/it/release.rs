@@ -16,7 +16,9 @@ fn the_tree_is_that_of_the_contract() {
         "LICENSES/CC0-1.0.txt",
         "README.md",
         "SHA256SUMS",
+        "croissant.json",
         "gs2e.py",
+        "index.parquet",
         "manifest.json",
         "small/one/scene.json",
     ]
