@@ -9,7 +9,7 @@ pub mod expression;
 mod text;
 
 pub use expression::Expression;
-pub use text::text;
+pub use text::{is_listed, text};
 
 /// The kinds of sources that poses and photos come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -8,8 +8,11 @@ pub mod audit;
 mod built;
 mod card;
 mod checksum;
+mod croissant;
 pub mod diff;
+mod index;
 pub mod left_out;
+mod loader;
 mod manifest;
 mod scene;
 mod transforms;
@@ -27,9 +30,13 @@ use crate::run::Summary;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
 use built::{BuiltScene, BuiltTrajectory};
+use croissant::Described;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tree::{Content, Tree};
+
+/// The program, as files of a release name it.
+const TOOL: &str = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
 
 /// How a release is written.
 #[derive(Debug, Clone, Copy, Default)]
@@ -121,10 +128,12 @@ pub fn write(
 /// Lists the tree, but for the sums.
 fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Result<Tree, ReleaseError> {
     let mut tree = Tree::default();
-    let mut listed = Vec::new();
+    let (mut listed, mut described) = (Vec::new(), Vec::new());
     for scene in scenes {
-        let files = scene_files(scene, store)?;
+        let file = describe(scene)?;
+        let files = scene_files(scene, &file, store);
         listed.push(manifest::scene(scene, files.listing()));
+        described.push(file);
         tree.extend(files);
     }
     let licence = crate::licence::compose_all(scenes.iter().map(|s| &s.licence));
@@ -134,11 +143,17 @@ fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Resu
         let text = crate::licence::text(id, &holders(scenes));
         top.add(format!("LICENSES/{id}.txt"), Content::Bytes(text.into_bytes()));
     }
+    top.add(loader::NAME.into(), Content::Bytes(loader::TEXT.into()));
+    let index = index_of(scenes, &described);
+    let paths = listed.iter().flat_map(|scene| &scene.files).map(|file| file.path.clone()).collect();
+    let release = Described { info, licence: &licence.expression, scenes: &described, paths, index: &index };
+    top.add(croissant::NAME.into(), Content::json(&croissant::compose(&release)));
+    top.add(index::NAME.into(), Content::Bytes(index));
     let manifest = Manifest {
         format: 1,
         name: info.name.clone(),
         version: info.version.clone(),
-        tool: concat!("gs2e ", env!("CARGO_PKG_VERSION")).into(),
+        tool: TOOL.into(),
         licence: licence.expression,
         scenes: listed,
         files: top.listing(),
@@ -157,19 +172,30 @@ fn holders(scenes: &[BuiltScene<'_>]) -> Vec<String> {
     holders
 }
 
-fn scene_files(scene: &BuiltScene<'_>, store: &Store) -> Result<Tree, ReleaseError> {
+fn describe(scene: &BuiltScene<'_>) -> Result<SceneFile, ReleaseError> {
+    scene::compose(scene).map_err(|source| ReleaseError::Io { path: scene.gaussians.path.clone(), source })
+}
+
+fn index_of(scenes: &[BuiltScene<'_>], described: &[SceneFile]) -> Vec<u8> {
+    let told = |t: &BuiltTrajectory| index::Told::of(&t.motion.report, &t.findings);
+    let rows = scenes.iter().zip(described).flat_map(|(scene, file)| {
+        let told: Vec<index::Told> = scene.trajectories.iter().map(told).collect();
+        index::rows(file, &told)
+    });
+    index::compose(rows.collect())
+}
+
+fn scene_files(scene: &BuiltScene<'_>, file: &SceneFile, store: &Store) -> Tree {
     let id = &scene.recipe.scene;
     let mut tree = Tree::default();
-    let file = scene::compose(scene)
-        .map_err(|source| ReleaseError::Io { path: scene.gaussians.path.clone(), source })?;
-    tree.add(format!("{id}/scene.json"), Content::json(&file));
+    tree.add(format!("{id}/scene.json"), Content::json(file));
     for trajectory in &scene.trajectories {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
         for (name, content) in trajectory_files(scene, trajectory, store) {
             tree.add(at(&name), content);
         }
     }
-    Ok(tree)
+    tree
 }
 
 /// The files of a trajectory by their names in its folder. What the store keeps for itself (what the sensor saw, what

@@ -10,6 +10,12 @@ const OWN: [(&str, &str); 3] = [
     ("LicenseRef-MVImgNet-ToU", include_str!("texts/LicenseRef-MVImgNet-ToU.txt")),
 ];
 
+/// Whether this is the id of one licence of the SPDX list.
+#[must_use]
+pub fn is_listed(id: &str) -> bool {
+    spdx::license_id(id).is_some()
+}
+
 /// The text of a licence or an exception, with a final newline. Of terms that only their holders know, it says just
 /// that, and names the holders.
 #[must_use]
@@ -48,6 +54,15 @@ mod tests {
         t(UNSTATED, "No licence is stated");
         t("LicenseRef-DL3DV-10K-ToU", "DL3DV");
         t("LicenseRef-Ours", "not part of this release");
+    }
+
+    #[test]
+    fn one_listed_licence_is_told_from_an_expression() {
+        for (id, listed) in
+            [("CC-BY-4.0", true), ("MIT", true), ("LicenseRef-Ours", false), ("MIT OR CC0-1.0", false)]
+        {
+            assert_eq!(is_listed(id), listed, "{id}");
+        }
     }
 
     #[test]

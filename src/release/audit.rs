@@ -8,6 +8,8 @@
 mod bytes;
 mod claims;
 mod contents;
+mod croissant;
+mod index;
 mod sums;
 mod terms;
 mod walk;
@@ -50,6 +52,20 @@ pub enum Code {
     LicenceUnused,
     /// The card states other terms than the scenes do.
     CardLicence,
+    /// A field that `croissant.json` must have is absent, or says what it cannot say.
+    CroissantField,
+    /// `croissant.json` has a field that its vocabulary has not.
+    CroissantUnknown,
+    /// `croissant.json` states other terms than the scenes do.
+    CroissantLicence,
+    /// A file that `croissant.json` names is not there, or not what it says.
+    CroissantSum,
+    /// A set of files in `croissant.json` is empty.
+    CroissantFiles,
+    /// An id in `croissant.json` names nothing, or two things.
+    CroissantReference,
+    /// A column or path that `croissant.json` names does not exist, or holds another type.
+    CroissantColumn,
     /// A scene lacks a file that its own description asks for.
     SceneIncomplete,
     /// A check failed, and no waiver says why that is accepted.
@@ -76,6 +92,13 @@ impl Code {
             Self::LicenceTextMissing => "licence-text-missing",
             Self::LicenceUnused => "licence-unused",
             Self::CardLicence => "card-licence",
+            Self::CroissantField => "croissant-field",
+            Self::CroissantUnknown => "croissant-unknown",
+            Self::CroissantLicence => "croissant-licence",
+            Self::CroissantSum => "croissant-sum",
+            Self::CroissantFiles => "croissant-files",
+            Self::CroissantReference => "croissant-reference",
+            Self::CroissantColumn => "croissant-column",
             Self::SceneIncomplete => "scene-incomplete",
             Self::CheckFailedUnwaived => "check-failed-unwaived",
             Self::Unreadable => "unreadable",
@@ -151,14 +174,16 @@ pub struct Report {
     /// Their bytes.
     pub bytes: u64,
     /// All that was looked at.
-    pub covers: [&'static str; 7],
+    pub covers: [&'static str; 9],
 }
 
-const COVERS: [&str; 7] = [
+const COVERS: [&str; 9] = [
     "every byte against SHA256SUMS and manifest.json",
     "nothing missing, nothing unlisted",
     "paths",
     "scene.json against manifest.json and the recipe in it",
+    "index.parquet against scene.json, speed.json and checks.json",
+    "croissant.json: its fields, and what it says of files, columns and terms",
     "licence expressions, their texts, and what sources demand",
     "failed checks",
     "events, poses, stamps, transforms and pictures open and agree",
@@ -208,7 +233,7 @@ impl Tree<'_> {
 }
 
 fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
-    let mut faults = Vec::new();
+    let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in &manifest.scenes {
         let path = format!("{}/scene.json", listed.id);
         if !tree.has(&path) {
@@ -221,8 +246,18 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
             faults.extend(claims::scene(manifest, listed, &scene));
             faults.extend(terms::scene(&scene, tree));
             faults.extend(contents::scene(tree, &scene));
+            scenes.push(scene);
         }
     }
+    let index = index::read(tree, &mut faults);
+    let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
+    faults.extend(compared.flat_map(|table| index::compare(tree, table, &scenes)));
+    faults.extend(croissant::audit(&croissant::Subject {
+        tree,
+        manifest,
+        index: index.as_ref(),
+        scenes: &scenes,
+    }));
     faults.extend(terms::texts(manifest, tree));
     faults.extend(terms::card(tree, manifest));
     faults

@@ -16,10 +16,11 @@ pub(super) fn compose(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &C
     for section in [
         introduction(scenes, info),
         FILES.to_owned(),
+        LOADING.to_owned(),
         conventions(scenes),
         making(scenes),
         checks(scenes),
-        LIMITS.to_owned(),
+        format!("## Limits\n\n{LIMITS}\n"),
         licences(scenes, licence),
         citation(info),
     ] {
@@ -53,6 +54,7 @@ fn head(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> St
     let size = size.iter().find(|(limit, _)| rows < *limit).map_or("100K<n<1M", |(_, name)| name);
     let _ = writeln!(text, "size_categories: [{}]", quoted(size));
     text.push_str("tags: [event-camera, 3d-gaussian-splatting, synthetic]\n");
+    let _ = writeln!(text, "configs: [{{ config_name: index, data_files: {} }}]", super::index::NAME);
     if licence.gated {
         text.push_str(
             "extra_gated_prompt: Access needs your acceptance of the upstream terms in LICENSES.\n",
@@ -98,8 +100,24 @@ const FILES: &str = "\
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
 | `checks.json` | verdicts of the validation passes |
+| `index.parquet` | a row a trajectory, to choose by |
+| `croissant.json` | this release in Croissant 1.1 |
+| `gs2e.py` | a loader, over numpy and h5py alone |
 | `manifest.json` | every step with its key, every file with size and BLAKE3 |
 | `SHA256SUMS` | `sha256sum --strict -c SHA256SUMS` |
+";
+
+const LOADING: &str = "\
+## How to load it
+
+```python
+from gs2e import Scene  # gs2e.py, copied beside your own code
+
+scene = Scene(\"<scene>\", \"<trajectory>\")
+t, x, y, p, label = scene.events(10_000, 20_000)  # t0_us <= t < t1_us
+world_from_camera = scene.pose(15_000)  # [4, 4], between poses by lerp and slerp
+voxel = scene.voxel(10_000, 20_000, bins=5)  # [bins, H, W]; also .event_frame(), .K, .frames
+```
 ";
 
 const CONVENTIONS: &str = "\
@@ -248,14 +266,12 @@ fn checks(scenes: &[BuiltScene<'_>]) -> String {
     text
 }
 
-const LIMITS: &str = "\
-## Limits
-
+/// What the data are not.
+pub(super) const LIMITS: &str = "\
 Scenes are static and seen by a moving camera. The splats' own artefacts (floaters, popping where depth order changes, \
 a floor of alpha at 1/255) are part of the brightness that the sensor sees, and so of the events. Brightness beyond the \
 range of the training photos is not known. The sensor model has no bandwidth limit, no refractory time and no mismatch \
-between pixels.
-";
+between pixels.";
 
 fn licences(scenes: &[BuiltScene<'_>], licence: &Composed) -> String {
     let mut text =

@@ -12,10 +12,18 @@ use std::process::Command;
 #[test]
 fn the_tree_is_that_of_the_contract() {
     let files = read(release());
-    let mut wanted: Vec<String> =
-        ["LICENSES/CC0-1.0.txt", "README.md", "SHA256SUMS", "manifest.json", "small/one/scene.json"]
-            .map(str::to_owned)
-            .to_vec();
+    let mut wanted: Vec<String> = [
+        "LICENSES/CC0-1.0.txt",
+        "README.md",
+        "SHA256SUMS",
+        "croissant.json",
+        "gs2e.py",
+        "index.parquet",
+        "manifest.json",
+        "small/one/scene.json",
+    ]
+    .map(str::to_owned)
+    .to_vec();
     for (trajectory, poses) in [("base", 24), ("slow", 36)] {
         let names = [
             "checks.json",

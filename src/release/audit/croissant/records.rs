@@ -1,0 +1,72 @@
+//! Record sets of `croissant.json`: each field is taken from a column, or from a place in every `scene.json`, that is there
+//! and holds what the field says.
+
+use super::{Subject, fault, id, list};
+use crate::release::audit::{Code, Fault};
+use crate::release::croissant::data_type;
+use crate::release::index;
+use serde_json::Value;
+
+pub(super) fn audit(file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
+    let scenes: Vec<Value> = subject.scenes.iter().map(|scene| serde_json::json!(scene)).collect();
+    let mut faults = Vec::new();
+    for set in list(&file["recordSet"]) {
+        let fields = list(&set["field"]);
+        if fields.is_empty() {
+            faults.push(fault(Code::CroissantField, format!("the records {} have no field", id(set))));
+        }
+        for key in list(&set["key"]).iter().map(id) {
+            if !fields.iter().any(|field| id(field) == key) {
+                let message = format!("the key of {} is {key:?}, which is none of its fields", id(set));
+                faults.push(fault(Code::CroissantReference, message));
+            }
+        }
+        faults.extend(fields.iter().filter_map(|field| audit_field(field, file, subject, &scenes)));
+    }
+    faults
+}
+
+fn audit_field(field: &Value, file: &Value, subject: &Subject<'_>, scenes: &[Value]) -> Option<Fault> {
+    let source = &field["source"];
+    let origin = [&source["fileObject"], &source["fileSet"]].map(id).concat();
+    if origin.is_empty() || !list(&file["distribution"]).iter().any(|node| id(node) == origin) {
+        let message = format!("{} is taken from {origin:?}, which is nothing here", id(field));
+        return Some(fault(Code::CroissantReference, message));
+    }
+    let stated = field["dataType"].as_str().unwrap_or_default();
+    let extract = &source["extract"];
+    let problem = match (extract["column"].as_str(), extract["jsonPath"].as_str()) {
+        (Some(column), None) if origin == index::NAME => of_column(column, stated, subject),
+        (None, Some(path)) => scenes.iter().find_map(|scene| of_path(path, stated, scene)),
+        _ => Some("is taken from nowhere that is known".to_owned()),
+    };
+    problem.map(|problem| fault(Code::CroissantColumn, format!("{} {problem}", id(field))))
+}
+
+/// What is wrong with a column of the index that a field of this type is taken from; nothing where there is no index,
+/// which is a fault already.
+fn of_column(column: &str, stated: &str, subject: &Subject<'_>) -> Option<String> {
+    let (_, kind) = match subject.index?.columns.iter().find(|(name, _)| name == column) {
+        Some(found) => found,
+        None => return Some(format!("is the column {column:?}, which is not in {}", index::NAME)),
+    };
+    let found = kind.map_or("none that is known", data_type);
+    (found != stated).then(|| format!("is {stated}, the column {column} is {found}"))
+}
+
+/// What is wrong with a place in a `scene.json` that a field of this type is taken from.
+fn of_path(path: &str, stated: &str, scene: &Value) -> Option<String> {
+    let pointer = path.strip_prefix('$').unwrap_or(path).replace('.', "/");
+    let found = match scene.pointer(&pointer) {
+        None => return Some(format!("is at {path}, which is not in the scene.json of {}", scene["id"])),
+        Some(found) => found,
+    };
+    let fits = match stated {
+        "sc:Text" => found.is_string(),
+        "sc:Integer" => found.is_i64() || found.is_u64(),
+        "sc:Float" => found.is_number(),
+        "sc:Boolean" => found.is_boolean(),
+        _ => false,
+    };
+    (!fits).then(|| format!("is {stated}, and {found} in the scene.json of {}", scene["id"]))
+}

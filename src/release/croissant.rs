@@ -1,0 +1,249 @@
+//! `croissant.json`: the release as catalogues and search engines read it, in Croissant 1.1 (MLCommons; context and terms
+//! as its reader `mlcroissant` expects them) with the fields of its vocabulary for responsible AI that submissions of data
+//! sets are asked for. Whatever can be computed is; the rest is `release.yaml`'s, or true of every release.
+
+mod glob;
+mod records;
+
+pub(super) use glob::matches;
+pub(super) use records::data_type;
+
+use super::card;
+use super::checksum;
+use super::index;
+use super::scene::SceneFile;
+use crate::licence::SourceKind;
+use crate::recipe::ReleaseInfo;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
+
+/// Name of the file.
+pub(super) const NAME: &str = "croissant.json";
+
+/// The version of Croissant.
+pub(super) const CONFORMS_TO: &str = "http://mlcommons.org/croissant/1.1";
+
+/// Fields that the file must have, with a value in each: Croissant's own, and what submissions of data sets are asked for.
+pub(super) const REQUIRED: [&str; 18] = [
+    "@context",
+    "name",
+    "description",
+    "version",
+    "url",
+    "license",
+    "creator",
+    "datePublished",
+    "citeAs",
+    "rai:dataLimitations",
+    "rai:dataBiases",
+    "rai:personalSensitiveInformation",
+    "rai:dataUseCases",
+    "rai:dataSocialImpact",
+    "prov:wasDerivedFrom",
+    "prov:wasGeneratedBy",
+    "distribution",
+    "recordSet",
+];
+
+/// The fields for responsible AI that are written; others are none of this format.
+pub(super) const RESPONSIBLE: [&str; 7] = [
+    "rai:dataCollection",
+    "rai:dataLimitations",
+    "rai:dataBiases",
+    "rai:personalSensitiveInformation",
+    "rai:dataUseCases",
+    "rai:dataSocialImpact",
+    SYNTHETIC,
+];
+
+/// Whether data are synthetic; they always are.
+pub(super) const SYNTHETIC: &str = "rai:hasSyntheticData";
+
+/// Id of the release folder.
+pub(super) const ROOT: &str = "root";
+
+/// What stands for a checksum of the release folder: `mlcroissant` takes a local folder as a repository does, by a media
+/// type of its own and this address.
+const ROOT_SUM: &str = "https://github.com/mlcommons/croissant/issues/80";
+
+/// Id of the set of all `scene.json`.
+const SCENE_FILES: &str = "scene-files";
+
+/// Sets of files: id, media type, which, and what they are. A release has those that are not empty.
+const FILE_SETS: [(&str, &str, &str, &str); 8] = [
+    ("event-files", HDF5, "**/events.h5", "events of a trajectory, in DSEC's layout"),
+    ("sensor-event-files", HDF5, "**/events/*.h5", "events of one of several sensors, in DSEC's layout"),
+    ("picture-files", "image/png", "**/sharp/*.png", "sharp pictures, 8-bit sRGB"),
+    ("pose-files", "text/plain", "**/poses.txt", "t_us tx ty tz qx qy qz qw, camera to world"),
+    ("transform-files", JSON, "**/transforms.json", "poses and camera in nerfstudio's form"),
+    ("speed-files", JSON, "**/speed.json", "asked and achieved speed of the camera"),
+    ("check-files", JSON, "**/checks.json", "verdicts of the validation passes"),
+    (SCENE_FILES, JSON, "**/scene.json", "what a scene is, and how it was made"),
+];
+
+const HDF5: &str = "application/x-hdf5";
+const JSON: &str = "application/json";
+
+/// What is described.
+#[derive(Debug)]
+pub(super) struct Described<'a> {
+    pub(super) info: &'a ReleaseInfo,
+    /// SPDX expression of the whole.
+    pub(super) licence: &'a str,
+    pub(super) scenes: &'a [SceneFile],
+    /// Paths of the files of all scenes.
+    pub(super) paths: Vec<String>,
+    /// The bytes of the index.
+    pub(super) index: &'a [u8],
+}
+
+/// Composes the file.
+pub(super) fn compose(of: &Described<'_>) -> Value {
+    let info = of.info;
+    let mut file = json!({
+        "@context": context(), "@type": "sc:Dataset", "conformsTo": CONFORMS_TO,
+        "name": info.name, "description": info.description, "version": info.version, "url": info.url,
+        "license": licence(of.licence), "creator": { "@type": "Organization", "name": info.creator },
+        "datePublished": info.date_published, "citeAs": info.cite_as, "isLiveDataset": false,
+        "prov:wasDerivedFrom": sources(of.scenes),
+        "prov:wasGeneratedBy": [{ "@type": "prov:Activity", "name": super::TOOL, "description": COLLECTION }],
+        "distribution": distribution(of),
+        "recordSet": [records::index(), records::scenes(SCENE_FILES)],
+    });
+    for (name, text) in RESPONSIBLE.into_iter().zip(responsible(of.scenes)) {
+        file[name] = text;
+    }
+    file
+}
+
+/// A licence of the SPDX list by its address, as Croissant recommends; another expression as it stands.
+pub(super) fn licence(expression: &str) -> String {
+    if crate::licence::is_listed(expression) {
+        format!("https://spdx.org/licenses/{expression}.html")
+    } else {
+        expression.to_owned()
+    }
+}
+
+const COLLECTION: &str = "Events are simulated: a 3D Gaussian splat is rendered along a dense camera path, and a model \
+    of an event sensor sees the renderings as brightness over time. The build is deterministic; every step, with its \
+    parameters and the digests of its inputs, is in manifest.json.";
+
+const USES: &str = "Training and measuring methods that take events: reconstruction of scenes and of intensity, poses, \
+    deblurring, interpolation of frames. It does not stand in for recordings of a sensor where a method is to be used \
+    on those.";
+
+const BIASES: &str = "Scenes do not move, and are seen by one moving camera along smooth paths. Light is that of the \
+    captures. Sensors are models with stated parameters, whose noise is that of the model.";
+
+const IMPACT: &str = "None is known beyond that of its sources and of methods trained on it. Licences of the sources \
+    bind who receives it: see licence and gated in index.parquet.";
+
+/// The texts of [`RESPONSIBLE`], in its order.
+fn responsible(scenes: &[SceneFile]) -> [Value; RESPONSIBLE.len()] {
+    let made_up = |scene: &SceneFile| scene.source.kind == SourceKind::Procedural.name();
+    let personal = if scenes.iter().all(made_up) {
+        "None: its scenes are made up by the program."
+    } else {
+        "Not examined: renderings of captured scenes may show what their photos show, faces and writing among it."
+    };
+    [
+        COLLECTION.into(),
+        card::LIMITS.into(),
+        BIASES.into(),
+        personal.into(),
+        USES.into(),
+        IMPACT.into(),
+        true.into(),
+    ]
+}
+
+/// What the scenes were derived from: each upstream dataset, else each kind of source, once.
+fn sources(scenes: &[SceneFile]) -> Vec<Value> {
+    let named: BTreeSet<(&str, Option<&str>, Option<&str>)> = scenes
+        .iter()
+        .map(|scene| &scene.source)
+        .map(|source| (source.kind.as_str(), source.upstream_id.as_deref(), source.upstream_url.as_deref()))
+        .collect();
+    let source = |(kind, id, url): (&str, Option<&str>, Option<&str>)| {
+        let mut source = json!({ "@type": "Dataset", "name": id.unwrap_or(kind) });
+        if let Some(url) = url {
+            source["url"] = url.into();
+        }
+        source
+    };
+    named.into_iter().map(source).collect()
+}
+
+fn distribution(of: &Described<'_>) -> Vec<Value> {
+    let mut nodes = vec![
+        json!({
+            "@type": "cr:FileObject", "@id": index::NAME, "name": index::NAME, "contentUrl": index::NAME,
+            "description": "a row a trajectory", "contentSize": size(of.index.len() as u64),
+            "encodingFormat": "application/x-parquet", "sha256": checksum::sha256(of.index),
+        }),
+        json!({
+            "@type": "cr:FileObject", "@id": ROOT, "name": ROOT, "description": "the release folder",
+            "contentUrl": ".", "encodingFormat": "git+https", "sha256": ROOT_SUM,
+        }),
+    ];
+    for (id, media, glob, what) in FILE_SETS {
+        if of.paths.iter().any(|path| matches(glob, path)) {
+            nodes.push(json!({
+                "@type": "cr:FileSet", "@id": id, "name": id, "description": what, "encodingFormat": media,
+                "containedIn": { "@id": ROOT }, "includes": glob,
+            }));
+        }
+    }
+    nodes
+}
+
+/// A length in Croissant's form.
+pub(super) fn size(bytes: u64) -> String {
+    format!("{bytes} B")
+}
+
+/// Terms of Croissant that stand without its prefix.
+const TERMS: [&str; 26] = [
+    "citeAs",
+    "column",
+    "equivalentProperty",
+    "extract",
+    "field",
+    "fileProperty",
+    "fileObject",
+    "fileSet",
+    "format",
+    "includes",
+    "isLiveDataset",
+    "jsonPath",
+    "key",
+    "md5",
+    "parentField",
+    "path",
+    "recordSet",
+    "references",
+    "regex",
+    "repeated",
+    "replace",
+    "samplingRate",
+    "separator",
+    "source",
+    "subField",
+    "transform",
+];
+
+/// The JSON-LD context; `mlcroissant` warns of any other.
+fn context() -> Value {
+    let mut context = json!({
+        "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
+        "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
+        "prov": "http://www.w3.org/ns/prov#", "dct": "http://purl.org/dc/terms/",
+        "conformsTo": "dct:conformsTo", "dataType": { "@id": "cr:dataType", "@type": "@vocab" },
+        "data": { "@id": "cr:data", "@type": "@json" }, "examples": { "@id": "cr:examples", "@type": "@json" },
+    });
+    let terms: Map<String, Value> =
+        TERMS.iter().map(|term| ((*term).to_owned(), format!("cr:{term}").into())).collect();
+    context.as_object_mut().expect("it was written as one").extend(terms);
+    context
+}

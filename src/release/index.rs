@@ -1,0 +1,237 @@
+//! `index.parquet`: a row a trajectory, by which a reader chooses before anything is downloaded; where several sensors saw
+//! it, a row a sensor. Each column is defined once, in [`COLUMNS`], as a function of what other files of the tree say, so
+//! that an audit can hold it against them. What is not known is null.
+
+pub(super) mod table;
+
+use super::scene::{SceneFile, SensorPart, Statistics, TrajectoryPart};
+use crate::check::{Finding, Verdict};
+use crate::trajectory::report::Report;
+use crate::units::Hertz;
+use serde_json::Value as Json;
+use table::{Kind, Value};
+
+/// Name of the file.
+pub(super) const NAME: &str = "index.parquet";
+
+/// What `speed.json` and `checks.json` of a trajectory tell for the index.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Told {
+    speed_median_unit_s: Option<f64>,
+    checks: usize,
+    checks_passed: usize,
+}
+
+impl Told {
+    pub(super) fn of(report: &Report, findings: &[Finding]) -> Self {
+        Self {
+            speed_median_unit_s: median(&report.linear_unit_s),
+            checks: findings.len(),
+            checks_passed: findings.iter().filter(|f| f.verdict == Verdict::Pass).count(),
+        }
+    }
+}
+
+/// The middle value, or the mean of the two.
+fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let upper = sorted.len() / 2;
+    let lower = sorted.len().checked_sub(1)? / 2;
+    Some(f64::midpoint(sorted[lower], sorted[upper]))
+}
+
+/// A trajectory as one sensor saw it.
+#[derive(Debug)]
+pub(super) struct Row<'a> {
+    scene: &'a SceneFile,
+    part: &'a TrajectoryPart,
+    /// One of several sensors, with its name.
+    named: Option<(&'a str, &'a SensorPart)>,
+    told: Told,
+}
+
+impl Row<'_> {
+    fn name(&self) -> Option<&str> {
+        self.named.map(|(name, _)| name)
+    }
+
+    fn path(&self) -> String {
+        format!("{}/{}", self.scene.id, self.part.name)
+    }
+
+    fn statistics(&self) -> &Statistics {
+        self.named.map_or(&self.part.statistics, |(_, sensor)| &sensor.statistics)
+    }
+
+    fn sensor(&self) -> Option<&Json> {
+        self.named.map_or(self.part.sensor.as_ref(), |(_, part)| Some(&part.sensor))
+    }
+
+    /// The first of these values of the sensor that it has.
+    fn sensor_number(&self, pointers: &[&str]) -> Option<f64> {
+        let sensor = self.sensor()?;
+        pointers.iter().find_map(|pointer| sensor.pointer(pointer)?.as_f64())
+    }
+
+    fn cells(&self) -> Vec<Value> {
+        COLUMNS.iter().map(|column| (column.value)(self)).collect()
+    }
+}
+
+/// A column.
+#[derive(Debug)]
+pub(super) struct Column {
+    pub(super) name: &'static str,
+    pub(super) kind: Kind,
+    /// For people: what it is, with its unit.
+    pub(super) description: &'static str,
+    value: fn(&Row<'_>) -> Value,
+}
+
+const fn column(
+    name: &'static str,
+    kind: Kind,
+    description: &'static str,
+    value: fn(&Row<'_>) -> Value,
+) -> Column {
+    Column { name, kind, description, value }
+}
+
+/// All columns, in the file's order.
+pub(super) const COLUMNS: [Column; 35] = [
+    column("id", Kind::Text, "scene/trajectory, and /sensor where there are several; unique", |r| {
+        r.name().map_or_else(|| r.path(), |name| format!("{}/{name}", r.path())).into()
+    }),
+    column("scene", Kind::Text, "scene id", |r| r.scene.id.as_str().into()),
+    column("trajectory", Kind::Text, "name of the trajectory", |r| r.part.name.as_str().into()),
+    column("sensor", Kind::Text, "name of the sensor, where several saw the trajectory", |r| r.name().into()),
+    column("path", Kind::Text, "folder of the trajectory in the release", |r| r.path().into()),
+    column("source", Kind::Text, "kind of source that the poses come from", |r| {
+        r.scene.source.kind.as_str().into()
+    }),
+    column("upstream_id", Kind::Text, "the upstream dataset's own id of the scene", |r| {
+        r.scene.source.upstream_id.as_deref().into()
+    }),
+    column("split", Kind::Text, "split that the scene belongs to", |_| Value::Null),
+    column("licence", Kind::Text, "SPDX expression of the scene", |r| {
+        r.scene.licence.expression.as_str().into()
+    }),
+    column("gated", Kind::Flag, "whether receivers must accept the upstream terms first", |r| {
+        r.scene.licence.gated.into()
+    }),
+    column("width", Kind::Whole, "width of the sensor, px", |r| u64::from(r.scene.camera.width).into()),
+    column("height", Kind::Whole, "height of the sensor, px", |r| u64::from(r.scene.camera.height).into()),
+    column("frames", Kind::Whole, "number of poses; sharp/ has a picture of each, or of every n-th", |r| {
+        (r.part.poses as u64).into()
+    }),
+    column("duration_us", Kind::Whole, "stamp of the last pose, us", |r| r.part.duration_us.into()),
+    column("rate", Kind::Number, "poses a second, Hz", |r| {
+        r.part.rate.parse().ok().map(|ratio| Hertz(ratio).to_f64()).into()
+    }),
+    column("speed_profile", Kind::Text, "uniform or non-uniform", |r| {
+        r.scene.attributes.speed_profile.as_str().into()
+    }),
+    column("speed_min_unit_s", Kind::Number, "smallest speed of the camera's centre, scene units/s", |r| {
+        r.part.statistics.linear_unit_s.map(|range| range.min).into()
+    }),
+    column("speed_median_unit_s", Kind::Number, "median speed of the camera's centre, scene units/s", |r| {
+        r.told.speed_median_unit_s.into()
+    }),
+    column("speed_max_unit_s", Kind::Number, "largest speed of the camera's centre, scene units/s", |r| {
+        r.part.statistics.linear_unit_s.map(|range| range.max).into()
+    }),
+    column(
+        "max_step_px",
+        Kind::Number,
+        "largest optical flow from pose to pose, px, over sampled poses",
+        |r| r.part.statistics.max_step_px.map(f64::from).into(),
+    ),
+    column("blur", Kind::Flag, "whether there are blurred pictures", |r| r.part.blur.is_some().into()),
+    column("model", Kind::Text, "sensor model", |r| {
+        r.sensor().and_then(|sensor| sensor["model"].as_str()).into()
+    }),
+    column("threshold_on", Kind::Number, "threshold of brighter events, in the model's own unit", |r| {
+        r.sensor_number(&["/theta_on", "/threshold/on"]).into()
+    }),
+    column("threshold_off", Kind::Number, "threshold of darker events, in the model's own unit", |r| {
+        r.sensor_number(&["/theta_off", "/threshold/off"]).into()
+    }),
+    column("c_on", Kind::Number, "contrast of brighter events, natural logarithm of brightness", |r| {
+        r.sensor_number(&["/c_on"]).into()
+    }),
+    column("c_off", Kind::Number, "contrast of darker events, natural logarithm of brightness", |r| {
+        r.sensor_number(&["/c_off"]).into()
+    }),
+    column("events", Kind::Whole, "number of events", |r| r.statistics().events.into()),
+    column("on_share", Kind::Number, "share of brighter events", |r| {
+        let Statistics { events, on, .. } = r.statistics();
+        events.filter(|events| *events > 0).zip(*on).map(|(events, on)| on as f64 / events as f64).into()
+    }),
+    column("rate_ev_px_s", Kind::Number, "events per pixel and second", |r| {
+        r.statistics().rate_ev_px_s.into()
+    }),
+    column("peak_ev_per_ms", Kind::Whole, "most events in one millisecond", |r| {
+        r.statistics().peak_ev_per_ms.into()
+    }),
+    column("seed", Kind::Text, "the recipe's seed, a decimal number of 64 bits", |r| {
+        r.scene.seed.to_string().into()
+    }),
+    column("gaussians", Kind::Whole, "number of Gaussians of the scene", |r| {
+        r.scene.reconstruction.gaussians.into()
+    }),
+    column("checks", Kind::Whole, "number of records in checks.json", |r| (r.told.checks as u64).into()),
+    column("checks_passed", Kind::Whole, "number of them that passed", |r| {
+        (r.told.checks_passed as u64).into()
+    }),
+    column("recipe_sha256", Kind::Text, "SHA-256 of the recipe as compact JSON", |r| {
+        r.scene.recipe_sha256.as_str().into()
+    }),
+];
+
+/// The rows of a scene; `told` is of each of its trajectories in their order.
+pub(super) fn rows<'a>(scene: &'a SceneFile, told: &[Told]) -> Vec<Row<'a>> {
+    let mut rows = Vec::new();
+    for (part, told) in scene.trajectories.iter().zip(told) {
+        let mut add = |named| rows.push(Row { scene, part, named, told: *told });
+        if part.sensors.is_empty() {
+            add(None);
+        }
+        part.sensors.iter().for_each(|(name, sensor)| add(Some((name, sensor))));
+    }
+    rows
+}
+
+/// The cells of all rows, sorted by scene, trajectory and sensor.
+pub(super) fn cells(mut rows: Vec<Row<'_>>) -> Vec<Vec<Value>> {
+    let place = |row: &Row<'_>| (row.scene.id.clone(), row.part.name.clone(), row.name().map(str::to_owned));
+    rows.sort_by_cached_key(place);
+    rows.iter().map(Row::cells).collect()
+}
+
+/// The file.
+pub(super) fn compose(rows: Vec<Row<'_>>) -> Vec<u8> {
+    let columns = COLUMNS.each_ref().map(|column| (column.name, column.kind));
+    table::write(&columns, &cells(rows), super::TOOL)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn a_median_is_in_the_middle() {
+        let t = |values: &[f64], wanted| assert_eq!(median(values), wanted, "{values:?}");
+        t(&[], None);
+        t(&[3.0], Some(3.0));
+        t(&[9.0, 1.0, 2.0], Some(2.0));
+        t(&[8.0, 1.0, 2.0, 4.0], Some(3.0));
+    }
+
+    #[test]
+    fn columns_have_names_of_their_own() {
+        let names: BTreeSet<&str> = COLUMNS.iter().map(|column| column.name).collect();
+        assert_eq!(names.len(), COLUMNS.len());
+    }
+}

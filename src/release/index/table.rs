@@ -1,0 +1,254 @@
+//! A small table as Parquet (parquet.apache.org, format 2): every column may be null, one row group, plain values,
+//! compressed by zstd, and no word of when it was written, so that equal tables are equal bytes.
+
+use parquet::basic::{Compression, Type as Physical, ZstdLevel};
+use parquet::column::writer::ColumnWriter;
+use parquet::data_type::ByteArray;
+use parquet::errors::ParquetError;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::record::Field;
+use parquet::schema::parser::parse_message_type;
+use std::fmt;
+use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::release) enum Kind {
+    /// UTF-8.
+    Text,
+    /// 64 bits, signed.
+    Whole,
+    /// 64 bits, floating.
+    Number,
+    /// True or false.
+    Flag,
+}
+
+/// A cell.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::release) enum Value {
+    Null,
+    Text(String),
+    Whole(i64),
+    Number(f64),
+    Flag(bool),
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Null => f.write_str("nothing"),
+            Self::Text(text) => write!(f, "`{text}`"),
+            Self::Whole(value) => write!(f, "{value}"),
+            Self::Number(value) => write!(f, "{value}"),
+            Self::Flag(value) => write!(f, "{value}"),
+        }
+    }
+}
+
+impl From<&str> for Value {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<String> for Value {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl From<i64> for Value {
+    fn from(value: i64) -> Self {
+        Self::Whole(value)
+    }
+}
+
+impl From<u64> for Value {
+    /// Nothing that is counted reaches 2^63.
+    fn from(value: u64) -> Self {
+        i64::try_from(value).map_or(Self::Null, Self::Whole)
+    }
+}
+
+impl From<f64> for Value {
+    fn from(value: f64) -> Self {
+        Self::Number(value)
+    }
+}
+
+impl From<bool> for Value {
+    fn from(value: bool) -> Self {
+        Self::Flag(value)
+    }
+}
+
+impl<T: Into<Self>> From<Option<T>> for Value {
+    fn from(value: Option<T>) -> Self {
+        value.map_or(Self::Null, Into::into)
+    }
+}
+
+/// A table that was read.
+#[derive(Debug)]
+pub(in crate::release) struct Table {
+    /// Name and kind of each column; none where a column holds what is never written here.
+    pub(in crate::release) columns: Vec<(String, Option<Kind>)>,
+    /// Rows of as many cells.
+    pub(in crate::release) rows: Vec<Vec<Value>>,
+}
+
+/// The file that holds these rows; each has a cell for each column, of its kind or null.
+pub(in crate::release) fn write(columns: &[(&str, Kind)], rows: &[Vec<Value>], writer: &str) -> Vec<u8> {
+    encode(columns, rows, writer).expect("a Vec takes any bytes, and cells are of their columns' kinds")
+}
+
+fn encode(columns: &[(&str, Kind)], rows: &[Vec<Value>], writer: &str) -> Result<Vec<u8>, ParquetError> {
+    let field = |(name, kind): &(&str, Kind)| match kind {
+        Kind::Text => format!("optional binary {name} (STRING);"),
+        Kind::Whole => format!("optional int64 {name};"),
+        Kind::Number => format!("optional double {name};"),
+        Kind::Flag => format!("optional boolean {name};"),
+    };
+    let fields: String = columns.iter().map(field).collect();
+    let schema = parse_message_type(&format!("message rows {{ {fields} }}"))?;
+    let properties = WriterProperties::builder()
+        .set_created_by(writer.to_owned())
+        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_dictionary_enabled(false)
+        .set_statistics_enabled(EnabledStatistics::Chunk)
+        .set_max_row_group_row_count(Some(rows.len().max(1)))
+        .build();
+    let mut file = SerializedFileWriter::new(Vec::new(), Arc::new(schema), Arc::new(properties))?;
+    let mut group = file.next_row_group()?;
+    for i in 0..columns.len() {
+        let mut column = group.next_column()?.expect("the schema has as many columns");
+        let cells: Vec<&Value> = rows.iter().map(|row| &row[i]).collect();
+        write_column(column.untyped(), &cells)?;
+        column.close()?;
+    }
+    group.close()?;
+    file.into_inner()
+}
+
+fn write_column(column: &mut ColumnWriter<'_>, cells: &[&Value]) -> Result<(), ParquetError> {
+    let present: Vec<i16> = cells.iter().map(|cell| i16::from(**cell != Value::Null)).collect();
+    let present = Some(present.as_slice());
+    match column {
+        ColumnWriter::ByteArrayColumnWriter(column) => {
+            let text = |cell: &&Value| match cell {
+                Value::Text(text) => Some(ByteArray::from(text.as_str())),
+                _ => None,
+            };
+            let values: Vec<ByteArray> = cells.iter().filter_map(text).collect();
+            column.write_batch(&values, present, None)?;
+        }
+        ColumnWriter::Int64ColumnWriter(column) => {
+            let whole = |cell: &&Value| if let Value::Whole(value) = cell { Some(*value) } else { None };
+            let values: Vec<i64> = cells.iter().filter_map(whole).collect();
+            column.write_batch(&values, present, None)?;
+        }
+        ColumnWriter::DoubleColumnWriter(column) => {
+            let number = |cell: &&Value| if let Value::Number(value) = cell { Some(*value) } else { None };
+            let values: Vec<f64> = cells.iter().filter_map(number).collect();
+            column.write_batch(&values, present, None)?;
+        }
+        ColumnWriter::BoolColumnWriter(column) => {
+            let flag = |cell: &&Value| if let Value::Flag(value) = cell { Some(*value) } else { None };
+            let values: Vec<bool> = cells.iter().filter_map(flag).collect();
+            column.write_batch(&values, present, None)?;
+        }
+        _ => unreachable!("the schema has columns of the four kinds"),
+    }
+    Ok(())
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// When it cannot be read, or is no Parquet.
+pub(in crate::release) fn read(path: &Path) -> Result<Table, ParquetError> {
+    // The library panics on some damaged files where an error is due; no state outlives the call.
+    let read = AssertUnwindSafe(|| decode(File::open(path)?));
+    let damaged = |_| Err(ParquetError::General("it is damaged, in a way that stops its reader".into()));
+    catch_unwind(read).unwrap_or_else(damaged)
+}
+
+fn decode(file: File) -> Result<Table, ParquetError> {
+    let reader = SerializedFileReader::new(file)?;
+    let schema = reader.metadata().file_metadata().schema_descr();
+    let kind = |physical| match physical {
+        Physical::BYTE_ARRAY => Some(Kind::Text),
+        Physical::INT64 => Some(Kind::Whole),
+        Physical::DOUBLE => Some(Kind::Number),
+        Physical::BOOLEAN => Some(Kind::Flag),
+        _ => None,
+    };
+    let columns = schema.columns().iter();
+    let columns = columns.map(|column| (column.path().string(), kind(column.physical_type()))).collect();
+    let rows = reader.get_row_iter(None)?.map(|row| Ok(row?.into_columns().into_iter().map(cell).collect()));
+    let rows = rows.collect::<Result<_, ParquetError>>()?;
+    Ok(Table { columns, rows })
+}
+
+fn cell((_, field): (String, Field)) -> Value {
+    match field {
+        Field::Null => Value::Null,
+        Field::Str(text) => Value::Text(text),
+        Field::Long(value) => Value::Whole(value),
+        Field::Double(value) => Value::Number(value),
+        Field::Bool(value) => Value::Flag(value),
+        // What is never written here equals nothing that is.
+        other => Value::Text(format!("{other:?}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_written_is_read() {
+        let columns =
+            [("name", Kind::Text), ("count", Kind::Whole), ("rate", Kind::Number), ("good", Kind::Flag)];
+        let rows = vec![
+            vec!["a/ü".into(), Value::Whole(i64::MAX), Value::Number(-0.1), Value::Flag(true)],
+            vec![Value::Null, Value::Null, Value::Null, Value::Null],
+            vec!["".into(), Value::Whole(-1), Value::Number(f64::MIN_POSITIVE), Value::Flag(false)],
+        ];
+        let bytes = write(&columns, &rows, "a test");
+        assert_eq!(bytes, write(&columns, &rows, "a test"));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rows.parquet");
+        std::fs::write(&path, &bytes).unwrap();
+        let table = read(&path).unwrap();
+        assert_eq!(table.rows, rows);
+        let wanted: Vec<(String, Option<Kind>)> =
+            columns.iter().map(|(name, kind)| ((*name).to_owned(), Some(*kind))).collect();
+        assert_eq!(table.columns, wanted);
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        read(&path).unwrap_err();
+    }
+
+    #[test]
+    fn a_damaged_file_stops_nobody() {
+        let columns = [("name", Kind::Text), ("count", Kind::Whole)];
+        let rows = [vec![Value::Null, Value::Whole(3)], vec!["b".into(), Value::Null]];
+        let bytes = write(&columns, &rows, "a test");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rows.parquet");
+        let mut refused = 0;
+        for at in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1 << (at % 8);
+            std::fs::write(&path, damaged).unwrap();
+            refused += usize::from(read(&path).is_err());
+        }
+        assert!(refused > 0);
+    }
+}

@@ -1,0 +1,87 @@
+//! The loader in every release, `gs2e.py`, as its users run it: what it reads is held against h5py's own columns, against
+//! `poses.txt`, against pictures as another decoder has them, and against planted files whose answers are known.
+
+use crate::release::small::release;
+use crate::support::workspace::{TINY, Workspace};
+use gs2e::image::png;
+use std::fs;
+use std::io::{BufReader, Write as _};
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// What is asked of the loader, one command each.
+const QUESTIONS: &str = include_str!("loader/questions.py");
+
+/// Python with the loader of a release; `None` where it lacks numpy or h5py.
+fn python(release: &Path, args: &[&str]) -> Option<Output> {
+    let mut command = Command::new("python3");
+    // Bytecode would lie in the release.
+    command.env("PYTHONDONTWRITEBYTECODE", "1").env("PYTHONPATH", release).args(args);
+    command.output().ok()
+}
+
+/// Asks one question of the loader of a release; the script asserts the answer.
+fn ask(release: &Path, question: &[&str]) {
+    if !python(release, &["-c", "import numpy, h5py"]).is_some_and(|output| output.status.success()) {
+        let required = std::env::var_os("REQUIRE_READERS").is_some_and(|value| value == "1");
+        assert!(!required, "python3 with numpy and h5py is absent");
+        // Past the capture of the test's output: a test that was not run says so although it passes.
+        drop(writeln!(std::io::stderr(), "not run: python3 with numpy and h5py is absent"));
+        return;
+    }
+    let args = [&["-c", QUESTIONS], question].concat();
+    let output = python(release, &args).unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{question:?}: {said}");
+}
+
+#[test]
+fn windows_poses_and_grids_are_those_of_the_files() {
+    for trajectory in ["base", "slow"] {
+        let folder = release().join("small/one");
+        for question in ["windows", "poses", "grids", "processes"] {
+            ask(release(), &[question, folder.to_str().unwrap(), trajectory]);
+        }
+    }
+}
+
+#[test]
+fn planted_answers_are_found() {
+    let place = Workspace::new();
+    place.write("empty", "");
+    let folder = place.path("planted");
+    for question in ["planted_poses", "planted_events", "planted_pictures"] {
+        ask(release(), &[question, folder.to_str().unwrap()]);
+    }
+}
+
+/// Pictures against the program's own decoder.
+#[test]
+fn pictures_are_what_another_decoder_reads() {
+    let place = Workspace::new();
+    let base = release().join("small/one/base");
+    for j in (0..24).step_by(4) {
+        let file = fs::File::open(base.join(format!("sharp/{j:06}.png"))).unwrap();
+        let image = png::read(BufReader::new(file)).unwrap();
+        place.write(&format!("{j:06}.raw"), raw(&image));
+    }
+    ask(release(), &["pictures", base.to_str().unwrap(), place.path("").to_str().unwrap()]);
+}
+
+fn raw(image: &gs2e::image::Image<[u8; 3]>) -> Vec<u8> {
+    image.pixels().as_flattened().to_vec()
+}
+
+#[test]
+fn one_of_several_sensors_is_asked_for_by_name() {
+    let place = Workspace::new();
+    let (head, tail) = TINY.split_once("sensor:\n").unwrap();
+    let (_, tail) = tail.split_once('\n').unwrap();
+    let sensors = "sensors:\n  fine: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }\n  \
+                   usual: { voltmeter: { preset: dvs346, labels: true } }\n";
+    place.write("tiny.yaml", format!("{head}{sensors}{tail}"));
+    place.ok("release --to tree tiny.yaml");
+    let tree = place.path("tree");
+    ask(&tree, &["sensors", tree.join("tiny").to_str().unwrap()]);
+    place.ok("audit tree");
+}

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""questions.py QUESTION FOLDER ...: asserts what gs2e.py answers, by answers that do not come from it."""
+import json
+import os
+import pathlib
+import pickle
+import struct
+import sys
+import zlib
+
+import h5py
+import numpy as np
+
+import gs2e
+
+
+def columns(path):
+    """Whole columns, as h5py has them."""
+    with h5py.File(path) as file:
+        found = {name: file["events"][name][:] for name in file["events"]}
+        found["t"] = found["t"].astype(np.int64) + int(file["t_offset"][()])
+    return found
+
+
+def same_window(scene, whole, t0_us, t1_us):
+    """A window against a mask over whole columns."""
+    t = whole["t"]
+    mask = np.ones(len(t), bool)
+    mask &= True if t0_us is None else t >= t0_us
+    mask &= True if t1_us is None else t < t1_us
+    found = scene.events(t0_us, t1_us)
+    for name in "txyp":
+        column = getattr(found, name)
+        assert np.array_equal(column, whole[name][mask]), (name, t0_us, t1_us)
+    assert [found.t.dtype, found.x.dtype, found.y.dtype, found.p.dtype] == [np.int64, np.uint16, np.uint16, np.uint8]
+    if "label" in whole:
+        assert np.array_equal(found.label, whole["label"][mask])
+    else:
+        assert found.label is None
+    return mask.sum()
+
+
+def same_windows(scene, whole, number):
+    """So many windows at random, and the whole."""
+    random = np.random.default_rng(1)
+    for _ in range(number):
+        same_window(scene, whole, *map(int, random.integers(-500, int(whole["t"][-1]) + 500, 2)))
+    assert same_window(scene, whole, None, None) == len(whole["t"]) > 0
+
+
+def same_at_edges(scene, whole):
+    """Windows whose bounds are of every kind."""
+    first, last = int(whole["t"][0]), int(whole["t"][-1])
+    ends = [None, -1000, -1, 0, first, first + 1, last, last + 1, last + 10**6, 10**12]
+    ends += [k * 1000 + d for k in range(last // 1000 + 3) for d in (-1, 0, 1)]
+    ends += [0.5, last - 0.5, last + 0.5]
+    # Each of them as either bound, against every seventh.
+    pairs = [pair for kind in ends for other in ends[::7] for pair in ((kind, other), (other, kind))]
+    hits = [same_window(scene, whole, t0, t1) for t0, t1 in pairs]
+    assert min(hits) == 0 < max(hits), "windows of both kinds were tried"
+
+
+def windows(folder, trajectory):
+    whole = columns(f"{folder}/{trajectory}/events.h5")
+    same_at_edges(gs2e.Scene(folder, trajectory), whole)
+    same_windows(gs2e.Scene(f"{folder}/{trajectory}/"), whole, 100)
+
+
+def rotated(q, v):
+    """Quaternion q turns vector v: v + 2 w (u x v) + 2 u x (u x v)."""
+    u, w = np.asarray(q[:3]), q[3]
+    return v + 2 * w * np.cross(u, v) + 2 * np.cross(u, np.cross(u, v))
+
+
+def poses(folder, trajectory):
+    scene = gs2e.Scene(folder, trajectory)
+    rows = np.loadtxt(f"{folder}/{trajectory}/poses.txt")
+    assert np.array_equal(scene.stamps_us, rows[:, 0]) and np.array_equal(scene.poses, rows[:, 1:])
+    assert scene.stamps_us[-1] == scene.duration_us
+    all_at_once = scene.pose(scene.stamps_us)
+    assert all_at_once.shape == (len(rows), 4, 4)
+    for (t, *numbers), matrix in zip(rows, all_at_once):
+        assert np.array_equal(scene.pose(t), matrix)
+        assert np.array_equal(matrix[:3, 3], numbers[:3])
+        for axis in np.eye(3):
+            # Rounding of products of numbers up to 1.
+            assert np.abs(matrix[:3, :3] @ axis - rotated(numbers[3:], axis)).max() < 1e-14
+        assert np.array_equal(matrix[3], [0, 0, 0, 1])
+    between = scene.pose((rows[:-1, 0] + rows[1:, 0]) / 2)
+    # A rotation halfway between two has the same turn from the first as to the second.
+    a, b = all_at_once[:-1, :3, :3], all_at_once[1:, :3, :3]
+    m, turned = between[:, :3, :3], lambda r: np.swapaxes(r, -1, -2)
+    assert np.abs(turned(a) @ m - turned(m) @ b).max() < 1e-13
+    assert np.abs(between[:, :3, 3] - (rows[:-1, 1:4] + rows[1:, 1:4]) / 2).max() < 1e-14
+    for outside in (-1, rows[-1, 0] + 0.01, float("nan")):
+        refused(lambda: scene.pose(outside), "is not within")
+    with open(f"{folder}/{trajectory}/transforms.json") as file:
+        camera = json.load(file)
+    fx, fy, cx, cy = (camera[name] for name in ("fl_x", "fl_y", "cx", "cy"))
+    assert np.array_equal(scene.K, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    assert (scene.width, scene.height) == (camera["w"], camera["h"])
+    listed = [(frame.t_us, os.path.relpath(frame.path, scene.folder)) for frame in scene.frames]
+    assert listed == [(frame["t_us"], frame["file_path"]) for frame in camera["frames"]]
+
+
+def refused(act, wanted):
+    try:
+        act()
+    except ValueError as error:
+        assert wanted in str(error), error
+    else:
+        raise AssertionError(f"it was not refused: {wanted}")
+
+
+def grids(folder, trajectory):
+    scene = gs2e.Scene(folder, trajectory)
+    whole = columns(f"{folder}/{trajectory}/events.h5")
+    last = int(whole["t"][-1])
+    for t0, t1 in [(0, last + 1), (1000, 2000), (last // 2, last), (last + 1, last + 5000)]:
+        counts = np.zeros((2, scene.height, scene.width), np.int64)
+        for t, x, y, p in zip(*(whole[name] for name in "txyp")):
+            counts[p, y, x] += t0 <= t < t1
+        found = scene.event_frame(t0, t1)
+        assert found.dtype == np.int32 and np.array_equal(found, counts)
+        for bins in (1, 2, 5, 16):
+            grid = scene.voxel(t0, t1, bins)
+            assert grid.shape == (bins, scene.height, scene.width) and grid.dtype == np.float32
+            # Each of a pixel's events is split into two shares, rounded to 32 bits.
+            wanted = counts[1] - counts[0]
+            assert np.abs(grid.sum(0, dtype=np.float64) - wanted).max() <= 1e-6 * (1 + counts.sum(0).max())
+    refused(lambda: scene.voxel(0, 1000, 0), "0 bins")
+    refused(lambda: scene.voxel(1000, 1000, 5), "holds nothing")
+    cut = gs2e.Windows(scene, 2000, 3, stride_us=1000)
+    assert len(cut) == (scene.duration_us - 2000) // 1000 + 1
+    entries = list(cut)
+    assert len(entries) == len(cut) and entries[-1]["t1_us"] <= scene.duration_us
+    for i, entry in enumerate(entries):
+        assert (entry["t0_us"], entry["t1_us"]) == (1000 * i, 1000 * i + 2000)
+        assert np.array_equal(entry["voxel"], scene.voxel(1000 * i, 1000 * i + 2000, 3))
+        assert np.array_equal(entry["pose"], scene.pose(1000 * i + 1000))
+
+
+def processes(folder, trajectory):
+    """Pickled copies, and workers that were forked while the file was open."""
+    scene = gs2e.Scene(folder, trajectory)
+    whole = columns(f"{folder}/{trajectory}/events.h5")
+    assert pickle.loads(pickle.dumps(scene))._file is None, "nothing is open before it is needed"
+    same_windows(scene, whole, 10)
+    copy = pickle.loads(pickle.dumps(scene))
+    assert copy._file is None and repr(copy) == repr(scene)
+    same_windows(copy, whole, 10)
+    inherited = scene._file.id.id
+    children = []
+    for _ in range(4):
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                assert scene._file.id.id == inherited
+                same_windows(scene, whole, 20)
+                assert scene._pid == os.getpid()
+                status = 0
+            finally:
+                os._exit(status)
+        children.append(child)
+    same_windows(scene, whole, 20)
+    assert [os.waitpid(child, 0)[1] for child in children] == [0] * 4
+    same_windows(scene, whole, 1)
+    scene.close()
+    same_windows(scene, whole, 1)
+
+
+def plant(folder, name="path", **part):
+    """A scene of one trajectory, without files of its own."""
+    camera = {"width": 4, "height": 3, "fx": 2.0, "fy": 2.5, "cx": 2.0, "cy": 1.5}
+    part = {"name": name, "duration_us": 1000, **part}
+    base = pathlib.Path(folder) / name
+    base.mkdir(parents=True, exist_ok=True)
+    described = {"id": "planted", "camera": camera, "trajectories": [part]}
+    (base.parent / "scene.json").write_text(json.dumps(described))
+    return base
+
+
+def turn_z(degrees):
+    half = np.radians(degrees) / 2
+    return [0.0, 0.0, np.sin(half), np.cos(half)]
+
+
+def planted_poses(folder):
+    base = plant(folder)
+
+    def scene_of(rows):
+        (base / "poses.txt").write_text("".join(" ".join(map(repr, row)) + "\n" for row in rows))
+        return gs2e.Scene(folder)
+
+    def turned(scene, t_us):
+        m = scene.pose(t_us)
+        return np.degrees(np.arctan2(m[1, 0], m[0, 0]))
+
+    # From 10 to 100 degrees about z: the turn is linear in time, and so is the centre.
+    row = lambda t, degrees, centre=(0.0, 0.0, 0.0): [t, *centre, *(float(v) for v in turn_z(degrees))]
+    scene = scene_of([row(0, 10), row(900, 100, (9.0, 0.0, -18.0))])
+    for t_us in (0, 1, 300, 450, 899, 900):
+        assert abs(turned(scene, t_us) - (10 + t_us / 10)) < 1e-12
+        assert np.abs(scene.pose(t_us)[:3, 3] - [t_us / 100, 0, -t_us / 50]).max() < 1e-13
+    # The same rotations written with the other sign go the same way, not the long one around.
+    flipped = row(900, 100)
+    flipped[4:] = [-v for v in flipped[4:]]
+    assert abs(turned(scene_of([row(0, 10), flipped]), 300) - 40) < 1e-12
+    # Rotations closer than a cosine can tell, and none at all.
+    for tiny in (1e-5, 1e-7, 1e-11, 0.0):
+        assert abs(turned(scene_of([row(0, 0), row(1000, tiny)]), 250) - tiny / 4) < 1e-16
+    # Several poses: the neighbours decide.
+    scene = scene_of([row(0, 0), row(100, 10), row(1000, 20)])
+    assert np.allclose([turned(scene, t) for t in (50, 100, 550)], [5, 10, 15], atol=1e-12)
+    assert abs(turned(scene_of([row(0, 30)]), 0) - 30) < 1e-12
+
+
+def planted_events(folder):
+    base = plant(folder)
+    (base / "poses.txt").write_text("0 0 0 0 0 0 0 1\n1000 0 0 0 0 0 0 1\n")
+    rows = [(250, 1, 0, 1), (375, 2, 1, 0), (375, 2, 1, 0), (1999, 3, 2, 1)]
+
+    def scene_of(rows, offset):
+        stamps = [t for t, *_ in rows]
+        index = [sum(t < 1000 * k for t in stamps) for k in range(max(stamps, default=1000) // 1000 + 2)]
+        with h5py.File(base / "events.h5", "w") as file:
+            for i, (name, kind) in enumerate([("t", "u4"), ("x", "u2"), ("y", "u2"), ("p", "u1")]):
+                file[f"events/{name}"] = np.array([row[i] for row in rows], kind)
+            file["ms_to_idx"] = np.array(index, "u8")
+            file["t_offset"] = np.int64(offset)
+        return gs2e.Scene(folder)
+
+    # 5 bins over [0, 1000): an event at 250 is at bin 1, one at 375 halfway between bins 1 and 2.
+    wanted = np.zeros((5, 3, 4))
+    wanted[1, 0, 1], wanted[1, 1, 2], wanted[2, 1, 2] = 1, -1, -1
+    for offset in (0, 7_000_000_123, -5000):
+        scene = scene_of(rows, offset)
+        assert np.array_equal(scene.voxel(offset, offset + 1000, 5), wanted)
+        for t0, t1, count in [(0, 1000, 3), (250, 375, 1), (251, 376, 2), (376, 2000, 1), (1999, 2000, 1), (2000, 9000, 0)]:
+            found = scene.events(offset + t0, offset + t1)
+            assert found.t.tolist() == [offset + t for t, *_ in rows if t0 <= t < t1] and len(found.t) == count
+        scene.close()
+    # An empty stream has an index of zeros.
+    scene = scene_of([], 0)
+    assert [len(column) for column in scene.events()[:4]] == [0] * 4
+    assert len(scene.events(0, 5000).t) == 0 and not scene.voxel(0, 5000, 3).any()
+    assert not scene.event_frame(0, 5000).any() and scene.frames == []
+
+
+def planted_pictures(folder):
+    """Rows under each of PNG's five filters, by its definition, byte by byte."""
+    base = plant(folder)
+    (base / "poses.txt").write_text("0 0 0 0 0 0 0 1\n")
+    image = np.random.default_rng(2).integers(0, 256, (11, 7, 3), dtype=np.uint8)
+    raw = b""
+    for r, row in enumerate(image):
+        kind = r % 5
+        raw += bytes([kind])
+        above = image[r - 1].ravel() if r else np.zeros(21, np.uint8)
+        for i, value in enumerate(row.ravel()):
+            left = int(row.ravel()[i - 3]) if i >= 3 else 0
+            up, corner = int(above[i]), int(above[i - 3]) if i >= 3 else 0
+            nearest = min((abs(left + up - corner - v), order, v) for order, v in enumerate((left, up, corner)))[2]
+            guess = (0, left, up, (left + up) // 2, nearest)[kind]
+            raw += bytes([(int(value) - guess) % 256])
+    chunk = lambda name, body: struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+    head = struct.pack(">IIBBBBB", 7, 11, 8, 2, 0, 0, 0)
+    packed = zlib.compress(raw)
+    body = chunk(b"IHDR", head) + chunk(b"IDAT", packed[:50]) + chunk(b"IDAT", packed[50:]) + chunk(b"IEND", b"")
+    (base / "sharp").mkdir(exist_ok=True)
+    (base / "sharp" / "000000.png").write_bytes(b"\x89PNG\r\n\x1a\n" + body)
+    (frame,) = gs2e.Scene(folder).frames
+    assert (frame.index, frame.t_us) == (0, 0)
+    assert np.array_equal(frame.read(), image) and frame.read().dtype == np.uint8
+    grey = (base / "grey.png")
+    grey.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 7, 11, 8, 0, 0, 0, 0)))
+    refused(lambda: gs2e.read_png(grey), "8-bit RGB")
+
+
+def pictures(folder, decoded):
+    frames = gs2e.Scene(folder).frames
+    assert len(frames) == 6
+    for frame in frames:
+        found = frame.read()
+        wanted = np.fromfile(f"{decoded}/{frame.index:06d}.raw", np.uint8).reshape(found.shape)
+        assert np.array_equal(found, wanted) and wanted.any()
+
+
+def sensors(folder):
+    assert gs2e.trajectories(folder) == ["base"]
+    for name in ("fine", "usual"):
+        scene = gs2e.Scene(folder, sensor=name)
+        whole = columns(f"{folder}/base/events/{name}.h5")
+        assert ("label" in whole) == (name == "usual")
+        same_windows(scene, whole, 20)
+        same_windows(pickle.loads(pickle.dumps(scene)), whole, 20)
+    refused(lambda: gs2e.Scene(folder), "sensors fine, usual")
+    refused(lambda: gs2e.Scene(folder, "base", "coarse"), "asked for is coarse")
+    refused(lambda: gs2e.Scene(folder, "slow", "fine"), "trajectories base")
+
+
+if __name__ == "__main__":
+    globals()[sys.argv[1]](*sys.argv[2:])
