@@ -3,6 +3,7 @@
 mod licence;
 mod number;
 mod picture;
+mod reconstruct;
 mod sampling;
 mod sensor;
 mod source;
