@@ -12,6 +12,7 @@ pub mod natural;
 pub mod nerfstudio;
 mod node;
 mod photo;
+pub mod undistort;
 pub mod view;
 
 use crate::camera::Camera;
