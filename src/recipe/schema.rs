@@ -9,7 +9,7 @@ mod reconstruct;
 mod sensor;
 mod trajectory;
 
-pub(super) use reconstruct::Reconstruct;
+pub(super) use reconstruct::{Command, Count, Reconstruct};
 pub(super) use sensor::{Esim, FrontEnd, HotPixels, Leak, Luminance, Range, Refractory, Threshold, V2e};
 pub(super) use trajectory::{
     Bezier, Curve, Ends, Flow, Gaps, Keyframes, List, Meaning, Metric, Novel, NovelCurve, Orbit, Order, Pose,

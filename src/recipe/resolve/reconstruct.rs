@@ -1,22 +1,26 @@
 //! Where the Gaussians come from.
 
+mod command;
+
 use super::Resolver;
 use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
 use crate::recipe::{Reconstruct, Source, schema};
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
+const TRAINED: &str = "or reconstruct: { command: { … } }, a program that trains it";
 
 impl Resolver<'_> {
     pub(super) fn reconstruct(
         &self,
         field: &Field<schema::Reconstruct>,
         source: Option<&Source>,
+        seed: Option<u64>,
     ) -> Option<Option<Reconstruct>> {
         match (field, source) {
             (Field::Bad, _) => None,
             (Field::Absent, Some(Source::Colmap(_) | Source::Nerfstudio(_))) => {
-                let help = format!("{GIVEN}, the scene file that was trained on this source");
+                let help = format!("{GIVEN}, the scene file that was trained on this source, {TRAINED}");
                 self.refuse(Problem::missing("reconstruct").help(help).at(self.root))
             }
             (Field::Absent, Some(Source::None)) => {
@@ -29,19 +33,33 @@ impl Resolver<'_> {
                     Problem::of_key("does not go with a procedural source, which brings its own Gaussians");
                 self.refuse(problem.help("remove it, or name another source").at(*place))
             }
-            (Field::Given(raw, _), _) => self.reconstruction(raw).map(Some),
+            (Field::Given(raw, place), source) => {
+                let reconstruct = self.reconstruction(raw, seed)?;
+                if matches!(
+                    (&reconstruct, source),
+                    (Reconstruct::Command(_), Some(Source::Model(_) | Source::None))
+                ) {
+                    let problem = Problem::of_key("trains on photos, and this source has none");
+                    return self.refuse(problem.help(GIVEN).at(*place));
+                }
+                Some(Some(reconstruct))
+            }
         }
     }
 
-    fn reconstruction(&self, raw: &schema::Reconstruct) -> Option<Reconstruct> {
+    fn reconstruction(&self, raw: &schema::Reconstruct, seed: Option<u64>) -> Option<Reconstruct> {
         match raw {
             schema::Reconstruct::Given(field) => {
                 let (given, place) = field.given()?;
                 self.later(&given.undistorted, "this gs2e takes a given scene as it is");
                 self.path(&given.path, place).map(Reconstruct::Given)
             }
-            schema::Reconstruct::Builtin(later) | schema::Reconstruct::Command(later) => {
-                self.later(later, &format!("this gs2e takes a given scene file: {GIVEN}"));
+            schema::Reconstruct::Command(field) => {
+                let (raw, place) = field.given()?;
+                self.command(raw, place, seed).map(|command| Reconstruct::Command(Box::new(command)))
+            }
+            schema::Reconstruct::Builtin(later) => {
+                self.later(later, &format!("this gs2e takes a given scene file: {GIVEN}, {TRAINED}"));
                 None
             }
         }

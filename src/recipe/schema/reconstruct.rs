@@ -2,6 +2,7 @@
 
 use crate::recipe::field::{Field, Later};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// Where the Gaussians come from.
 #[derive(Debug, Deserialize)]
@@ -9,7 +10,7 @@ use serde::Deserialize;
 pub(in crate::recipe) enum Reconstruct {
     Given(Field<Given>),
     Builtin(Field<Later>),
-    Command(Field<Later>),
+    Command(Field<Box<Command>>),
 }
 
 /// A scene file.
@@ -20,4 +21,35 @@ pub(in crate::recipe) struct Given {
     pub path: Field<String>,
     /// Whether it was trained on undistorted photos.
     pub undistorted: Field<Later>,
+}
+
+/// A program that is run.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct Command {
+    /// Required.
+    pub program: Field<String>,
+    pub arguments: Field<Vec<Field<String>>>,
+    /// Required.
+    pub version: Field<String>,
+    /// What it is started with to say its version.
+    pub probe: Field<Vec<Field<String>>>,
+    /// Required.
+    pub licence: Field<String>,
+    /// Below `{out}`; default: the newest of a 3DGS model folder.
+    pub scene: Field<String>,
+    pub iterations: Field<u64>,
+    pub environment: Field<BTreeMap<String, Field<String>>>,
+    /// Files that arguments name.
+    pub files: Field<BTreeMap<String, Field<String>>>,
+    pub hold_out: Field<u64>,
+    /// How many it has to bring.
+    pub gaussians: Field<Count>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct Count {
+    pub min: Field<u64>,
+    pub max: Field<u64>,
 }
