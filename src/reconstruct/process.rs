@@ -57,6 +57,9 @@ pub enum How {
     /// It did not start.
     #[error("it cannot be started: {0}")]
     NotStarted(io::Error),
+    /// The system no longer tells what it does.
+    #[error("it was lost sight of: {0}")]
+    Lost(io::Error),
     /// It ended with another code than 0.
     #[error("it ended with exit code {0}")]
     Code(i32),
@@ -93,33 +96,33 @@ const MOST_VERSION_BYTES: u64 = 1 << 20;
 
 /// Runs a program to its end, or until `goes_on` says no. What it says is added to the file `log`.
 pub(super) fn run(invocation: &Invocation, log: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), Ended> {
-    let failed = |how| Ended::Failed(how);
-    let mut child = start(invocation, log).map_err(|e| failed(How::NotStarted(e)))?;
+    let mut child = start(invocation, log).map_err(|e| Ended::Failed(How::NotStarted(e)))?;
     let group = Pid::from_child(&child);
-    let status = loop {
-        match look(group).map_err(|e| failed(How::NotStarted(e)))? {
-            Some(status) => break Some(status),
-            None if goes_on() => std::thread::sleep(LOOK),
-            None => break None,
+    let ended = loop {
+        match look(group) {
+            Ok(None) if goes_on() => std::thread::sleep(LOOK),
+            Ok(None) => {
+                ask_to_end(group);
+                break Err(Ended::Stopped);
+            }
+            Ok(Some(status)) => break outcome(&status).map_err(Ended::Failed),
+            Err(cause) => break Err(Ended::Failed(How::Lost(cause))),
         }
     };
-    match status {
-        Some(status) => {
-            end(group, &mut child);
-            outcome(&status).map_err(failed)
+    // Whatever is left of it, in any case.
+    end(group, &mut child);
+    ended
+}
+
+/// Lets a group end by itself, for a while.
+fn ask_to_end(group: Pid) {
+    // It may have ended meanwhile.
+    let _ = kill_process_group(group, Signal::TERM);
+    for _ in 0..LOOKS_TO_END {
+        if !matches!(look(group), Ok(None)) {
+            break;
         }
-        None => {
-            // It may have ended by itself meanwhile.
-            let _ = kill_process_group(group, Signal::TERM);
-            for _ in 0..LOOKS_TO_END {
-                if !matches!(look(group), Ok(None)) {
-                    break;
-                }
-                std::thread::sleep(LOOK);
-            }
-            end(group, &mut child);
-            Err(Ended::Stopped)
-        }
+        std::thread::sleep(LOOK);
     }
 }
 
