@@ -7,6 +7,7 @@ mod audit;
 mod build;
 mod check;
 mod clock;
+mod commands;
 mod console;
 mod convert;
 mod diff;
@@ -112,6 +113,9 @@ struct Common {
     /// Render also what changes no bit, to hold it against what is left out otherwise
     #[arg(long, global = true)]
     no_omit: bool,
+    /// Run the programs that recipes name; without it they are shown, and not run
+    #[arg(long, global = true)]
+    allow_commands: bool,
     /// Fail instead of waiting when another gs2e works in the store
     #[arg(long, global = true)]
     no_wait: bool,

@@ -23,7 +23,7 @@
 //! | room | what lives there |
 //! |---|---|
 //! | [`units`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
-//! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
+//! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`reconstruct`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
 //! | [`stage`] | what a step is: parameters, inputs, and one call into a room |
@@ -62,6 +62,7 @@ pub mod image;
 pub mod licence;
 pub mod plan;
 pub mod recipe;
+pub mod reconstruct;
 pub mod release;
 pub mod render;
 pub mod run;

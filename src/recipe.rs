@@ -29,6 +29,7 @@ pub use fragment::{Fragment, read_fragment, read_sensor};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
+use crate::reconstruct::Command;
 use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
 use crate::scene::procedural::StillLife;
@@ -184,6 +185,8 @@ pub enum Reconstruct {
     Given(PathBuf),
     /// The newest scene of the source's own 3DGS model folder.
     Newest(PathBuf),
+    /// A program that trains it on the source's photos.
+    Command(Box<Command>),
 }
 
 /// One trajectory.

@@ -38,6 +38,8 @@ pub struct Options {
     pub keep_going: bool,
     /// Make again what is up to date, to hold it against what is on record.
     pub recheck: Option<Recheck>,
+    /// Run the programs that recipes name. Without it a step fails that would, and none that is up to date is made again.
+    pub allow_commands: bool,
 }
 
 /// Which of the steps that are up to date are made again.

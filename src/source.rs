@@ -16,6 +16,7 @@ pub mod natural;
 pub mod nerfstudio;
 mod node;
 mod photo;
+pub mod undistort;
 pub mod view;
 
 pub use captured::{Captured, PoseFile, Selection, pattern};

@@ -14,6 +14,7 @@ use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::camera::{self, Camera, CameraChoice};
 use crate::frames::rendered::Saving;
 use crate::image::Size;
+use crate::reconstruct::Failed;
 use crate::render::backend::Backend;
 use crate::source::Capture;
 use crate::store::Digest;
@@ -170,6 +171,11 @@ pub trait Stage: serde::Serialize {
         Need::memory([copies(files)])
     }
 
+    /// The programs that it would run, a command a line, as a person may type it.
+    fn programs(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Writes the product's files into `cx.out`.
     ///
     /// # Errors
@@ -230,13 +236,24 @@ pub struct Context<'a> {
     pub clock: Option<fn() -> f64>,
     /// What leaving out saved, where it was measured.
     pub saving: Option<Saving>,
+    /// Whether programs that a recipe names may be run.
+    pub allows_commands: bool,
+    /// Where the file goes that holds what they say; else it lies beside the product's files while they run.
+    pub log: Option<PathBuf>,
 }
 
 impl<'a> Context<'a> {
     /// A context that writes into `out` and stops when `cancel` is set.
     #[must_use]
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
-        Self { out, cancel, warnings: Vec::new(), remark: None, clock: None, saving: None }
+        let (warnings, remark, clock, saving) = (Vec::new(), None, None, None);
+        Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None }
+    }
+
+    /// Whether the work is asked to stop.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
     }
 
     /// Asked at every frame or chunk: `Err` where the work shall stop.
@@ -244,7 +261,7 @@ impl<'a> Context<'a> {
     /// # Errors
     /// [`StageError::Cancelled`].
     pub fn go_on(&self) -> Result<(), StageError> {
-        if self.cancel.load(Ordering::Relaxed) { Err(StageError::Cancelled) } else { Ok(()) }
+        if self.is_cancelled() { Err(StageError::Cancelled) } else { Ok(()) }
     }
 }
 
@@ -270,6 +287,15 @@ pub enum StageError {
     /// An input cannot be opened.
     #[error(transparent)]
     Artifact(#[from] ArtifactError),
+    /// It would run programs, and may not.
+    #[error("run a program that the recipe names: it is not allowed to")]
+    Refused {
+        /// The commands, one a line.
+        programs: Vec<String>,
+    },
+    /// A program that it ran failed.
+    #[error(transparent)]
+    Program(Box<Failed>),
     /// The work itself failed.
     #[error("{doing}: {cause}")]
     Work {
@@ -342,6 +368,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// What it will need, by the sizes of its inputs.
     fn need(&self, inputs: &[Files]) -> Need;
 
+    /// The programs that it would run, a command a line.
+    fn programs(&self) -> Vec<String>;
+
     /// Opens the inputs and does the work.
     ///
     /// # Errors
@@ -390,6 +419,10 @@ where
 
     fn need(&self, inputs: &[Files]) -> Need {
         self.stage.need(inputs)
+    }
+
+    fn programs(&self) -> Vec<String> {
+        self.stage.programs()
     }
 
     fn run(&self, files: &[Files], cx: &mut Context<'_>) -> Result<(), StageError> {

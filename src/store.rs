@@ -156,6 +156,11 @@ impl From<Access> for Opening {
     }
 }
 
+/// The folder of what programs said, a file a key.
+const LOGS: &str = "logs";
+/// How the names of those files end.
+const LOG: &str = ".txt";
+
 impl Store {
     /// Opens the store at `root`, for writing creates it. `waiting` is told for whom it waits, and again as often as
     /// the claim says.
@@ -282,6 +287,16 @@ impl Store {
     #[must_use]
     pub fn path_of(&self, digest: &Digest) -> PathBuf {
         self.blobs.path(digest)
+    }
+
+    /// Where the programs that a step runs leave what they say: told beside what is kept under the key, and no part of it.
+    ///
+    /// # Errors
+    /// When the folder cannot be made.
+    pub fn log_of(&self, key: &Key) -> Result<PathBuf, StoreError> {
+        let folder = self.root.join(LOGS);
+        self.disk.create_dir(&folder)?;
+        Ok(folder.join(format!("{key}{LOG}")))
     }
 
     /// What is known of a file, in the store or outside it; it is read only where its stat fields moved.

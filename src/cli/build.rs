@@ -6,7 +6,7 @@ use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use super::progress::{Progress, Told};
 use super::renderers::Chosen;
-use super::{Common, Targets, clock, failure, left_out, machine, on_interrupt, plan};
+use super::{Common, Targets, clock, commands, failure, left_out, machine, on_interrupt, plan};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
@@ -193,7 +193,12 @@ impl Building<'_> {
         let renderers = chosen.knowing(store);
         let mut plan = renderers.at_hand(plan)?;
         // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
-        let idle = !common.keep_going && assess(&plan, store)?.iter().all(|a| a.action == Action::Keep);
+        let mut idle = false;
+        if !common.keep_going {
+            let assessed = assess(&plan, store)?;
+            idle = assessed.iter().all(|a| a.action == Action::Keep);
+            commands::refuse(&plan, &assessed, common)?;
+        }
         if !idle {
             tell_sensors(&plan, console)?;
             chosen.tell(console);
@@ -266,6 +271,7 @@ fn options(common: &Common, care: &Care) -> Options {
         },
         keep_going: common.keep_going,
         recheck: care.recheck.map(|share| Recheck { share, seed }),
+        allow_commands: common.allow_commands,
     }
 }
 

@@ -1,8 +1,11 @@
 //! What is told of steps that failed: each at once, and all of them again at the end.
 
+use super::commands;
 use super::message::{Level, Message};
 use super::problem::{FULL, stage_failed, unplanned};
+use crate::reconstruct::Failed;
 use crate::run::StepError;
+use crate::stage::StageError;
 use crate::store::record::{Provenance, Record, content};
 use crate::store::space::Space;
 use crate::store::{StoreError, Unlike};
@@ -27,6 +30,8 @@ pub(super) fn failed(at: Place<'_>, error: &StepError) -> Message {
         StepError::Moved(_) => {
             new("input-moved", format!("{scene}/{step}: {error}")).help("run again when it is at rest")
         }
+        StepError::Stage(StageError::Refused { programs }) => commands::refused_step(scene, step, programs),
+        StepError::Stage(StageError::Program(error)) => command_failed(scene, step, error),
         StepError::Stage(error) => stage_failed("step-failed", scene, step, error)
             .help("mend it and run the same command: what is finished is kept"),
         StepError::Full { wrote, space, cause } => {
@@ -41,6 +46,19 @@ pub(super) fn failed(at: Place<'_>, error: &StepError) -> Message {
         }
         StepError::Store(error) => new("store", format!("{scene}/{step}: failed {error}")),
     }
+}
+
+/// A program that a step ran, how it ended, and the last of what it said.
+fn command_failed(scene: &str, step: &str, error: &Failed) -> Message {
+    let Failed { program, command, how, last, log } = error;
+    let what = format!("{scene}/{step}: {program} failed: {how}");
+    let message = Message::new(Level::Error, "command-failed", what).step(scene, step).path(log);
+    let message = message.detail(format!("command: {command}"));
+    let message = match last.as_slice() {
+        [] => message.detail("it said nothing"),
+        last => message.detail(format!("it said last:\n   {}", last.join("\n   "))),
+    };
+    message.help("all that it said is in the file named first; what is finished is kept")
 }
 
 fn full(at: Place<'_>, wrote: u64, space: Option<&Space>) -> String {

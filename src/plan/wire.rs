@@ -21,23 +21,17 @@ use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
 pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: &mut Wiring<'_>) {
-    let capturing = match &recipe.source {
-        Source::Procedural(still_life) => Capturing::procedural(still_life),
-        Source::Captured(captured, _) => Capturing::Captured(captured.clone()),
-        Source::None => Capturing::None,
-    };
+    let capture = wiring.add("capture".into(), capturing(recipe), ());
     let reconstructing = match (&recipe.reconstruct, &recipe.source) {
         (Some(Reconstruct::Given(file)), _) => Reconstructing::given(file),
         (Some(Reconstruct::Newest(model)), _) => Reconstructing::newest_of(model),
+        (Some(Reconstruct::Command(command)), _) => Reconstructing::command(command, capturing(recipe)),
         (None, Source::Procedural(still_life)) => Reconstructing::procedural(still_life),
         (None, _) => unreachable!("recipes of other sources say where the Gaussians come from"),
     };
-    let ground = Ground {
-        capture: wiring.add("capture".into(), capturing, ()),
-        gaussians: wiring.add("reconstruct".into(), reconstructing, ()),
-        backend,
-        omit,
-    };
+    let trained_on = matches!(reconstructing, Reconstructing::Command(_)).then_some(capture);
+    let gaussians = wiring.add("reconstruct".into(), reconstructing, trained_on);
+    let ground = Ground { capture, gaussians, backend, omit };
     // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
     let mut motions = BTreeMap::new();
@@ -45,6 +39,14 @@ pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: 
         let base = trajectory.base.as_deref().map(|base| motions[base]);
         let motion = self::trajectory(recipe, trajectory, base, ground, wiring);
         motions.insert(trajectory.name.as_str(), motion);
+    }
+}
+
+fn capturing(recipe: &Recipe) -> Capturing {
+    match &recipe.source {
+        Source::Procedural(still_life) => Capturing::procedural(still_life),
+        Source::Captured(captured, _) => Capturing::Captured(captured.clone()),
+        Source::None => Capturing::None,
     }
 }
 

@@ -1,5 +1,6 @@
 //! The merged recipe in full, defaults filled: what `scene.json` shows. It is a recipe itself, in one spelling.
 
+mod reconstruct;
 mod trajectory;
 
 use super::field::Field;
@@ -39,8 +40,12 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
             add("sensors", named.iter().map(|(name, s)| (name.clone(), sensor(written(name), s))).collect());
         }
     }
-    if let Some(Reconstruct::Given(_)) = &recipe.reconstruct {
-        add("reconstruct", json!({ "given": { "path": given_path(raw) } }));
+    match &recipe.reconstruct {
+        Some(Reconstruct::Given(_)) => add("reconstruct", json!({ "given": { "path": given_path(raw) } })),
+        Some(Reconstruct::Command(command)) => {
+            add("reconstruct", json!({ "command": reconstruct::command(raw, command) }));
+        }
+        Some(Reconstruct::Newest(_)) | None => {}
     }
     if let Some(camera) = recipe.camera {
         let mut sides = json!({ "width": camera.width, "height": camera.height });

@@ -3,6 +3,7 @@
 mod licence;
 mod number;
 mod picture;
+mod reconstruct;
 mod sampling;
 mod sensor;
 mod source;
@@ -65,7 +66,7 @@ impl Resolver<'_> {
         let scene = self.scene(&raw.scene);
         let seed = self.or(&raw.seed, 0);
         let source = self.source(&raw.source);
-        let reconstruct = self.reconstruct(&raw.reconstruct, source.as_ref());
+        let reconstruct = self.reconstruct(&raw.reconstruct, source.as_ref(), seed);
         let camera = self.camera(&raw.camera, source.as_ref());
         let rate = self.rate(&raw.sampling);
         let law = self.summation(&raw.sampling);

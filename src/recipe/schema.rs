@@ -5,9 +5,11 @@
 //!
 //! An enumeration whose choices hold mappings stands in `ENUMERATIONS` of [`super::merge`] too, unless it is in a list.
 
+mod reconstruct;
 mod sensor;
 mod trajectory;
 
+pub(super) use reconstruct::{Command, Count, Reconstruct};
 pub(super) use sensor::{Esim, FrontEnd, HotPixels, Leak, Luminance, Range, Refractory, Threshold, V2e};
 pub(super) use trajectory::{
     Bezier, Curve, Ends, Flow, Gaps, Keyframes, List, Meaning, Metric, Novel, NovelCurve, Orbit, Order, Pose,
@@ -116,25 +118,6 @@ pub(super) struct Folder {
     pub accessed: Field<String>,
     /// Whether its terms were accepted.
     pub terms_accepted: Field<bool>,
-}
-
-/// Where the Gaussians come from.
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Reconstruct {
-    Given(Field<Given>),
-    Builtin(Field<Later>),
-    Command(Field<Later>),
-}
-
-/// A scene file.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Given {
-    /// Required.
-    pub path: Field<String>,
-    /// Whether it was trained on undistorted photos.
-    pub undistorted: Field<Later>,
 }
 
 #[derive(Debug, Default, Deserialize)]

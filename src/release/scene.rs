@@ -5,7 +5,8 @@ mod trajectory;
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
-use crate::recipe::{Recipe, Source, Upstream};
+use crate::recipe::{Recipe, Reconstruct, Source, Upstream};
+use crate::reconstruct::Command;
 use crate::seed::{Purpose, Seed};
 use crate::source::kind::Kind;
 use crate::source::{Capture, Unused, View, natural};
@@ -152,7 +153,7 @@ impl Conventions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReconstructionPart {
-    /// `procedural` or `given`.
+    /// `procedural`, `given` or `command`.
     pub kind: String,
     /// SHA-256 of the scene as the store keeps it, a `.ply`.
     pub scene_sha256: String,
@@ -166,7 +167,7 @@ pub struct ReconstructionPart {
     pub dropped: u64,
     /// Training iterations.
     pub iterations: Option<u64>,
-    /// Training command.
+    /// Training command, the places of a training in braces.
     pub command: Option<String>,
     /// PSNR against photos.
     pub psnr: Option<Value>,
@@ -413,7 +414,12 @@ fn camera(scene: &BuiltScene<'_>) -> CameraPart {
 }
 
 fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<ReconstructionPart> {
-    let kind = if matches!(scene.recipe.source, Source::Procedural(_)) { "procedural" } else { "given" };
+    let command = command(scene.recipe);
+    let kind = match (&scene.recipe.source, command) {
+        (Source::Procedural(_), _) => "procedural",
+        (_, Some(_)) => "command",
+        (_, None) => "given",
+    };
     let summary = &scene.gaussians;
     Ok(ReconstructionPart {
         kind: kind.into(),
@@ -422,12 +428,20 @@ fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<ReconstructionPart>
         sh_degree: summary.sh_degree,
         antialiased: summary.antialiased,
         dropped: summary.screening.non_finite,
-        iterations: None,
-        command: None,
+        iterations: command.and_then(|command| command.iterations),
+        command: command.map(Command::written),
         psnr: None,
         ssim: None,
         lpips: None,
     })
+}
+
+/// The program that trained the scene.
+fn command(recipe: &Recipe) -> Option<&Command> {
+    match &recipe.reconstruct {
+        Some(Reconstruct::Command(command)) => Some(command),
+        Some(Reconstruct::Given(_) | Reconstruct::Newest(_)) | None => None,
+    }
 }
 
 fn licence(scene: &BuiltScene<'_>) -> LicencePart {
@@ -436,10 +450,15 @@ fn licence(scene: &BuiltScene<'_>) -> LicencePart {
         version: version.into(),
         licence: licence.into(),
     };
+    let trainer = command(scene.recipe);
+    let trainer = trainer.map(|own| tool(&own.name(), &own.version, &own.licence));
     LicencePart {
         expression: scene.licence.expression.clone(),
         parts: Vec::new(),
-        tools: vec![tool("gs2e", env!("CARGO_PKG_VERSION"), "MIT OR Apache-2.0")],
+        tools: [tool("gs2e", env!("CARGO_PKG_VERSION"), "MIT OR Apache-2.0")]
+            .into_iter()
+            .chain(trainer)
+            .collect(),
         gated: scene.licence.gated,
         attribution: scene.recipe.licence.as_ref().map_or(String::new(), |l| l.holder.clone()),
     }

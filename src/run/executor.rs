@@ -151,7 +151,9 @@ impl<'a> Executor<'a> {
         let Assessment { action, reason, key, description, sources, outputs } =
             step_alone(self.plan, self.store, planned, &outputs_of)?;
         let key = key.expect("a step alone has a key");
-        let recheck = outputs.clone().filter(|_| self.options.recheck.is_some_and(|r| r.chooses(&key)));
+        let may_run = self.options.allow_commands || planned.step.programs().is_empty();
+        let chosen = || may_run && self.options.recheck.is_some_and(|r| r.chooses(&key));
+        let recheck = outputs.clone().filter(|_| chosen());
         if action != Action::Keep || recheck.is_some() {
             let files = self.open_inputs(step);
             let need = planned.step.need(&files);
@@ -193,7 +195,8 @@ impl<'a> Executor<'a> {
         if memory > whole.memory {
             self.observer.tell(&Event::TooLarge { step, memory, budget: whole.memory });
         }
-        let job = Job { plan: self.plan, store: self.store, cancel: self.cancel, cores };
+        let allows_commands = self.options.allow_commands;
+        let job = Job { plan: self.plan, store: self.store, cancel: self.cancel, cores, allows_commands };
         let sender = sender.clone();
         scope.spawn(move || {
             // A panic is carried to the thread that waits: it would wait for ever for a step that is gone.

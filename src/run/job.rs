@@ -49,6 +49,7 @@ pub(super) struct Job<'a> {
     pub(super) store: &'a Store,
     pub(super) cancel: &'a AtomicBool,
     pub(super) cores: usize,
+    pub(super) allows_commands: bool,
 }
 
 impl Job<'_> {
@@ -65,6 +66,10 @@ impl Job<'_> {
         let started = Instant::now();
         let mut cx = Context::new(workspace.path(), self.cancel);
         cx.clock = Some(seconds);
+        cx.allows_commands = self.allows_commands;
+        if self.allows_commands && !planned.step.programs().is_empty() {
+            cx.log = Some(self.store.log_of(&stale.key)?);
+        }
         let worked = self.pool()?.install(|| planned.step.run(&stale.files, &mut cx));
         let seconds = started.elapsed().as_secs_f64();
         // Half of a file that somebody is writing is like a broken one: that it moves is the better word for it.
@@ -92,7 +97,9 @@ impl Job<'_> {
     /// every library passes on why it could not write.
     fn with_space(&self, error: StepError, wrote: u64) -> StepError {
         let may_have_written = match &error {
-            StepError::Stage(StageError::Work { .. } | StageError::Io { .. }) => true,
+            StepError::Stage(StageError::Work { .. } | StageError::Io { .. } | StageError::Program(_)) => {
+                true
+            }
             StepError::Store(error) => !matches!(error, StoreError::Nondeterministic(_)),
             _ => false,
         };

@@ -6,6 +6,7 @@
 mod binary;
 mod lenses;
 mod text;
+pub mod write;
 
 use super::photo::{self, Look, Photo, SCALED};
 use super::{Capture, Found, Place, SourceError, Unused, View, Warning, collect};
@@ -58,6 +59,8 @@ pub struct Observation {
 pub struct Point {
     /// Its place in the world.
     pub xyz: DVec3,
+    /// Its colour.
+    pub rgb: [u8; 3],
     /// Mean distance of its projections from its key points, px, as COLMAP says.
     pub error: f64,
 }
@@ -204,6 +207,16 @@ impl Model {
         }
         Ok(warnings)
     }
+}
+
+/// Reads a file of points, whose form its name tells, in the order of their ids.
+///
+/// # Errors
+/// When the file is absent or damaged.
+pub fn read_points(file: &Path) -> Result<Vec<Point>, SourceError> {
+    let is_text = file.extension().is_some_and(|extension| extension == "txt");
+    let points = if is_text { text::points(file) } else { binary::points(file) }?;
+    Ok(points.into_values().collect())
 }
 
 fn is_number(name: &str) -> bool {

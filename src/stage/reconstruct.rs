@@ -1,10 +1,17 @@
-//! Stage `reconstruct`: has the Gaussians, from a scene file or from the embedded scene.
+//! Stage `reconstruct`: has the Gaussians, from a scene file, from the embedded scene or from a program that trains them.
 
-use super::{Context, SourceFile, Stage, StageError};
+mod command;
+
+pub use command::Training;
+
+use super::capture::Capturing;
+use super::{Context, Need, SourceFile, Stage, StageError, Target, copies};
+use crate::artifact::{Artifact, Files};
+use crate::reconstruct::{self, Command};
 use crate::scene::ply::write_ply;
 use crate::scene::procedural::{self, StillLife};
 use crate::scene::{self, Gaussians};
-use crate::source::model;
+use crate::source::{Capture, model};
 use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -29,6 +36,8 @@ pub enum Reconstructing {
         #[serde(skip)]
         file: SceneFile,
     },
+    /// A program that is run on the capture.
+    Command(Box<Training>),
 }
 
 /// Where a scene file is.
@@ -70,30 +79,58 @@ impl Reconstructing {
     pub fn newest_of(model: &Path) -> Self {
         Self::Given { form: None, file: SceneFile::NewestOf(model.to_owned()) }
     }
+
+    /// What a program trains on the photos of a source.
+    #[must_use]
+    pub fn command(command: &Command, source: Capturing) -> Self {
+        Self::Command(Box::new(Training::new(command, source)))
+    }
 }
 
 impl Stage for Reconstructing {
     const NAME: &'static str = "reconstruct";
     const REVISION: u32 = 1;
-    type Inputs = ();
+    /// The capture, for what is trained on it.
+    type Inputs = Option<Target<Capture>>;
     type Output = Gaussians;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         Ok(match self {
             Self::Procedural { .. } => Vec::new(),
             Self::Given { file, .. } => vec![SourceFile { name: "scene".into(), path: file.find()? }],
+            Self::Command(training) => training.sources()?,
         })
     }
 
     fn source_folders(&self) -> Vec<PathBuf> {
         match self {
             Self::Given { file: SceneFile::NewestOf(path), .. } => model::scene_folders(path),
+            Self::Command(training) => training.source_folders(),
             Self::Given { .. } | Self::Procedural { .. } => Vec::new(),
         }
     }
 
-    fn run(&self, (): (), cx: &mut Context<'_>) -> Result<(), StageError> {
+    fn need(&self, files: &[Files]) -> Need {
+        let capture = files.first().filter(|_| matches!(self, Self::Command(_)));
+        match capture.and_then(|files| Capture::open(files).ok()) {
+            // Trainings take turns at the graphics processor.
+            Some(capture) => Need { gpu: true, ..Need::memory([reconstruct::memory(&capture)]) },
+            None => Need::memory([copies(files)]),
+        }
+    }
+
+    fn programs(&self) -> Vec<String> {
+        match self {
+            Self::Command(training) => training.programs(),
+            Self::Given { .. } | Self::Procedural { .. } => Vec::new(),
+        }
+    }
+
+    fn run(&self, capture: Option<Capture>, cx: &mut Context<'_>) -> Result<(), StageError> {
         let gaussians = match self {
+            Self::Command(training) => {
+                training.run(&capture.expect("a training is wired to the capture"), cx)?
+            }
             Self::Procedural { gaussians, seed } => {
                 let still_life = StillLife { gaussians: *gaussians, seed: *seed, ..StillLife::default() };
                 procedural::gaussians(&still_life)

@@ -6,7 +6,7 @@
 use super::disk::failed;
 use super::fs::Stat;
 use super::state::Table;
-use super::{Digest, Key, Store, StoreError};
+use super::{Digest, Key, LOG, LOGS, Store, StoreError};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
@@ -34,7 +34,7 @@ pub struct Swept {
     pub kept_blobs: usize,
     /// Bytes of the blobs that stay.
     pub kept_bytes: u64,
-    /// Files in `trash/` from before.
+    /// Files in `trash/` from before, and what programs said in steps that nobody marked.
     pub trash: usize,
     /// Bytes of those.
     pub trash_bytes: u64,
@@ -73,7 +73,8 @@ impl Store {
             .stored("cas", "")?
             .into_iter()
             .partition(|blob| !named.contains(&blob.name) && is_old(&blob.stat));
-        let trash = self.old_trash(sweep.until_ns)?;
+        let mut trash = self.old_trash(sweep.until_ns)?;
+        trash.extend(self.old_logs(marked, sweep.until_ns)?);
         let bytes = |files: &[Stored]| files.iter().map(|file| file.stat.size).sum();
         let swept = Swept {
             records: gone.len(),
@@ -126,6 +127,21 @@ impl Store {
             // ctime says when it was moved; its bytes may be of any age.
             if let Ok(stat) = self.disk.stat(&path)
                 && (name.starts_with(OWN) || stat.ctime_ns <= until_ns)
+            {
+                old.push((path, stat.size));
+            }
+        }
+        Ok(old)
+    }
+
+    /// What programs said for keys that nobody marked, long enough ago.
+    fn old_logs(&self, marked: &BTreeSet<Key>, until_ns: i64) -> Result<Vec<(PathBuf, u64)>, StoreError> {
+        let mut old = Vec::new();
+        for (name, path) in self.files_of(LOGS)? {
+            let key = name.strip_suffix(LOG).and_then(|name| name.parse().ok()).map(Key);
+            if key.is_some_and(|key| !marked.contains(&key))
+                && let Ok(stat) = self.disk.stat(&path)
+                && stat.mtime_ns <= until_ns
             {
                 old.push((path, stat.size));
             }

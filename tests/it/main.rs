@@ -8,6 +8,7 @@ mod between_frames;
 mod checks;
 mod cli;
 mod codecs;
+mod command;
 mod convert;
 mod convert_events;
 mod croissant;

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 /// Snapshots how a run ended: its exit code, its messages, and the objects of them.
 #[track_caller]
-fn check(place: &Workspace, name: &str, ended: &Ended) {
+pub(crate) fn check(place: &Workspace, name: &str, ended: &Ended) {
     let mut text = format!("exit {}\n", ended.code);
     let mut in_message = false;
     for line in ended.stderr.lines() {
@@ -49,6 +49,7 @@ fn masked(place: &Workspace, text: &str) -> String {
     for (before, mask) in [("pid ", "PID"), ("wrote ", "SIZE"), ("knows ", "N")] {
         text = after(&text, before, mask, |c| c.is_ascii_digit() || c == '.');
     }
+    text = after(&text, "PLACE/.gs2e/tmp/", "FRESH", |c| c != '/');
     text = after(&text, "(cas/", "DIGEST", |c| c.is_ascii_hexdigit() || "/…".contains(c));
     hex(&text)
 }

@@ -9,6 +9,7 @@ mod model_folders;
 mod models;
 mod planted;
 mod transforms;
+mod undistortion;
 
 use gs2e::image::Size;
 use std::path::{Path, PathBuf};

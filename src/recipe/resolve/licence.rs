@@ -19,7 +19,7 @@ impl Resolver<'_> {
         Some(Some(LicenceChoice { expression: expression?, holder: holder? }))
     }
 
-    fn spdx(&self, text: &str, place: Place) -> Option<String> {
+    pub(super) fn spdx(&self, text: &str, place: Place) -> Option<String> {
         let Err(error) = spdx::Expression::parse(text) else { return Some(text.to_owned()) };
         let problem = Problem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
         let problem = problem.help("ids are those of spdx.org/licenses; own terms are LicenseRef-Name");

@@ -5,7 +5,7 @@ use super::number::{Range, Whole};
 use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
 use crate::recipe::text::Place;
-use crate::recipe::{Reconstruct, Source, Upstream, forms, schema};
+use crate::recipe::{Source, Upstream, forms, schema};
 use crate::scene::procedural::StillLife;
 use crate::source::kind::Kind;
 use crate::source::{self, Captured, PoseFile, Selection, mvimgnet};
@@ -13,7 +13,6 @@ use std::path::PathBuf;
 
 /// Most views that a recipe may ask for.
 const MOST_VIEWS: u32 = 1_000_000;
-const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 
 impl Resolver<'_> {
     pub(super) fn source(&self, field: &Field<schema::Source>) -> Option<Source> {
@@ -50,20 +49,22 @@ impl Resolver<'_> {
             Field::Absent => Some(None),
             given => self.small(given, 1, Whole::new(1, u64::from(MOST_VIEWS))).map(Some),
         };
-        let selection =
-            Selection { views: views?, exclude: self.exclude(kind, raw)?, poses: self.pose_file(kind, raw)? };
+        let (exclude, poses) = (self.exclude(kind, raw), self.pose_file(kind, raw));
+        let (id, url) = (self.said(&raw.upstream_id), self.formed(&raw.upstream_url, forms::URL));
+        let accessed = self.formed(&raw.accessed, forms::DAY);
+        let terms_accepted = match &raw.terms_accepted {
+            Field::Absent => Some(None),
+            Field::Bad => None,
+            Field::Given(accepted, _) => Some(Some(*accepted)),
+        };
+        let selection = Selection { views: views?, exclude: exclude?, poses: poses? };
         let captured = Captured { kind, path: path?, selection };
         let known = Upstream::of(&captured);
-        let terms = match &raw.terms_accepted {
-            Field::Absent => None,
-            Field::Bad => return None,
-            Field::Given(accepted, _) => Some(*accepted),
-        };
         let upstream = Upstream {
-            id: self.said(&raw.upstream_id)?.or(known.id),
-            url: self.formed(&raw.upstream_url, forms::URL)?.or(known.url),
-            accessed: self.formed(&raw.accessed, forms::DAY)?,
-            terms_accepted: terms,
+            id: id?.or(known.id),
+            url: url?.or(known.url),
+            accessed: accessed?,
+            terms_accepted: terms_accepted?,
         };
         Some(Source::Captured(captured, upstream))
     }
@@ -109,49 +110,8 @@ impl Resolver<'_> {
         }
     }
 
-    pub(super) fn reconstruct(
-        &self,
-        field: &Field<schema::Reconstruct>,
-        source: Option<&Source>,
-    ) -> Option<Option<Reconstruct>> {
-        match (field, source) {
-            (Field::Bad, _) => None,
-            (Field::Absent, Some(Source::Captured(captured, _))) if captured.kind == Kind::Model => {
-                Some(Some(Reconstruct::Newest(captured.path.clone())))
-            }
-            (Field::Absent, Some(Source::Captured(..))) => {
-                let help = format!("{GIVEN}, the scene file that was trained on this source");
-                self.refuse(Problem::missing("reconstruct").help(help).at(self.root))
-            }
-            (Field::Absent, Some(Source::None)) => {
-                self.refuse(Problem::missing("reconstruct").help(GIVEN).at(self.root))
-            }
-            (Field::Absent, _) => Some(None),
-            (Field::Given(_, place), Some(Source::Procedural(_))) => {
-                let problem =
-                    Problem::of_key("does not go with a procedural source, which brings its own Gaussians");
-                self.refuse(problem.help("remove it, or name another source").at(*place))
-            }
-            (Field::Given(raw, _), _) => self.reconstruction(raw).map(Some),
-        }
-    }
-
-    fn reconstruction(&self, raw: &schema::Reconstruct) -> Option<Reconstruct> {
-        match raw {
-            schema::Reconstruct::Given(field) => {
-                let (given, place) = field.given()?;
-                self.later(&given.undistorted, "this gs2e takes a given scene as it is");
-                self.path(&given.path, place).map(Reconstruct::Given)
-            }
-            schema::Reconstruct::Builtin(later) | schema::Reconstruct::Command(later) => {
-                self.later(later, &format!("this gs2e takes a given scene file: {GIVEN}"));
-                None
-            }
-        }
-    }
-
     /// A path, relative to the folder of the file that names it.
-    fn path(&self, field: &Field<String>, within: Place) -> Option<PathBuf> {
+    pub(super) fn path(&self, field: &Field<String>, within: Place) -> Option<PathBuf> {
         let (text, place) =
             self.required(field, "path", within, "a path is relative to the recipe's folder")?;
         Some(self.folders[place.file as usize].join(self.filled(text, place)?))

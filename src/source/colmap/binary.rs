@@ -92,11 +92,11 @@ pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
     bytes.records("point", POINT_BYTES, |bytes| {
         let id = bytes.u64()?;
         let xyz = DVec3::new(bytes.f64()?, bytes.f64()?, bytes.f64()?);
-        bytes.take(3)?;
+        let rgb = bytes.array()?;
         let error = bytes.f64()?;
         let track = bytes.count(TRACK_BYTES)?;
         bytes.take(track * TRACK_BYTES)?;
-        points.insert(id, Point { xyz, error });
+        points.insert(id, Point { xyz, rgb, error });
         Ok(())
     })?;
     Ok(points)

@@ -13,13 +13,16 @@ pub(super) struct CameraModel {
     pub(super) parameters: usize,
 }
 
+/// The number of the model without distortion that has two focal lengths.
+pub(super) const PINHOLE: i32 = 1;
+
 const fn model(id: i32, name: &'static str, parameters: usize) -> CameraModel {
     CameraModel { id, name, parameters }
 }
 
 const MODELS: [CameraModel; 11] = [
     model(0, "SIMPLE_PINHOLE", 3),
-    model(1, "PINHOLE", 4),
+    model(PINHOLE, "PINHOLE", 4),
     model(2, "SIMPLE_RADIAL", 4),
     model(3, "RADIAL", 5),
     model(4, "OPENCV", 8),

@@ -102,8 +102,10 @@ pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
         let id = line.number(words.next(), "a point id")?;
         let mut coordinate = || line.number(words.next(), "x, y, z");
         let xyz = DVec3::new(coordinate()?, coordinate()?, coordinate()?);
-        let error = line.number(words.nth(3), "an error after red, green and blue")?;
-        points.insert(id, Point { xyz, error });
+        let mut colour = || line.number(words.next(), "red, green, blue from 0 to 255");
+        let rgb = [colour()?, colour()?, colour()?];
+        let error = line.number(words.next(), "an error after red, green and blue")?;
+        points.insert(id, Point { xyz, rgb, error });
     }
     Ok(points)
 }

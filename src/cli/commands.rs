@@ -1,0 +1,97 @@
+//! Programs that recipes name: a recipe may come from a stranger, so none of them runs unless the user says so.
+
+use super::Common;
+use super::message::{Level, Message};
+use super::problem::{Exit, Problem};
+use crate::plan::Plan;
+use crate::plan::assess::{Action, Assessment};
+use crate::stage::Stage as _;
+use crate::stage::reconstruct::Reconstructing;
+use std::collections::BTreeMap;
+
+/// Commands that are shown at most; the rest is counted.
+const SHOWN: usize = 20;
+/// Scenes that are named beside a command at most.
+const SCENES_SHOWN: usize = 3;
+
+/// Refuses a plan of which a step would run a program, or may, unless the user allows it. Nothing has run then.
+pub(super) fn refuse(plan: &Plan, assessed: &[Assessment], common: &Common) -> Result<(), Problem> {
+    if common.allow_commands {
+        return Ok(());
+    }
+    let mut scenes: BTreeMap<Vec<String>, Vec<&str>> = BTreeMap::new();
+    for (step, _) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action != Action::Keep) {
+        let programs = step.step.programs();
+        if !programs.is_empty() {
+            scenes.entry(programs).or_default().push(plan.scene_of(step));
+        }
+    }
+    if scenes.is_empty() { Ok(()) } else { Err(Problem::of(Exit::Usage, refused(&scenes))) }
+}
+
+/// What is told of commands that are not run, each with its scenes.
+fn refused(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> Message {
+    let count: usize = scenes.values().map(Vec::len).sum();
+    let new =
+        |what: String| Message::new(Level::Error, "command-refused", format!("{what}; nothing was run"));
+    let show = |message: Message, programs: &[String]| {
+        programs.iter().fold(message, |message, line| message.detail(format!("  {line}")))
+    };
+    if let (Some((programs, of)), 1) = (scenes.first_key_value(), count) {
+        let what = format!("{}/{STEP} would run a program that the recipe names", of[0]);
+        return show(new(what).step(of[0], STEP), programs).help(HELP);
+    }
+    let mut message = new(format!("{count} scenes would run programs that their recipes name"));
+    for (programs, of) in scenes.iter().take(SHOWN) {
+        message = show(message.detail(format!("for {}", names(of))), programs);
+    }
+    if scenes.len() > SHOWN {
+        message = message.detail(format!("and {} other commands", scenes.len() - SHOWN));
+    }
+    message.help(HELP)
+}
+
+/// What is told of a step that would have run programs while others went on.
+pub(super) fn refused_step(scene: &str, step: &str, programs: &[String]) -> Message {
+    let what = format!("{scene}/{step} would run a program that the recipe names; it was not run");
+    let message = Message::new(Level::Error, "command-refused", what).step(scene, step);
+    programs.iter().fold(message, |message, line| message.detail(format!("  {line}"))).help(HELP)
+}
+
+/// The step that runs programs.
+const STEP: &str = Reconstructing::NAME;
+const HELP: &str = "if you trust it, run the same command with --allow-commands";
+
+fn names(scenes: &[&str]) -> String {
+    let shown = scenes.iter().take(SCENES_SHOWN).copied().collect::<Vec<_>>().join(", ");
+    match scenes.len().saturating_sub(SCENES_SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_told_once_each_with_their_scenes() {
+        let command = |n: usize| vec![format!("trainer --version {n:02}"), format!("trainer {n:02}")];
+        let names: Vec<String> = (0..30).map(|n| format!("s{n}")).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let told = |scenes: &[(usize, &[&str])]| {
+            refused(&scenes.iter().map(|(n, of)| (command(*n), of.to_vec())).collect()).to_text()
+        };
+        let wanted = "error: s0/reconstruct would run a program that the recipe names; nothing was run\n   trainer \
+                      --version 07\n   trainer 07\nhelp: if you trust it, run the same command with --allow-commands";
+        assert_eq!(told(&[(7, &names[..1])]), wanted);
+        let several = told(&[(1, &names[..3]), (2, &names[3..9])]);
+        assert!(several.starts_with("error: 9 scenes would run programs"), "{several}");
+        assert!(several.contains(
+            "\n for s0, s1, s2\n   trainer --version 01\n   trainer 01\n for s3, s4, s5 and 3 more\n"
+        ));
+        let many: Vec<(usize, &[&str])> = (0..25).map(|n| (n, &names[n..=n])).collect();
+        let many = told(&many);
+        assert_eq!((many.matches("\n for ").count(), many.contains("\n and 5 other commands\n")), (20, true));
+    }
+}

@@ -1,0 +1,40 @@
+//! A program that trains a scene, in one spelling.
+
+use crate::recipe::schema;
+use crate::reconstruct::{Argument, Command};
+use serde_json::{Map, Value, json};
+
+/// All that is known of it; the paths of its files are as written.
+pub(super) fn command(raw: &schema::Recipe, command: &Command) -> Value {
+    let texts = |list: &[Argument]| list.iter().map(Argument::to_string).collect::<Vec<_>>();
+    let mut out = json!({
+        "program": command.program.to_string(),
+        "arguments": texts(&command.arguments),
+        "version": command.version,
+        "licence": command.licence,
+    });
+    let mut add = |key: &str, value: Option<Value>| {
+        if let Some(value) = value {
+            out[key] = value;
+        }
+    };
+    add("probe", command.probe.as_deref().map(|probe| json!(texts(probe))));
+    add("scene", command.scene.as_ref().map(|scene| json!(scene)));
+    add("iterations", command.iterations.map(|iterations| json!(iterations)));
+    add("hold_out", command.hold_out.map(|every| json!(every)));
+    add("gaussians", (!command.gaussians.is_any()).then(|| json!(command.gaussians)));
+    add("environment", (!command.environment.is_empty()).then(|| json!(command.environment)));
+    add("files", (!command.files.is_empty()).then(|| files(raw)));
+    out
+}
+
+fn files(raw: &schema::Recipe) -> Value {
+    let Some((schema::Reconstruct::Command(written), _)) = raw.reconstruct.given() else {
+        return Value::Null;
+    };
+    let files = written.given().and_then(|(written, _)| written.files.given()).into_iter();
+    let file = |(name, path): (&String, &crate::recipe::field::Field<String>)| {
+        Some((name.clone(), json!(path.given()?.0)))
+    };
+    files.flat_map(|(files, _)| files.iter().filter_map(file)).collect::<Map<_, _>>().into()
+}

@@ -1,0 +1,182 @@
+//! A program that trains a scene.
+
+use crate::recipe::field::Field;
+use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::resolve::Resolver;
+use crate::recipe::resolve::number::Whole;
+use crate::recipe::schema;
+use crate::recipe::text::Place;
+use crate::reconstruct::{Argument, ArgumentError, Command, Count, Places};
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+
+const PROGRAM: &str = "write program: opensplat, a name that is looked for in PATH, or \"{train}\" with \
+                       files: { train: path/to/it }";
+const VERSION: &str = "write version: \"1.1.4\": it is in the key, so that another version trains again";
+const LICENCE: &str =
+    "write licence: AGPL-3.0-only, the terms of the program; LicenseRef-Name where they have no id";
+const SCENE: &str = "write scene: scene.ply, the file below {out} that the program makes";
+const NAME_HELP: &str = "names are of a to z, 0 to 9, - and _";
+
+/// Places of arguments that are known when the recipe is read.
+const SEED: &str = "seed";
+const ITERATIONS: &str = "iterations";
+
+/// The names that may stand in braces, with the values of those that are known.
+type Known<'k> = BTreeMap<&'k str, Option<String>>;
+
+impl Resolver<'_> {
+    pub(super) fn command(&self, raw: &schema::Command, place: Place, seed: Option<u64>) -> Option<Command> {
+        let files = self.files(&raw.files);
+        let iterations = self.iterations(&raw.iterations);
+        let mut known: Known<'_> = files.iter().flatten().map(|(name, _)| (name.as_str(), None)).collect();
+        let program = self
+            .required(&raw.program, "program", place, PROGRAM)
+            .and_then(|(text, at)| self.program(text, at, &known));
+        known.insert(SEED, Some(seed.unwrap_or_default().to_string()));
+        if let Some(Some(iterations)) = iterations {
+            known.insert(ITERATIONS, Some(iterations.to_string()));
+        }
+        let probe = match &raw.probe {
+            Field::Absent => Some(None),
+            field => self.arguments(field, &known).map(Some),
+        };
+        known.extend(Places::ALL.map(|name| (name, None)));
+        let arguments = self.arguments(&raw.arguments, &known);
+        let version = self.required(&raw.version, "version", place, VERSION);
+        let version = version.and_then(|(text, at)| self.filled(text, at));
+        let licence = self.required(&raw.licence, "licence", place, LICENCE);
+        let licence = licence.and_then(|(text, at)| self.spdx(text, at));
+        let environment = self.environment(&raw.environment);
+        let scene = self.below_out(&raw.scene);
+        let hold_out = match &raw.hold_out {
+            Field::Absent => Some(None),
+            field => self.small(field, 0, Whole::new(2, 1_000_000)).map(Some),
+        };
+        let gaussians = self.limits(&raw.gaussians);
+        Some(Command {
+            program: program?,
+            arguments: arguments?,
+            version: version?,
+            environment: environment?,
+            scene: scene?,
+            hold_out: hold_out?,
+            gaussians: gaussians?,
+            probe: probe?,
+            files: files?,
+            licence: licence?,
+            iterations: iterations?,
+        })
+    }
+
+    /// A name, or a place of a file: a path would be in the key.
+    fn program(&self, text: &str, place: Place, known: &Known<'_>) -> Option<Argument> {
+        let program = self.argument(&self.filled(text, place)?, place, known)?;
+        if text.contains(std::path::MAIN_SEPARATOR) {
+            let problem = Problem::of_field(format!("is {}, a path", quoted(text)));
+            return self.refuse(problem.help(PROGRAM).at(place));
+        }
+        Some(program)
+    }
+
+    fn arguments(&self, field: &Field<Vec<Field<String>>>, known: &Known<'_>) -> Option<Vec<Argument>> {
+        let none = Vec::new();
+        let list = self.section(field, &none)?;
+        let read: Vec<Option<Argument>> = list
+            .iter()
+            .map(|item| item.given().and_then(|(text, place)| self.argument(text, place, known)))
+            .collect();
+        read.into_iter().collect()
+    }
+
+    fn argument(&self, text: &str, place: Place, known: &Known<'_>) -> Option<Argument> {
+        let names: Vec<&str> = known.keys().copied().collect();
+        match Argument::parse(text, known) {
+            Ok(_) if text.contains('\0') => {
+                self.refuse(Problem::of_field("holds a NUL, which no argument can").at(place))
+            }
+            Ok(argument) => Some(argument),
+            Err(ArgumentError::Unknown(name)) => {
+                self.refuse(Problem::unknown("place", &name, &names).at(place))
+            }
+            Err(ArgumentError::Alone) => {
+                let help = format!("places here: {}; a brace itself is written twice", names.join(", "));
+                self.refuse(Problem::of_field("holds a brace that stands alone").help(help).at(place))
+            }
+        }
+    }
+
+    fn files(&self, field: &Field<BTreeMap<String, Field<String>>>) -> Option<BTreeMap<String, PathBuf>> {
+        let none = BTreeMap::new();
+        let mut files = Some(BTreeMap::new());
+        for (name, path) in self.section(field, &none)? {
+            let found = path.given().and_then(|(text, place)| {
+                self.refuse_name(name, place)?;
+                Some(self.folders[place.file as usize].join(self.filled(text, place)?))
+            });
+            match (&mut files, found) {
+                (Some(files), Some(path)) => drop(files.insert(name.clone(), path)),
+                _ => files = None,
+            }
+        }
+        files
+    }
+
+    fn refuse_name(&self, name: &str, place: Place) -> Option<()> {
+        let taken = Places::ALL.contains(&name) || [SEED, ITERATIONS].contains(&name);
+        let is_sound = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
+        if taken {
+            let problem = Problem::of_key("has a name that every training fills itself");
+            return self.refuse(problem.help("choose another name").at(place));
+        }
+        if name.is_empty() || !name.chars().all(is_sound) {
+            return self.refuse(Problem::of_key("is no name for a file").help(NAME_HELP).at(place));
+        }
+        Some(())
+    }
+
+    fn environment(
+        &self,
+        field: &Field<BTreeMap<String, Field<String>>>,
+    ) -> Option<BTreeMap<String, String>> {
+        let none = BTreeMap::new();
+        let variable = |(name, value): (&String, &Field<String>)| {
+            let (text, place) = value.given()?;
+            if name.is_empty() || name.contains(['=', '\0']) || text.contains('\0') {
+                return self.refuse(Problem::of_key("is no variable that a program can have").at(place));
+            }
+            Some((name.clone(), text.clone()))
+        };
+        let read: Vec<_> = self.section(field, &none)?.iter().map(variable).collect();
+        read.into_iter().collect()
+    }
+
+    /// A file below `{out}`.
+    fn below_out(&self, field: &Field<String>) -> Option<Option<String>> {
+        let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
+        let text = self.filled(text, place)?;
+        if !Path::new(&text).components().all(|part| matches!(part, Component::Normal(_))) {
+            let problem = Problem::of_field(format!("is {}, wanted a file below {{out}}", quoted(&text)));
+            return self.refuse(problem.help(SCENE).at(place));
+        }
+        Some(Some(text))
+    }
+
+    fn iterations(&self, field: &Field<u64>) -> Option<Option<u64>> {
+        match field {
+            Field::Absent => Some(None),
+            field => self.whole(field, 0, Whole::new(1, 1_000_000_000)).map(Some),
+        }
+    }
+
+    fn limits(&self, field: &Field<schema::Count>) -> Option<Count> {
+        let absent = schema::Count::default();
+        let raw = self.section(field, &absent)?;
+        let end = |field: &Field<u64>| match field {
+            Field::Absent => Some(None),
+            field => self.whole(field, 0, Whole::new(1, 1_000_000_000)).map(Some),
+        };
+        let (min, max) = (end(&raw.min), end(&raw.max));
+        Some(Count { min: min?, max: max? })
+    }
+}

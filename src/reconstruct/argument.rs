@@ -1,0 +1,191 @@
+//! What a program is started with: texts with places left open in braces, `{capture}` for one, and `{{`, `}}` for braces
+//! themselves. No shell ever reads them.
+
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// A text with places left open.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Argument(Vec<Part>);
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Part {
+    Text(String),
+    Place(String),
+}
+
+/// Why a text is no argument.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ArgumentError {
+    /// A name in braces that nothing has.
+    #[error("{{{0}}}")]
+    Unknown(String),
+    /// A brace without its partner.
+    #[error("a brace that stands alone")]
+    Alone,
+}
+
+impl Argument {
+    /// Reads a text, whose places must be among `known`. A place that has its value there already is filled.
+    ///
+    /// # Errors
+    /// When a place is not known, or a brace stands alone.
+    pub fn parse(text: &str, known: &BTreeMap<&str, Option<String>>) -> Result<Self, ArgumentError> {
+        let mut parts = Vec::new();
+        let mut rest = text;
+        while let Some(at) = rest.find(['{', '}']) {
+            let (before, braces) = rest.split_at(at);
+            append(&mut parts, before);
+            rest = if let Some(after) = braces.strip_prefix("{{") {
+                append(&mut parts, "{");
+                after
+            } else if let Some(after) = braces.strip_prefix("}}") {
+                append(&mut parts, "}");
+                after
+            } else {
+                let inside = braces.strip_prefix('{').and_then(|rest| rest.split_once('}'));
+                let (name, after) = inside.ok_or(ArgumentError::Alone)?;
+                match known.get(name) {
+                    Some(Some(value)) => append(&mut parts, value),
+                    Some(None) => parts.push(Part::Place(name.to_owned())),
+                    None => return Err(ArgumentError::Unknown(name.to_owned())),
+                }
+                after
+            };
+        }
+        append(&mut parts, rest);
+        Ok(Self(parts))
+    }
+
+    /// The text with its places filled. One that is not among them stays open.
+    #[must_use]
+    pub fn fill(&self, places: &BTreeMap<&str, PathBuf>) -> OsString {
+        let mut filled = OsString::new();
+        for part in &self.0 {
+            match part {
+                Part::Text(text) => filled.push(text),
+                Part::Place(name) => match places.get(name.as_str()) {
+                    Some(path) => filled.push(path),
+                    None => filled.push(format!("{{{name}}}")),
+                },
+            }
+        }
+        filled
+    }
+
+    /// Whether this place is left open somewhere in it.
+    #[must_use]
+    pub fn names(&self, place: &str) -> bool {
+        self.0.iter().any(|part| matches!(part, Part::Place(name) if name == place))
+    }
+}
+
+fn append(parts: &mut Vec<Part>, text: &str) {
+    match parts.last_mut() {
+        Some(Part::Text(before)) => before.push_str(text),
+        _ if text.is_empty() => {}
+        _ => parts.push(Part::Text(text.to_owned())),
+    }
+}
+
+/// As it may be written: what is equal is written alike.
+impl fmt::Display for Argument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|part| match part {
+            Part::Text(text) => f.write_str(&text.replace('{', "{{").replace('}', "}}")),
+            Part::Place(name) => write!(f, "{{{name}}}"),
+        })
+    }
+}
+
+impl Serialize for Argument {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Words as a person may paste them into a shell: in quotes where one would be read as something else, and with what a
+/// terminal would act upon, or show elsewhere, told by number.
+#[must_use]
+pub fn quoted<'a>(words: impl IntoIterator<Item = &'a Path>) -> String {
+    words.into_iter().map(|word| quoted_word(&word.to_string_lossy())).collect::<Vec<_>>().join(" ")
+}
+
+fn quoted_word(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%{}".contains(c);
+    // Braces that hold a comma or dots would be more than one word.
+    if !word.is_empty() && word.chars().all(is_plain) && !(word.contains('{') && word.contains([',', '.'])) {
+        return word.to_owned();
+    }
+    let mut quoted = String::from("'");
+    for c in word.chars() {
+        match c {
+            '\'' => quoted.push_str("'\\''"),
+            c if hides(c) => quoted.extend(c.escape_unicode()),
+            c => quoted.push(c),
+        }
+    }
+    quoted + "'"
+}
+
+/// Control characters, and those that turn the direction of writing around or take no room.
+fn hides(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{ad}' | '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Argument, ArgumentError> {
+        let known = [("out", None), ("capture", None), ("seed", Some("7".to_owned()))];
+        Argument::parse(text, &known.into_iter().collect())
+    }
+
+    #[test]
+    fn places_are_filled_and_braces_are_kept() {
+        let places = [("out", PathBuf::from("/o ut")), ("capture", PathBuf::from("/c"))];
+        let places: BTreeMap<&str, PathBuf> = places.into_iter().collect();
+        let t = |text: &str, filled: &str, written: &str| {
+            let argument = parse(text).unwrap();
+            assert_eq!(argument.fill(&places), filled, "{text}");
+            assert_eq!(argument.to_string(), written, "{text}");
+            assert_eq!(parse(written).unwrap(), argument, "what is written is read back");
+        };
+        t("", "", "");
+        t("-n", "-n", "-n");
+        t("{out}/a.ply", "/o ut/a.ply", "{out}/a.ply");
+        t("{capture}:{out}", "/c:/o ut", "{capture}:{out}");
+        t("$(touch x) `y` *", "$(touch x) `y` *", "$(touch x) `y` *");
+        t("{{out}}", "{out}", "{{out}}");
+        t("{{{out}}}", "{/o ut}", "{{{out}}}");
+        t("--seed={seed}", "--seed=7", "--seed=7");
+        assert!(parse("{out}/x").unwrap().names("out") && !parse("{{out}}").unwrap().names("out"));
+    }
+
+    #[test]
+    fn what_nothing_has_is_refused() {
+        let t = |text: &str, wanted: ArgumentError| assert_eq!(parse(text), Err(wanted), "{text}");
+        t("{home}", ArgumentError::Unknown("home".into()));
+        t("{}", ArgumentError::Unknown(String::new()));
+        t("{Out}", ArgumentError::Unknown("Out".into()));
+        t("{out", ArgumentError::Alone);
+        t("out}", ArgumentError::Alone);
+        t("{{out}", ArgumentError::Alone);
+    }
+
+    #[test]
+    fn words_are_shown_as_a_shell_would_take_them_apart() {
+        let t = |words: &[&str], wanted: &str| {
+            assert_eq!(quoted(words.iter().map(Path::new)), wanted, "{words:?}");
+        };
+        t(&["opensplat", "-n", "30000", "{out}/scene"], "opensplat -n 30000 {out}/scene");
+        t(&["a b", "", "$(touch x)", "it's"], r"'a b' '' '$(touch x)' 'it'\''s'");
+        t(&["{a,b}", "{1..3}"], "'{a,b}' '{1..3}'");
+        t(&["x\u{1b}[2Ky", "\u{202e}gnp"], r"'x\u{1b}[2Ky' '\u{202e}gnp'");
+    }
+}

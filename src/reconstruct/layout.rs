@@ -1,0 +1,174 @@
+//! A capture as trainers take it: a folder with `images` and, in `sparse/0`, a COLMAP model with pinhole cameras and the
+//! points of the source.
+//!
+//! Photos are copied, never linked: a program that writes into one must not reach the user's own. They are numbered in
+//! capture order, so that what a trainer holds out by counting names is what is held out here.
+
+use crate::image::{Image, Shades, jpeg, png, to_byte};
+use crate::source::colmap::write::{Taken, write};
+use crate::source::colmap::{Point, read_points};
+use crate::source::lens::NEGLIGIBLE_PX;
+use crate::source::undistort::undistorted;
+use crate::source::{Capture, SourceError, View};
+use rayon::prelude::*;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Cursor};
+use std::path::{Path, PathBuf};
+
+/// Raised when the same capture comes to be laid out in other bytes: it is in the key of trainings.
+pub const LAYOUT: u32 = 1;
+
+/// Why a trainer cannot be given a capture.
+#[derive(Debug, thiserror::Error)]
+pub enum LayoutError {
+    /// The system's reason.
+    #[error("use {}: {cause}", path.display())]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// Cause.
+        cause: io::Error,
+    },
+    /// A photo cannot be read.
+    #[error("read the photo {}: {because}", path.display())]
+    Photo {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        because: String,
+    },
+    /// The source's points cannot be read.
+    #[error("read the points: {0}")]
+    Points(#[from] SourceError),
+    /// Nothing is left to train on.
+    #[error(
+        "find a photo to train on: {views} views, {without_photo} of them without a photo, {held_out} held out"
+    )]
+    Nothing {
+        /// All of them.
+        views: usize,
+        /// Those whose photo is not there.
+        without_photo: usize,
+        /// Those that are held out.
+        held_out: usize,
+    },
+    /// It was asked to stop.
+    #[error("finish: it was interrupted")]
+    Stopped,
+}
+
+fn at(path: &Path) -> impl FnOnce(io::Error) -> LayoutError {
+    move |cause| LayoutError::Io { path: path.to_owned(), cause }
+}
+
+/// What was laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Laid {
+    /// Views that were left out because their photos are not there.
+    pub(super) without_photo: usize,
+}
+
+/// Bytes that a trainer may need for the photos of a capture, as 32-bit colours, and for all else.
+#[must_use]
+pub fn memory(capture: &Capture) -> u64 {
+    const COLOUR_BYTES: u64 = 12;
+    const ELSE: u64 = 2 << 30;
+    let pixels = |view: &View| u64::from(view.camera.size.width) * u64::from(view.camera.size.height);
+    capture.views.iter().map(|view| COLOUR_BYTES * pixels(view)).fold(ELSE, u64::saturating_add)
+}
+
+/// Lays a capture out in the folder `to`, which is made; `files` are those of its source, by their names in it.
+pub(super) fn lay_out(
+    capture: &Capture,
+    files: &[(String, PathBuf)],
+    hold_out: Option<u32>,
+    to: &Path,
+    goes_on: &(dyn Fn() -> bool + Sync),
+) -> Result<Laid, LayoutError> {
+    let (images, model) = (to.join("images"), to.join("sparse/0"));
+    for folder in [&images, &model] {
+        fs::create_dir_all(folder).map_err(at(folder))?;
+    }
+    let is_held_out = |index: usize| hold_out.is_some_and(|every| index.is_multiple_of(every as usize));
+    let shown: Vec<(usize, &View)> =
+        capture.views.iter().enumerate().filter(|(index, _)| !is_held_out(*index)).collect();
+    let photos: Vec<(usize, &View, &Path)> =
+        shown.iter().filter_map(|(index, view)| Some((*index, *view, photo(view, files)?))).collect();
+    let without_photo = shown.len() - photos.len();
+    if photos.is_empty() {
+        let views = capture.views.len();
+        return Err(LayoutError::Nothing { views, without_photo, held_out: views - shown.len() });
+    }
+    let put = |(index, view, photo): &(usize, &View, &Path)| {
+        if goes_on() { put(*index, view, photo, &images) } else { Err(LayoutError::Stopped) }
+    };
+    let taken: Vec<Taken> = photos.par_iter().map(put).collect::<Result<_, _>>()?;
+    write(&model, &taken, &points(files)?).map_err(at(&model))?;
+    Ok(Laid { without_photo })
+}
+
+/// The photo of a view, where it is there.
+fn photo<'f>(view: &View, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
+    let is_its = |name: &str| name == view.name || name.strip_prefix("images/") == Some(&view.name);
+    files.iter().find(|(name, _)| is_its(name)).map(|(_, path)| path.as_path())
+}
+
+/// The points of the source's COLMAP model, where it is one.
+fn points(files: &[(String, PathBuf)]) -> Result<Vec<Point>, SourceError> {
+    let file = files.iter().find(|(name, _)| ["points3D.bin", "points3D.txt"].contains(&name.as_str()));
+    file.map(|(_, path)| read_points(path)).transpose().map(Option::unwrap_or_default)
+}
+
+/// Puts a photo into the folder `images`, undistorted where its lens bends it.
+fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, LayoutError> {
+    let is_bent = view.lens.max_displacement_px(&view.camera) > NEGLIGIBLE_PX;
+    let name = if is_bent {
+        straighten(index, view, photo, images)?
+    } else {
+        let name = match photo.extension().and_then(|extension| extension.to_str()) {
+            Some(extension) => format!("{index:06}.{}", extension.to_lowercase()),
+            None => format!("{index:06}"),
+        };
+        fs::copy(photo, images.join(&name)).map_err(at(photo))?;
+        name
+    };
+    let View { world_from_camera, camera, .. } = *view;
+    Ok(Taken { name, world_from_camera, camera })
+}
+
+/// Writes the photo as a pinhole would have taken it; the name of the file.
+fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<String, LayoutError> {
+    let unreadable = |because: String| LayoutError::Photo { path: photo.to_owned(), because };
+    let taken = decode(photo).map_err(unreadable)?;
+    if taken.size() != view.camera.size {
+        let (found, wanted) = (taken.size(), view.camera.size);
+        return Err(unreadable(format!("it is {found}, and its camera, whose lens bends it, says {wanted}")));
+    }
+    let straight = undistorted(&taken, &view.camera, &view.lens);
+    let name = format!("{index:06}.png");
+    let file = images.join(&name);
+    File::create(&file).and_then(|out| png::write(&*straight, BufWriter::new(out))).map_err(at(&file))?;
+    Ok(name)
+}
+
+/// The colours of a PNG or a JPEG; of a grey one three equal channels.
+fn decode(photo: &Path) -> Result<Image<[u8; 3]>, String> {
+    let bytes = fs::read(photo).map_err(|e| e.to_string())?;
+    let shades = if bytes.starts_with(b"\x89PNG") {
+        png::read_colours(Cursor::new(&bytes)).map_err(|e| e.to_string())?
+    } else {
+        jpeg::read_colours(&bytes).map_err(|e| e.to_string())?
+    };
+    let Shades { luminance, colours } = shades;
+    let size = luminance.size();
+    let pixels = match colours {
+        Some(colours) => colours.into_pixels().into_iter().map(|rgb| rgb.map(byte)).collect(),
+        None => luminance.into_pixels().into_iter().map(|grey| [byte(grey); 3]).collect(),
+    };
+    Ok(Image::from_vec(size, pixels))
+}
+
+/// A sample on the scale 0..255.
+fn byte(sample: f32) -> u8 {
+    to_byte(sample / 255.0)
+}

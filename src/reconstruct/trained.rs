@@ -1,0 +1,71 @@
+//! What a trainer brought, held against what a scene is.
+
+use crate::scene::{self, Gaussians, SceneError};
+use crate::source::{SourceError, model};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// The largest share of Gaussians that may hold a NaN or an infinity. They are dropped; a training that diverged has more.
+const MOST_NON_FINITE: f64 = 0.01;
+
+/// How many Gaussians a scene has to have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Count {
+    /// At least these, where it is said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min: Option<u64>,
+    /// At most these, where it is said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max: Option<u64>,
+}
+
+impl Count {
+    /// Whether any number will do.
+    #[must_use]
+    pub fn is_any(&self) -> bool {
+        *self == Self::default()
+    }
+
+    fn holds(self, count: u64) -> bool {
+        self.min.is_none_or(|min| count >= min) && self.max.is_none_or(|max| count <= max)
+    }
+}
+
+/// Why what a trainer brought cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum TrainedError {
+    #[error("it left no scene: {} is not there", .0.display())]
+    Absent(PathBuf),
+    #[error("it left no scene: {0}")]
+    NotFound(SourceError),
+    #[error("what it made is no scene: failed to {0}")]
+    Unreadable(SceneError),
+    #[error("what it made is no sound scene: {non_finite} of {read} Gaussians hold a NaN or an infinity")]
+    NonFinite { read: u64, non_finite: u64 },
+    #[error("it made {found} Gaussians, wanted {}", wanted(.limits))]
+    Count { found: u64, limits: Count },
+}
+
+fn wanted(limits: &Count) -> String {
+    let min = limits.min.map(|min| format!("at least {min}"));
+    let max = limits.max.map(|max| format!("at most {max}"));
+    [min, max].into_iter().flatten().collect::<Vec<_>>().join(" and ")
+}
+
+/// Reads the scene that a trainer left in `out`.
+pub(super) fn read(out: &Path, scene: Option<&str>, limits: Count) -> Result<Gaussians, TrainedError> {
+    let file = match scene {
+        Some(below) => out.join(below),
+        None => model::newest_scene(out).map_err(TrainedError::NotFound)?,
+    };
+    if !file.exists() {
+        return Err(TrainedError::Absent(scene.unwrap_or_default().into()));
+    }
+    let gaussians = scene::read(&file).map_err(TrainedError::Unreadable)?;
+    let scene::Screening { read, non_finite, .. } = gaussians.screening;
+    if non_finite as f64 > MOST_NON_FINITE * read as f64 {
+        return Err(TrainedError::NonFinite { read, non_finite });
+    }
+    let found = gaussians.len() as u64;
+    if limits.holds(found) { Ok(gaussians) } else { Err(TrainedError::Count { found, limits }) }
+}

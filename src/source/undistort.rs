@@ -1,0 +1,169 @@
+//! Photos without what their lens did to them: resampled onto the pinhole part of their camera.
+//!
+//! OpenCV's `undistort` with the camera matrix kept (`modules/calib3d/src/undistort.dispatch.cpp`): same size, same
+//! focal lengths, same principal point, bilinear, black where the photo does not reach. It differs in two ways. The place
+//! in the photo is not rounded to 1/32 px. And pixel centres lie at half-integers, as everywhere here: OpenCV has them at
+//! integers, so that its principal point is `cx - 0.5`, `cy - 0.5`.
+
+use super::Lens;
+use super::lens::NEGLIGIBLE_PX;
+use crate::camera::Camera;
+use crate::image::{Image, Size};
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// What `camera` would have seen through a pinhole where it took `photo` through `lens`.
+///
+/// The photo itself where the lens moves no point by more than [`NEGLIGIBLE_PX`].
+///
+/// # Panics
+/// If the photo is not of the camera's size.
+#[must_use]
+pub fn undistorted<'a>(photo: &'a Image<[u8; 3]>, camera: &Camera, lens: &Lens) -> Cow<'a, Image<[u8; 3]>> {
+    assert_eq!(photo.size(), camera.size, "a photo has the size of its camera");
+    if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
+        return Cow::Borrowed(photo);
+    }
+    let mut straight = Image::filled(photo.size(), [0; 3]);
+    let rows = straight.pixels_mut().par_chunks_mut(camera.size.width as usize);
+    rows.zip(0..camera.size.height).for_each(|(row, j)| {
+        for (pixel, i) in row.iter_mut().zip(0..) {
+            *pixel = bilinear(photo, seen_at(camera, lens, [i, j]));
+        }
+    });
+    Cow::Owned(straight)
+}
+
+/// Where in the photo, px, the lens puts what the pinhole sees at the centre of pixel `[i, j]`.
+fn seen_at(camera: &Camera, lens: &Lens, [i, j]: [u32; 2]) -> [f64; 2] {
+    let x = (f64::from(i) + 0.5 - camera.cx) / camera.fx;
+    let y = (f64::from(j) + 0.5 - camera.cy) / camera.fy;
+    let [x, y] = lens.distort([x, y]);
+    [camera.fx * x + camera.cx, camera.fy * y + camera.cy]
+}
+
+/// The colour between the four nearest pixel centres, of which those outside are black.
+fn bilinear(photo: &Image<[u8; 3]>, [u, v]: [f64; 2]) -> [u8; 3] {
+    let (x, y) = (u - 0.5, v - 0.5);
+    let (left, top) = (x.floor(), y.floor());
+    let (to_right, to_bottom) = (x - left, y - top);
+    let [a, b] = [top, top + 1.0].map(|row| [left, left + 1.0].map(|column| colour(photo, [column, row])));
+    std::array::from_fn(|channel| {
+        let between = |[l, r]: [[u8; 3]; 2]| {
+            f64::from(l[channel]) * (1.0 - to_right) + f64::from(r[channel]) * to_right
+        };
+        rounded(between(a) * (1.0 - to_bottom) + between(b) * to_bottom)
+    })
+}
+
+/// The colour of the pixel in this column and row, counted in whole numbers; black outside, and where a pole of the lens
+/// leaves no number.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers within the photo")]
+fn colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
+    let Size { width, height } = photo.size();
+    let inside = (0.0..f64::from(width)).contains(&column) && (0.0..f64::from(height)).contains(&row);
+    if inside { photo.pixels()[row as usize * width as usize + column as usize] } else { [0; 3] }
+}
+
+/// The nearest byte of a value between bytes; 0 of what is no number.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 255.5")]
+fn rounded(value: f64) -> u8 {
+    (value + 0.5) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 97, height: 61 };
+    const CAMERA: Camera = Camera { size: SIZE, fx: 90.0, fy: 80.0, cx: 50.25, cy: 29.5 };
+
+    /// The picture whose colours are those of `shade` at the centres of its pixels, px.
+    fn picture(shade: impl Fn(f64, f64) -> [f64; 3]) -> Image<[u8; 3]> {
+        let at = |k: u32| (f64::from(k % SIZE.width) + 0.5, f64::from(k / SIZE.width) + 0.5);
+        let pixels = (0..SIZE.width * SIZE.height).map(at).map(|(u, v)| shade(u, v).map(rounded));
+        Image::from_vec(SIZE, pixels.collect())
+    }
+
+    /// Smooth enough that bilinear interpolation is off by less than a fifth of a grey level: at most
+    /// `(|f_uu| + |f_vv|) / 8`, with second derivatives below `100 / 15^2 = 0.45` and `80 / 12^2 = 0.56`.
+    fn waves(u: f64, v: f64) -> [f64; 3] {
+        [
+            128.0 + 100.0 * libm::sin(u / 15.0 + 0.3),
+            120.0 + 80.0 * libm::cos(v / 12.0),
+            125.0 + 60.0 * libm::sin((u - v) / 18.0),
+        ]
+    }
+
+    fn largest_difference(a: &Image<[u8; 3]>, b: &Image<[u8; 3]>) -> u8 {
+        let channels = a.pixels().as_flattened().iter().zip(b.pixels().as_flattened());
+        channels.map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+    }
+
+    #[test]
+    fn a_lens_that_moves_nothing_leaves_the_photo_alone() {
+        let photo = picture(waves);
+        for lens in [Lens::Pinhole, Lens::SimpleRadial { k1: 1e-4 }] {
+            assert!(matches!(undistorted(&photo, &CAMERA, &lens), Cow::Borrowed(same) if same == &photo));
+        }
+    }
+
+    /// Where `k r^2` is far above 1, the rational lens `(1 + k1 r^2) / (1 + k4 r^2)` is a scale by `k1 / k4`.
+    #[test]
+    fn a_lens_that_scales_is_undone_about_the_principal_point() {
+        let lens = Lens::FullOpenCv { k: [0.5e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
+        let photo = picture(|u, v| waves(50.25 + 2.0 * (u - 50.25), 29.5 + 2.0 * (v - 29.5)));
+        let straight = undistorted(&photo, &CAMERA, &lens);
+        // Halved waves: four times the curvature, so below one level with the rounding.
+        assert!(largest_difference(&straight, &picture(waves)) <= 2);
+        let lens = Lens::FullOpenCv { k: [4e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
+        let white = Image::filled(SIZE, [255; 3]);
+        // Four times as far from the principal point: a pixel centre at distance d of an edge at D is inside for 4 d <=
+        // D - 1/2, black for 4 d >= D + 1/2.
+        let wanted = |centre: f64, from: f64, to: f64| {
+            let place = from + 4.0 * (centre - from);
+            if (0.5..=to - 0.5).contains(&place) {
+                Some(255)
+            } else if place <= -0.5 || place >= to + 0.5 {
+                Some(0)
+            } else {
+                None
+            }
+        };
+        let straight = undistorted(&white, &CAMERA, &lens);
+        let mut judged = [0, 0];
+        for (k, pixel) in straight.pixels().iter().enumerate() {
+            let column = wanted((k % 97) as f64 + 0.5, CAMERA.cx, 97.0);
+            let row = wanted((k / 97) as f64 + 0.5, CAMERA.cy, 61.0);
+            if let (Some(a), Some(b)) = (column, row) {
+                assert_eq!(*pixel, [a.min(b); 3], "{k}");
+                judged[usize::from(a.min(b) == 0)] += 1;
+            }
+        }
+        assert!(judged.iter().all(|&count| count > 300), "{judged:?}");
+    }
+
+    /// The photo is painted through the inverse lens, which bisection finds.
+    #[test]
+    fn a_planted_radial_lens_is_undone() {
+        let k1 = -0.25;
+        let straight_radius = |bent: f64| {
+            let (mut low, mut high) = (0.0, 1.0);
+            for _ in 0..60 {
+                let middle: f64 = f64::midpoint(low, high);
+                if middle * (1.0 + k1 * middle * middle) < bent { low = middle } else { high = middle }
+            }
+            low
+        };
+        let photo = picture(|u, v| {
+            let (x, y) = ((u - 50.25) / 90.0, (v - 29.5) / 80.0);
+            let scale = straight_radius(x.hypot(y)) / x.hypot(y);
+            waves(50.25 + 90.0 * x * scale, 29.5 + 80.0 * y * scale)
+        });
+        let lens = Lens::SimpleRadial { k1 };
+        assert!(lens.max_displacement_px(&CAMERA) > 5.0);
+        assert!(largest_difference(&undistorted(&photo, &CAMERA, &lens), &picture(waves)) <= 1);
+        // As it was taken the photo is another picture.
+        assert!(largest_difference(&photo, &picture(waves)) > 20);
+    }
+}

@@ -1,0 +1,90 @@
+//! A program that trains a scene on the capture.
+
+use crate::reconstruct::{Command, Desk, LAYOUT, LayoutError, TrainError, Trained};
+use crate::scene::Gaussians;
+use crate::source::Capture;
+use crate::stage::capture::Capturing;
+use crate::stage::{Context, SourceFile, Stage, StageError};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Parameters: the program, and how it is given the capture.
+#[derive(Debug, Serialize)]
+pub struct Training {
+    /// The program.
+    #[serde(flatten)]
+    command: Command,
+    /// See [`LAYOUT`].
+    layout: u32,
+    /// Where its photos and points are.
+    #[serde(skip)]
+    source: Capturing,
+}
+
+impl Training {
+    pub(super) fn new(command: &Command, source: Capturing) -> Self {
+        Self { command: command.clone(), layout: LAYOUT, source }
+    }
+
+    /// The photos and points of the source. Its poses come with the capture.
+    fn given(&self) -> Result<Vec<SourceFile>, StageError> {
+        let mut files = self.source.sources()?;
+        files.retain(|file| !holds_poses(&file.path));
+        Ok(files)
+    }
+
+    pub(super) fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        let mut files = self.given()?;
+        for (name, path) in &self.command.files {
+            if !path.is_file() {
+                return Err(StageError::Missing { path: path.clone() });
+            }
+            files.push(SourceFile { name: format!("of the command: {name}"), path: path.clone() });
+        }
+        Ok(files)
+    }
+
+    pub(super) fn source_folders(&self) -> Vec<PathBuf> {
+        self.source.source_folders()
+    }
+
+    pub(super) fn programs(&self) -> Vec<String> {
+        self.command.lines()
+    }
+
+    pub(super) fn run(&self, capture: &Capture, cx: &mut Context<'_>) -> Result<Gaussians, StageError> {
+        if !cx.allows_commands {
+            return Err(StageError::Refused { programs: self.programs() });
+        }
+        let folder = cx.out.join("training");
+        std::fs::create_dir(&folder).map_err(StageError::io(&folder))?;
+        let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
+        let files = self.given()?.into_iter().map(|file| (file.name, file.path)).collect::<Vec<_>>();
+        let desk = Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled() };
+        let trained = self.command.train(capture, &files, desk);
+        let Trained { gaussians, without_photo } = trained.map_err(failure)?;
+        // Nothing of it is a part of the product.
+        std::fs::remove_dir_all(&folder).map_err(StageError::io(&folder))?;
+        if without_photo > 0 {
+            cx.warnings
+                .push(format!("{without_photo} views were not trained on: their photos are not there"));
+        }
+        Ok(gaussians)
+    }
+}
+
+/// Whether the capture holds all that a file of a source says.
+fn holds_poses(file: &Path) -> bool {
+    let is = |name: &str| file.file_name().is_some_and(|found| found == name);
+    let is_json = file.extension().is_some_and(|extension| extension == "json");
+    is_json || ["cameras.bin", "cameras.txt", "images.bin", "images.txt"].into_iter().any(is)
+}
+
+fn failure(error: TrainError) -> StageError {
+    match error {
+        TrainError::Stopped | TrainError::Layout(LayoutError::Stopped) => StageError::Cancelled,
+        TrainError::Failed(failed) => StageError::Program(failed),
+        TrainError::Io { path, cause } => StageError::Io { path, source: cause },
+        TrainError::Layout(error) => StageError::work("give the program the capture")(error),
+    }
+}
