@@ -5,7 +5,11 @@
 
 mod binary;
 mod lenses;
+mod reprojection;
 mod text;
+mod unregistered;
+
+pub use reprojection::Reprojection;
 
 use super::photo::{self, Photo};
 use super::{Capture, Found, Place, SourceError, View, Warning, collect};
@@ -282,7 +286,7 @@ fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
 }
 
 /// The files that [`read`] reads, each with its name within the source: those of the model's form, and the photos that
-/// are there.
+/// are there, with a pose or without.
 ///
 /// # Errors
 /// As [`read`], where it needs the model to know the photos' names.
@@ -292,7 +296,9 @@ pub fn files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let named = |path: PathBuf| (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), path);
     let mut files: Vec<(String, PathBuf)> = stems.into_iter().filter(|p| p.is_file()).map(named).collect();
     if let Some(folder) = model.photos() {
-        let names = model.images()?.into_iter().map(|image| image.name);
+        let images = model.images()?;
+        let unregistered = unregistered::unregistered(&folder, &images);
+        let names = images.into_iter().map(|image| image.name).chain(unregistered);
         files.extend(names.filter_map(|name| Some((format!("images/{name}"), photo::find(&folder, &name)?))));
     }
     Ok(files)

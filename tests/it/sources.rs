@@ -4,7 +4,8 @@
 
 mod model_folders;
 mod models;
-mod planted;
+pub(crate) mod planted;
+mod reprojection;
 mod transforms;
 mod undistortion;
 
