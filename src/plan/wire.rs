@@ -14,7 +14,9 @@ use crate::stage::Target;
 use crate::stage::capture::Capturing;
 use crate::stage::checks::Checking;
 use crate::stage::events::Simulating;
+use crate::stage::fidelity::Comparing;
 use crate::stage::reconstruct::Reconstructing;
+use crate::stage::scene_checks::CheckingScene;
 use crate::stage::sharp::Photographing;
 use crate::stage::trajectory::{Moving, Seeing};
 use std::collections::BTreeMap;
@@ -34,6 +36,7 @@ pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: 
         (None, Source::Procedural(still_life)) => Reconstructing::procedural(still_life),
         (None, _) => unreachable!("recipes of other sources say where the Gaussians come from"),
     };
+    let photographed = recipe.source.has_photos().then(|| capturing.clone());
     let ground = Ground {
         capture: wiring.add("capture".into(), capturing, ()),
         gaussians: wiring.add("reconstruct".into(), reconstructing, ()),
@@ -48,6 +51,19 @@ pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: 
         let motion = self::trajectory(recipe, trajectory, base, ground, wiring);
         motions.insert(trajectory.name.as_str(), motion);
     }
+    if let Some(capturing) = photographed {
+        self::photographed(recipe, capturing, ground, wiring);
+    }
+}
+
+/// The scene held against its photos, and its capture against itself.
+fn photographed(recipe: &Recipe, capturing: Capturing, ground: Ground<'_>, wiring: &mut Wiring<'_>) {
+    let Ground { capture, gaussians, backend, .. } = ground;
+    let comparing =
+        Comparing { render: recipe.render, capturing: capturing.clone(), backend: backend.clone() };
+    let fidelity = wiring.add("fidelity".into(), comparing, (capture, gaussians));
+    let checking = CheckingScene { limits: recipe.checks.of_scene(), capturing };
+    wiring.add("checks".into(), checking, (capture, fidelity));
 }
 
 /// What the steps of all trajectories may take, and what renders them.
@@ -104,7 +120,7 @@ fn trajectory(
         };
         wiring.add(name("sharp"), sharp, (capture, gaussians, motion));
     }
-    let checking = Checking { limits: recipe.checks.clone() };
+    let checking = Checking { limits: recipe.checks.of_trajectory() };
     wiring.add(name("checks"), checking, (motion, events));
     motion
 }

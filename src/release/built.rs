@@ -8,6 +8,7 @@ use crate::licence::Composed;
 use crate::plan::Plan;
 use crate::plan::assess::{Product, describe};
 use crate::recipe::Recipe;
+use crate::render::fidelity::Fidelity;
 use crate::run::Summary;
 use crate::scene::{Gaussians, Screening};
 use crate::source::Capture;
@@ -24,8 +25,16 @@ pub(super) struct BuiltScene<'a> {
     pub(super) capture: Capture,
     pub(super) gaussians: SceneSummary,
     pub(super) licence: Composed,
+    pub(super) photographed: Option<Photographed>,
     pub(super) trajectories: Vec<BuiltTrajectory>,
     pub(super) steps: Vec<BuiltStep>,
+}
+
+/// What was found out about a scene by its photos and its capture.
+#[derive(Debug)]
+pub(super) struct Photographed {
+    pub(super) fidelity: Fidelity,
+    pub(super) findings: Vec<Finding>,
 }
 
 /// What is told of the Gaussians.
@@ -180,11 +189,18 @@ pub(super) fn gather<'a>(
         antialiased: gaussians.antialiased,
         screening: gaussians.screening,
     };
+    let photographed = photographed(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
     let owner = recipe.licence.as_ref().map(|l| l.expression.as_str());
     let licence = crate::licence::compose(recipe.source.kind(), owner);
-    Ok(BuiltScene { recipe, capture, gaussians, licence, trajectories, steps: shelf.steps })
+    Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
+}
+
+fn photographed(shelf: &Shelf<'_>) -> Result<Option<Photographed>, GatherError> {
+    let Some((fidelity, _)) = shelf.open_optional("fidelity")? else { return Ok(None) };
+    let (verdicts, _): (Verdicts, _) = shelf.open("checks")?;
+    Ok(Some(Photographed { fidelity, findings: verdicts.findings_of_scene(shelf.scene) }))
 }
 
 fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
@@ -204,6 +220,12 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
 }
 
 impl BuiltScene<'_> {
+    /// What the checks of the scene and of its trajectories found.
+    pub(super) fn findings(&self) -> impl Iterator<Item = &Finding> {
+        let own = self.photographed.iter().flat_map(|photographed| &photographed.findings);
+        own.chain(self.trajectories.iter().flat_map(|trajectory| &trajectory.findings))
+    }
+
     /// The camera that was rendered.
     pub(super) fn camera(&self) -> Camera {
         let own = self.capture.camera().map(|(own, _)| own);

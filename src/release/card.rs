@@ -97,7 +97,7 @@ const FILES: &str = "\
 | `speed.json` | asked and achieved speed of the camera |
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
-| `checks.json` | verdicts of the validation passes |
+| `checks.json` | verdicts of the validation passes; `<scene>/checks.json` those on the capture, where photos were taken |
 | `manifest.json` | every step with its key, every file with size and BLAKE3 |
 | `SHA256SUMS` | `sha256sum --strict -c SHA256SUMS` |
 ";
@@ -222,7 +222,7 @@ fn rows(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> Vec<String> {
 
 fn checks(scenes: &[BuiltScene<'_>]) -> String {
     let mut text = String::from("## Checks\n\n");
-    let findings: Vec<_> = trajectories(scenes).flat_map(|t| &t.findings).collect();
+    let findings: Vec<_> = scenes.iter().flat_map(BuiltScene::findings).collect();
     let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
     let _ = writeln!(
         text,

@@ -6,6 +6,7 @@ mod trajectory;
 use super::built::BuiltScene;
 use crate::camera::Camera;
 use crate::recipe::{Recipe, Source};
+use crate::render::fidelity::Psnr;
 use crate::seed::{Purpose, Seed};
 use crate::speed::Meaning;
 use crate::trajectory::path::Path;
@@ -167,8 +168,8 @@ pub struct ReconstructionPart {
     /// Training command.
     pub command: Option<String>,
     /// PSNR against photos.
-    pub psnr: Option<Value>,
-    /// SSIM against photos.
+    pub psnr: Option<Psnr>,
+    /// Mean SSIM against photos.
     pub ssim: Option<f64>,
     /// LPIPS against photos.
     pub lpips: Option<f64>,
@@ -395,6 +396,7 @@ fn camera(scene: &BuiltScene<'_>) -> CameraPart {
 fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<ReconstructionPart> {
     let kind = if matches!(scene.recipe.source, Source::Procedural(_)) { "procedural" } else { "given" };
     let summary = &scene.gaussians;
+    let fidelity = scene.photographed.as_ref().map(|photographed| &photographed.fidelity);
     Ok(ReconstructionPart {
         kind: kind.into(),
         scene_sha256: super::checksum::sha256_of_file(&summary.path)?,
@@ -404,8 +406,8 @@ fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<ReconstructionPart>
         dropped: summary.screening.non_finite,
         iterations: None,
         command: None,
-        psnr: None,
-        ssim: None,
+        psnr: fidelity.and_then(|fidelity| fidelity.psnr()),
+        ssim: fidelity.and_then(|fidelity| fidelity.ssim()),
         lpips: None,
     })
 }

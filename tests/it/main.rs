@@ -15,6 +15,7 @@ mod determinism;
 mod diff;
 mod event_pictures;
 mod event_statistics;
+mod fidelity;
 mod foreign_readers;
 mod front_ends;
 mod gc;
