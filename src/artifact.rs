@@ -6,6 +6,7 @@
 use crate::camera::Camera;
 use crate::check::Finding;
 use crate::frames::anchors::Anchors;
+use crate::render::fidelity::Fidelity;
 use crate::render::flow::Quantiles;
 use crate::render::{Omit, Velocity, Work};
 use crate::sampling::Chosen;
@@ -316,17 +317,34 @@ impl Artifact for Pictures {
     }
 }
 
-/// The verdicts on a trajectory: `verdicts.json`.
+impl Artifact for Fidelity {
+    const KIND: &'static str = "fidelity";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        files.json("fidelity.json")
+    }
+}
+
+/// The verdicts on a trajectory, or on a scene: `verdicts.json`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Verdicts {
     /// One record a statement; the subjects are empty but for the name of a stream and a statement's own suffix.
     pub findings: Vec<Finding>,
-    /// Most events in one millisecond, a stream.
+    /// Most events in one millisecond, a stream; none of a scene.
     pub peaks_ev_per_ms: Vec<u64>,
 }
 
 impl Verdicts {
+    /// The findings on a scene, with its id.
+    #[must_use]
+    pub fn findings_of_scene(mut self, scene: &str) -> Vec<Finding> {
+        for finding in &mut self.findings {
+            finding.subject.insert_str(0, scene);
+        }
+        self.findings
+    }
+
     /// The findings, with the trajectory that they are about.
     #[must_use]
     pub fn findings_of(mut self, scene: &str, trajectory: &str) -> Vec<Finding> {

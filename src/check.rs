@@ -7,6 +7,7 @@
 
 pub mod affine;
 pub mod batching;
+pub mod capture;
 pub mod drift;
 pub mod drift_identity;
 pub mod duplicates;
@@ -15,7 +16,9 @@ pub mod event_rate;
 pub mod limits;
 pub mod polarity;
 pub mod pose_continuity;
+pub mod recon_psnr;
 pub mod sampling;
+mod scene_subject;
 pub mod schema;
 pub mod speed;
 pub mod stamps;
@@ -23,6 +26,7 @@ pub mod subject;
 pub mod tally;
 
 pub use limits::{Limits, Waiver};
+pub use scene_subject::{Photos, SceneSubject};
 pub use subject::Subject;
 pub use tally::Tally;
 
@@ -152,6 +156,19 @@ pub fn judge(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> 
     let mut findings: Vec<Finding> = ALL.iter().flat_map(run).collect();
     for finding in &mut findings {
         waive(finding, &trajectory.limits.waive);
+    }
+    findings
+}
+
+/// The passes over a whole scene, in the order of reports.
+const SCENE: [&str; 2] = [capture::NAME, recon_psnr::NAME];
+
+/// Runs the passes over a scene, as [`judge`] does those over a trajectory.
+#[must_use]
+pub fn judge_scene(scene: &SceneSubject<'_>) -> Vec<Finding> {
+    let mut findings = [capture::findings(scene), recon_psnr::findings(scene)].concat();
+    for finding in &mut findings {
+        waive(finding, &scene.limits.waive);
     }
     findings
 }

@@ -1,7 +1,9 @@
 //! Images in memory and the colour arithmetic that all of the program shares.
 
 pub mod jpeg;
+pub mod likeness;
 pub mod npy;
+pub mod photo;
 pub mod png;
 pub mod srgb;
 

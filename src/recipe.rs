@@ -60,7 +60,7 @@ pub struct Recipe {
     pub seed: u64,
     /// Where poses come from.
     pub source: Source,
-    /// Where the Gaussians come from; `None` only for procedural sources, which bring their own.
+    /// Where the Gaussians come from; `None` for procedural sources, which bring their own, and where nothing is rendered.
     pub reconstruct: Option<Reconstruct>,
     /// The camera, where it differs from the source's own.
     pub camera: Option<CameraChoice>,

@@ -114,7 +114,7 @@ pub fn write(
 ) -> Result<Written, ReleaseError> {
     let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, store));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
-    let findings = scenes.iter().flat_map(|s| &s.trajectories).flat_map(|t| &t.findings);
+    let findings = scenes.iter().flat_map(BuiltScene::findings);
     let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
     if !failed.is_empty() {
         return Err(ReleaseError::Checks(failed));
@@ -173,7 +173,9 @@ fn holders(scenes: &[BuiltScene<'_>]) -> Vec<String> {
 }
 
 fn describe(scene: &BuiltScene<'_>) -> Result<SceneFile, ReleaseError> {
-    scene::compose(scene).map_err(|source| ReleaseError::Io { path: scene.gaussians.path.clone(), source })
+    // The one file that is read for it is that of the Gaussians.
+    let path = || scene.gaussians.as_ref().map(|gaussians| gaussians.path.clone()).unwrap_or_default();
+    scene::compose(scene).map_err(|source| ReleaseError::Io { path: path(), source })
 }
 
 fn index_of(scenes: &[BuiltScene<'_>], described: &[SceneFile]) -> Vec<u8> {
@@ -189,6 +191,9 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneFile, store: &Store) -> Tree 
     let id = &scene.recipe.scene;
     let mut tree = Tree::default();
     tree.add(format!("{id}/scene.json"), Content::json(file));
+    if let Some(photographed) = &scene.photographed {
+        tree.add(format!("{id}/checks.json"), Content::json(&photographed.findings));
+    }
     for trajectory in &scene.trajectories {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
         for (name, content) in trajectory_files(scene, trajectory, store) {

@@ -5,6 +5,7 @@ pub mod centre;
 pub mod cpu;
 pub mod doubt;
 mod dual;
+pub mod fidelity;
 pub mod flow;
 pub mod gpu;
 pub mod reference;

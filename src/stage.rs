@@ -6,7 +6,9 @@
 pub mod capture;
 pub mod checks;
 pub mod events;
+pub mod fidelity;
 pub mod reconstruct;
+pub mod scene_checks;
 pub mod sharp;
 pub mod trajectory;
 

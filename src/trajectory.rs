@@ -28,6 +28,7 @@ pub mod smooth;
 pub mod text;
 pub mod travel;
 pub mod twist;
+pub mod walk;
 
 pub use course::Kind;
 pub use error::{TrajectoryError, Warning};

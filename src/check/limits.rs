@@ -1,7 +1,8 @@
 //! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted with a reason.
 
 use super::{
-    NAMES, affine, batching, duplicates, event_frame, event_rate, polarity, pose_continuity, sampling, speed,
+    NAMES, SCENE, affine, batching, capture, duplicates, event_frame, event_rate, polarity, pose_continuity,
+    recon_psnr, sampling, speed,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -29,6 +30,10 @@ pub struct Limits {
     pub pose_continuity: Option<pose_continuity::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed: Option<speed::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recon_psnr: Option<recon_psnr::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub capture: Option<capture::Limits>,
     /// Faults that are accepted, each with its reason.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub waive: Vec<Waiver>,
@@ -47,7 +52,7 @@ pub struct Waiver {
 }
 
 /// Keys of `checks:` that this version knows.
-const KEYS: [&str; 10] = [
+const KEYS: [&str; 12] = [
     "duplicates",
     "event_rate",
     "polarity",
@@ -57,11 +62,31 @@ const KEYS: [&str; 10] = [
     "affine",
     "pose_continuity",
     "speed",
+    "recon_psnr",
+    "capture",
     "waive",
 ];
 
 /// Passes that are built and have no limit to set: what they find is wrong or right.
 const EXACT: [&str; 3] = ["schema", "stamps", "drift_identity"];
+
+impl Limits {
+    /// Those that the passes over a trajectory read.
+    #[must_use]
+    pub fn of_trajectory(&self) -> Self {
+        let mut waive = self.waive.clone();
+        waive.retain(|waiver| !SCENE.contains(&waiver.check.as_str()));
+        Self { recon_psnr: None, capture: None, waive, ..self.clone() }
+    }
+
+    /// Those that the passes over a scene read.
+    #[must_use]
+    pub fn of_scene(&self) -> Self {
+        let mut waive = self.waive.clone();
+        waive.retain(|waiver| SCENE.contains(&waiver.check.as_str()));
+        Self { recon_psnr: self.recon_psnr, capture: self.capture, waive, ..Self::default() }
+    }
+}
 
 impl<'de> Deserialize<'de> for Limits {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -95,6 +120,8 @@ impl<'de> Visitor<'de> for LimitsVisitor {
                 "sampling" => limits.sampling = Some(map.next_value()?),
                 "pose_continuity" => limits.pose_continuity = Some(map.next_value()?),
                 "speed" => limits.speed = Some(map.next_value()?),
+                "recon_psnr" => limits.recon_psnr = Some(map.next_value()?),
+                "capture" => limits.capture = Some(map.next_value()?),
                 "waive" => limits.waive = map.next_value()?,
                 other => return Err(refusal(other)),
             }
@@ -172,6 +199,20 @@ mod tests {
         let text = serde_json::to_string(&limits).unwrap();
         assert_eq!(parse(&text).unwrap(), limits);
         assert_eq!(serde_json::to_string(&Limits::default()).unwrap(), "{}");
+    }
+
+    #[test]
+    fn a_step_reads_the_limits_of_its_own_passes() {
+        let of = |json: &str| {
+            let limits = parse(json).unwrap();
+            [limits.of_trajectory(), limits.of_scene()].map(|l| serde_json::to_string(&l).unwrap())
+        };
+        let [trajectory, scene] =
+            of(r#"{"sampling": {"max": 1}, "recon_psnr": {"drop": 2}, "capture": {"gap": 9},
+            "waive": [{"check": "speed", "because": "a"}, {"check": "capture", "because": "b"}]}"#);
+        assert_eq!(trajectory, r#"{"sampling":{"max":1.0},"waive":[{"check":"speed","because":"a"}]}"#);
+        let wanted = r#"{"recon_psnr":{"drop":2.0},"capture":{"gap":9.0},"waive":[{"check":"capture","because":"b"}]}"#;
+        assert_eq!(scene, wanted);
     }
 
     #[test]

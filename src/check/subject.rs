@@ -52,16 +52,7 @@ impl Subject<'_> {
 
     /// A finding of `check`; `part` names the statement where the pass makes several.
     pub(super) fn finding(&self, check: &str, part: &str, judged: Judged) -> Finding {
-        let subject = if part.is_empty() { self.name.to_owned() } else { format!("{}#{part}", self.name) };
-        Finding {
-            check: check.to_owned(),
-            subject,
-            verdict: judged.verdict,
-            measured: judged.measured,
-            limit: judged.limit,
-            unit: judged.unit.to_owned(),
-            because: judged.because,
-        }
+        judged.finding(self.name, check, part)
     }
 
     /// The finding of a pass that could not measure.
@@ -80,6 +71,27 @@ pub(super) struct Judged {
     pub(super) limit: Option<f64>,
     pub(super) unit: &'static str,
     pub(super) because: String,
+}
+
+impl Judged {
+    /// The judgement on what was measured against a limit.
+    pub(super) fn of(
+        verdict: Verdict,
+        measured: f64,
+        limit: Bound,
+        unit: &'static str,
+        because: String,
+    ) -> Self {
+        Self { verdict, measured: Some(measured), limit: Some(limit.value), unit, because }
+    }
+
+    /// The finding about `name`; `part` names the statement where a pass makes several.
+    pub(super) fn finding(self, name: &str, check: &str, part: &str) -> Finding {
+        let subject = if part.is_empty() { name.to_owned() } else { format!("{name}#{part}") };
+        let Self { verdict, measured, limit, unit, because } = self;
+        let unit = unit.to_owned();
+        Finding { check: check.to_owned(), subject, verdict, measured, limit, unit, because }
+    }
 }
 
 /// One end of what is allowed, and what lies beyond.

@@ -9,7 +9,7 @@ use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
 use crate::plan::assess::assess;
 use crate::recipe;
-use crate::stage::checks;
+use crate::stage::{checks, scene_checks};
 use crate::store::{Access, Store};
 use std::path::PathBuf;
 
@@ -45,14 +45,14 @@ impl Check {
     }
 }
 
-/// The findings of every built trajectory of the named scenes, or of all where none is named.
+/// The findings on every built scene and trajectory of the named scenes, or of all where none is named.
 fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<Finding>, Problem> {
     let assessed = assess(plan, store)?;
     let mut findings = Vec::new();
     for (step, assessed) in plan.steps().iter().zip(&assessed) {
         let scene = plan.scene_of(step);
         let wanted = scenes.is_empty() || scenes.iter().any(|name| name == scene);
-        if step.step.stage() != checks::NAME || !wanted {
+        if ![checks::NAME, scene_checks::NAME].contains(&step.step.stage()) || !wanted {
             continue;
         }
         let Some(outputs) = &assessed.outputs else {
@@ -61,8 +61,10 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
         };
         let verdicts = Verdicts::open(&Files::of(outputs, store))
             .map_err(|e| Problem::failed("unreadable", format!("failed to {e}")))?;
-        let trajectory = step.name.rsplit_once('/').map_or("", |(trajectory, _)| trajectory);
-        findings.extend(verdicts.findings_of(scene, trajectory));
+        findings.extend(match step.name.rsplit_once('/') {
+            Some((trajectory, _)) => verdicts.findings_of(scene, trajectory),
+            None => verdicts.findings_of_scene(scene),
+        });
     }
     Ok(findings)
 }

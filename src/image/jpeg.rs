@@ -47,6 +47,22 @@ pub fn read_colours(bytes: &[u8]) -> Result<Shades, JpegError> {
     Ok(Shades { luminance, colours: Some(Image::from_vec(size, colours)) })
 }
 
+/// Reads an 8-bit image as it is encoded; grey becomes three equal channels.
+///
+/// # Errors
+/// When the bytes are damaged or no JPEG, or the image has more than 16,384 columns or rows.
+pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, JpegError> {
+    let (size, _, samples) = decoded(bytes, ColorSpace::RGB)?;
+    let pixels = match samples.len().checked_div(size.pixels()) {
+        Some(3) => samples.as_chunks().0.to_vec(),
+        Some(1) => samples.into_iter().map(|grey| [grey; 3]).collect(),
+        _ => {
+            return Err(JpegError(DecodeErrors::FormatStatic("it has neither grey nor red, green and blue")));
+        }
+    };
+    Ok(Image::from_vec(size, pixels))
+}
+
 /// Size, the colour space of the file, and the samples in another.
 fn decoded(bytes: &[u8], wanted: ColorSpace) -> Result<(Size, Option<ColorSpace>, Vec<u8>), JpegError> {
     let options = DecoderOptions::new_safe()
@@ -103,6 +119,17 @@ mod tests {
             let off = colour.iter().zip(wanted).map(|(found, wanted): (&f32, f32)| (found - wanted).abs());
             assert!(off.fold(0.0, f32::max) <= 3.0, "{i}: {colour:?}");
         }
+    }
+
+    #[test]
+    fn bytes_are_read_as_colours_are() {
+        let bytes = bytes();
+        let colours = read_colours(&bytes).unwrap().colours.unwrap();
+        let read = read(&bytes).unwrap();
+        assert_eq!(read.size(), colours.size());
+        let bits = |rgb: &[f32; 3]| rgb.map(f32::to_bits);
+        let same = |(a, b): (&[u8; 3], &[f32; 3])| bits(&a.map(f32::from)) == bits(b);
+        assert!(read.pixels().iter().zip(colours.pixels()).all(same));
     }
 
     #[test]

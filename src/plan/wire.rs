@@ -14,7 +14,9 @@ use crate::stage::Target;
 use crate::stage::capture::Capturing;
 use crate::stage::checks::Checking;
 use crate::stage::events::Simulating;
+use crate::stage::fidelity::Comparing;
 use crate::stage::reconstruct::Reconstructing;
+use crate::stage::scene_checks::CheckingScene;
 use crate::stage::sharp::Photographing;
 use crate::stage::trajectory::{Moving, Seeing};
 use std::collections::BTreeMap;
@@ -22,15 +24,10 @@ use std::collections::BTreeMap;
 /// Adds the steps of one scene.
 pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: &mut Wiring<'_>) {
     let capture = wiring.add("capture".into(), capturing(recipe), ());
-    let reconstructing = match (&recipe.reconstruct, &recipe.source) {
-        (Some(Reconstruct::Given(file)), _) => Reconstructing::given(file),
-        (Some(Reconstruct::Newest(model)), _) => Reconstructing::newest_of(model),
-        (Some(Reconstruct::Command(command)), _) => Reconstructing::command(command, capturing(recipe)),
-        (None, Source::Procedural(still_life)) => Reconstructing::procedural(still_life),
-        (None, _) => unreachable!("recipes of other sources say where the Gaussians come from"),
-    };
-    let trained_on = matches!(reconstructing, Reconstructing::Command(_)).then_some(capture);
-    let gaussians = wiring.add("reconstruct".into(), reconstructing, trained_on);
+    let gaussians = reconstructing(recipe).map(|reconstructing| {
+        let trained_on = matches!(reconstructing, Reconstructing::Command(_)).then_some(capture);
+        wiring.add("reconstruct".into(), reconstructing, trained_on)
+    });
     let ground = Ground { capture, gaussians, backend, omit };
     // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
@@ -40,6 +37,32 @@ pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: 
         let motion = self::trajectory(recipe, trajectory, base, ground, wiring);
         motions.insert(trajectory.name.as_str(), motion);
     }
+    if recipe.source.has_photos() {
+        photographed(recipe, ground, wiring);
+    }
+}
+
+/// The Gaussians, where something is made of them.
+fn reconstructing(recipe: &Recipe) -> Option<Reconstructing> {
+    match (&recipe.reconstruct, &recipe.source) {
+        (Some(Reconstruct::Given(file)), _) => Some(Reconstructing::given(file)),
+        (Some(Reconstruct::Newest(model)), _) => Some(Reconstructing::newest_of(model)),
+        (Some(Reconstruct::Command(command)), _) => Some(Reconstructing::command(command, capturing(recipe))),
+        (None, Source::Procedural(still_life)) => Some(Reconstructing::procedural(still_life)),
+        (None, _) => None,
+    }
+}
+
+/// The scene held against its photos, and its capture against itself.
+fn photographed(recipe: &Recipe, ground: Ground<'_>, wiring: &mut Wiring<'_>) {
+    let Ground { capture, gaussians, backend, .. } = ground;
+    let fidelity = gaussians.map(|gaussians| {
+        let comparing =
+            Comparing { render: recipe.render, capturing: capturing(recipe), backend: backend.clone() };
+        wiring.add("fidelity".into(), comparing, (capture, gaussians))
+    });
+    let checking = CheckingScene { limits: recipe.checks.of_scene(), capturing: capturing(recipe) };
+    wiring.add("checks".into(), checking, (capture, fidelity));
 }
 
 fn capturing(recipe: &Recipe) -> Capturing {
@@ -54,10 +77,13 @@ fn capturing(recipe: &Recipe) -> Capturing {
 #[derive(Debug, Clone, Copy)]
 struct Ground<'a> {
     capture: Target<Capture>,
-    gaussians: Target<Gaussians>,
+    /// There where something is rendered.
+    gaussians: Option<Target<Gaussians>>,
     backend: &'a Backend,
     omit: Omit,
 }
+
+const RENDERED: &str = "recipes that have something rendered say where the Gaussians come from";
 
 fn trajectory(
     recipe: &Recipe,
@@ -83,7 +109,7 @@ fn trajectory(
         seeing,
     };
     let captured = (sees || trajectory.path.needs_views()).then_some(capture);
-    let motion = wiring.add(name("trajectory"), moving, (captured, base, sees.then_some(gaussians)));
+    let motion = wiring.add(name("trajectory"), moving, (captured, base, gaussians.filter(|_| sees)));
     let events = recipe.outputs.contains(&Output::Events).then(|| {
         let seed = Seed::derive(recipe.seed, &recipe.scene, &trajectory.name, Purpose::Sensor);
         let simulating = Simulating {
@@ -92,7 +118,7 @@ fn trajectory(
             tolerance: recipe.tolerance,
             ..Simulating::new(&recipe.sensors, seed, (recipe.camera, recipe.render))
         };
-        wiring.add(name("events"), simulating, (capture, gaussians, motion))
+        wiring.add(name("events"), simulating, (capture, gaussians.expect(RENDERED), motion))
     });
     if recipe.outputs.contains(&Output::Sharp) {
         let sharp = Photographing {
@@ -102,9 +128,9 @@ fn trajectory(
             omit,
             backend: backend(),
         };
-        wiring.add(name("sharp"), sharp, (capture, gaussians, motion));
+        wiring.add(name("sharp"), sharp, (capture, gaussians.expect(RENDERED), motion));
     }
-    let checking = Checking { limits: recipe.checks.clone() };
+    let checking = Checking { limits: recipe.checks.of_trajectory() };
     wiring.add(name("checks"), checking, (motion, events));
     motion
 }

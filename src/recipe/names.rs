@@ -29,7 +29,7 @@ const TAKEN_AT_TOP: [&str; 13] = [
 ];
 
 /// Names that a scene's own folder uses.
-const TAKEN_IN_SCENE: [&str; 1] = ["scene.json"];
+const TAKEN_IN_SCENE: [&str; 2] = ["scene.json", "checks.json"];
 
 /// Device names that Windows finds in every folder.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];

@@ -19,9 +19,11 @@ use crate::check::Limits;
 use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
 use crate::sensor::Sensors;
+use crate::speed::Speed;
 use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 use number::Whole;
+use reconstruct::Ground;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::Setting;
@@ -66,7 +68,6 @@ impl Resolver<'_> {
         let scene = self.scene(&raw.scene);
         let seed = self.or(&raw.seed, 0);
         let source = self.source(&raw.source);
-        let reconstruct = self.reconstruct(&raw.reconstruct, source.as_ref(), seed);
         let camera = self.camera(&raw.camera, source.as_ref());
         let rate = self.rate(&raw.sampling);
         let law = self.summation(&raw.sampling);
@@ -77,6 +78,10 @@ impl Resolver<'_> {
         let sensors = self.sensors(raw, between, rate);
         let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
         let outputs = self.outputs(&raw.outputs);
+        let renders = outputs.as_ref().is_some_and(|outputs| !outputs.is_empty())
+            || trajectories.iter().flatten().any(|t: &TrajectoryRecipe| matches!(t.speed, Speed::Flow(_)));
+        let ground = Ground { source: source.as_ref(), seed, renders };
+        let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let sharp_every = self.sharp_every(&raw.sharp);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence);

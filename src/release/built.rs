@@ -8,6 +8,7 @@ use crate::licence::Composed;
 use crate::plan::Plan;
 use crate::plan::assess::{Product, describe};
 use crate::recipe::Recipe;
+use crate::render::fidelity::Fidelity;
 use crate::run::Summary;
 use crate::scene::{Gaussians, Screening};
 use crate::source::Capture;
@@ -22,10 +23,20 @@ use std::path::PathBuf;
 pub(super) struct BuiltScene<'a> {
     pub(super) recipe: &'a Recipe,
     pub(super) capture: Capture,
-    pub(super) gaussians: SceneSummary,
+    /// There where something is rendered.
+    pub(super) gaussians: Option<SceneSummary>,
     pub(super) licence: Composed,
+    pub(super) photographed: Option<Photographed>,
     pub(super) trajectories: Vec<BuiltTrajectory>,
     pub(super) steps: Vec<BuiltStep>,
+}
+
+/// What was found out about a scene by its photos and its capture.
+#[derive(Debug)]
+pub(super) struct Photographed {
+    /// Where there is a scene.
+    pub(super) fidelity: Option<Fidelity>,
+    pub(super) findings: Vec<Finding>,
 }
 
 /// What is told of the Gaussians.
@@ -172,19 +183,31 @@ pub(super) fn gather<'a>(
     }
     let shelf = Shelf { scene: &recipe.scene, store, steps };
     let (capture, _) = shelf.open("capture")?;
-    let (gaussians, outputs): (Gaussians, _) = shelf.open("reconstruct")?;
-    let gaussians = SceneSummary {
-        path: outputs.first().map(|o| store.path_of(&o.digest)).ok_or_else(|| not_built("reconstruct"))?,
-        count: gaussians.len() as u64,
-        sh_degree: gaussians.sh_degree,
-        antialiased: gaussians.antialiased,
-        screening: gaussians.screening,
+    let gaussians = match shelf.open_optional::<Gaussians>("reconstruct")? {
+        None => None,
+        Some((gaussians, outputs)) => Some(SceneSummary {
+            path: outputs
+                .first()
+                .map(|o| store.path_of(&o.digest))
+                .ok_or_else(|| not_built("reconstruct"))?,
+            count: gaussians.len() as u64,
+            sh_degree: gaussians.sh_degree,
+            antialiased: gaussians.antialiased,
+            screening: gaussians.screening,
+        }),
     };
+    let photographed = photographed(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
     let owner = recipe.licence.as_ref().map(|l| l.expression.as_str());
     let licence = crate::licence::compose(recipe.source.kind(), owner);
-    Ok(BuiltScene { recipe, capture, gaussians, licence, trajectories, steps: shelf.steps })
+    Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
+}
+
+fn photographed(shelf: &Shelf<'_>) -> Result<Option<Photographed>, GatherError> {
+    let Some((verdicts, _)) = shelf.open_optional::<Verdicts>("checks")? else { return Ok(None) };
+    let fidelity = shelf.open_optional("fidelity")?.map(|(fidelity, _)| fidelity);
+    Ok(Some(Photographed { fidelity, findings: verdicts.findings_of_scene(shelf.scene) }))
 }
 
 fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
@@ -204,6 +227,12 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
 }
 
 impl BuiltScene<'_> {
+    /// What the checks of the scene and of its trajectories found.
+    pub(super) fn findings(&self) -> impl Iterator<Item = &Finding> {
+        let own = self.photographed.iter().flat_map(|photographed| &photographed.findings);
+        own.chain(self.trajectories.iter().flat_map(|trajectory| &trajectory.findings))
+    }
+
     /// The camera that was rendered.
     pub(super) fn camera(&self) -> Camera {
         let own = self.capture.camera().map(|(own, _)| own);

@@ -99,7 +99,7 @@ const FILES: &str = "\
 | `speed.json` | asked and achieved speed of the camera |
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
-| `checks.json` | verdicts of the validation passes |
+| `checks.json` | verdicts of the validation passes; `<scene>/checks.json` those on the capture, where photos were taken |
 | `index.parquet` | a row a trajectory, to choose by |
 | `croissant.json` | this release in Croissant 1.1 |
 | `gs2e.py` | a loader, over numpy and h5py alone |
@@ -220,7 +220,7 @@ fn rows(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> Vec<String> {
             trajectory.name,
             scene.recipe.source.kind(),
             trajectory.kind(),
-            scene.gaussians.count,
+            scene.gaussians.as_ref().map_or_else(|| "-".to_owned(), |gaussians| gaussians.count.to_string()),
             stamps.len(),
             last_us as f64 * 1e-3,
         )
@@ -240,7 +240,7 @@ fn rows(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> Vec<String> {
 
 fn checks(scenes: &[BuiltScene<'_>]) -> String {
     let mut text = String::from("## Checks\n\n");
-    let findings: Vec<_> = trajectories(scenes).flat_map(|t| &t.findings).collect();
+    let findings: Vec<_> = scenes.iter().flat_map(BuiltScene::findings).collect();
     let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
     let _ = writeln!(
         text,

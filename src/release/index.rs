@@ -178,7 +178,7 @@ pub(super) const COLUMNS: [Column; 35] = [
         r.scene.seed.to_string().into()
     }),
     column("gaussians", Kind::Whole, "number of Gaussians of the scene", |r| {
-        r.scene.reconstruction.gaussians.into()
+        r.scene.reconstruction.as_ref().map(|it| it.gaussians).into()
     }),
     column("checks", Kind::Whole, "number of records in checks.json", |r| (r.told.checks as u64).into()),
     column("checks_passed", Kind::Whole, "number of them that passed", |r| {

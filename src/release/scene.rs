@@ -7,6 +7,7 @@ use super::built::BuiltScene;
 use crate::camera::Camera;
 use crate::recipe::{Recipe, Reconstruct, Source, Upstream};
 use crate::reconstruct::Command;
+use crate::render::fidelity::Psnr;
 use crate::seed::{Purpose, Seed};
 use crate::source::kind::Kind;
 use crate::source::{Capture, Unused, View, natural};
@@ -36,7 +37,8 @@ pub struct SceneFile {
     /// How numbers are to be read.
     pub conventions: Conventions,
     /// Where the Gaussians come from.
-    pub reconstruction: ReconstructionPart,
+    /// Null where nothing is rendered.
+    pub reconstruction: Option<ReconstructionPart>,
     /// Under which terms the scene is passed on.
     pub licence: LicencePart,
     /// The recipe's seed.
@@ -170,8 +172,8 @@ pub struct ReconstructionPart {
     /// Training command, the places of a training in braces.
     pub command: Option<String>,
     /// PSNR against photos.
-    pub psnr: Option<Value>,
-    /// SSIM against photos.
+    pub psnr: Option<Psnr>,
+    /// Mean SSIM against photos.
     pub ssim: Option<f64>,
     /// LPIPS against photos.
     pub lpips: Option<f64>,
@@ -413,15 +415,16 @@ fn camera(scene: &BuiltScene<'_>) -> CameraPart {
     CameraPart { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
 }
 
-fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<ReconstructionPart> {
+fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<Option<ReconstructionPart>> {
+    let Some(summary) = &scene.gaussians else { return Ok(None) };
     let command = command(scene.recipe);
     let kind = match (&scene.recipe.source, command) {
         (Source::Procedural(_), _) => "procedural",
         (_, Some(_)) => "command",
         (_, None) => "given",
     };
-    let summary = &scene.gaussians;
-    Ok(ReconstructionPart {
+    let fidelity = scene.photographed.as_ref().and_then(|photographed| photographed.fidelity.as_ref());
+    Ok(Some(ReconstructionPart {
         kind: kind.into(),
         scene_sha256: super::checksum::sha256_of_file(&summary.path)?,
         gaussians: summary.count,
@@ -430,10 +433,10 @@ fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<ReconstructionPart>
         dropped: summary.screening.non_finite,
         iterations: command.and_then(|command| command.iterations),
         command: command.map(Command::written),
-        psnr: None,
-        ssim: None,
+        psnr: fidelity.and_then(|fidelity| fidelity.psnr()),
+        ssim: fidelity.and_then(|fidelity| fidelity.ssim()),
         lpips: None,
-    })
+    }))
 }
 
 /// The program that trained the scene.

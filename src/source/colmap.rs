@@ -5,8 +5,11 @@
 
 mod binary;
 mod lenses;
+mod reprojection;
 mod text;
 pub mod write;
+
+pub use reprojection::Reprojection;
 
 use super::photo::{self, Look, Photo, SCALED};
 use super::{Capture, Found, Place, SourceError, Unused, View, Warning, collect};
@@ -353,7 +356,7 @@ fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
 }
 
 /// The files that [`read`] reads, each with its name within the source: those of the model's form, and the photos that
-/// are there.
+/// are there, with a pose or without.
 ///
 /// # Errors
 /// As [`read`], where it needs the model to know the photos' names.

@@ -34,6 +34,19 @@ pub fn undistorted<'a>(photo: &'a Image<[u8; 3]>, camera: &Camera, lens: &Lens) 
     Cow::Owned(straight)
 }
 
+/// Which pixels of [`undistorted`] show the photo alone, and no black from beyond its border; `None` where all do.
+#[must_use]
+pub fn covered(camera: &Camera, lens: &Lens) -> Option<Image<bool>> {
+    if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
+        return None;
+    }
+    let Size { width, height } = camera.size;
+    let within = |place: f64, side: u32| (0.5..=f64::from(side) - 0.5).contains(&place);
+    let shows = |[u, v]: [f64; 2]| within(u, width) && within(v, height);
+    let row = |j| (0..width).map(move |i| shows(seen_at(camera, lens, [i, j])));
+    Some(Image::from_vec(camera.size, (0..height).into_par_iter().flat_map_iter(row).collect()))
+}
+
 /// Where in the photo, px, the lens puts what the pinhole sees at the centre of pixel `[i, j]`.
 fn seen_at(camera: &Camera, lens: &Lens, [i, j]: [u32; 2]) -> [f64; 2] {
     let x = (f64::from(i) + 0.5 - camera.cx) / camera.fx;
@@ -105,6 +118,7 @@ mod tests {
         let photo = picture(waves);
         for lens in [Lens::Pinhole, Lens::SimpleRadial { k1: 1e-4 }] {
             assert!(matches!(undistorted(&photo, &CAMERA, &lens), Cow::Borrowed(same) if same == &photo));
+            assert_eq!(covered(&CAMERA, &lens), None);
         }
     }
 
@@ -131,12 +145,14 @@ mod tests {
             }
         };
         let straight = undistorted(&white, &CAMERA, &lens);
+        let covered = covered(&CAMERA, &lens).unwrap();
         let mut judged = [0, 0];
         for (k, pixel) in straight.pixels().iter().enumerate() {
             let column = wanted((k % 97) as f64 + 0.5, CAMERA.cx, 97.0);
             let row = wanted((k / 97) as f64 + 0.5, CAMERA.cy, 61.0);
             if let (Some(a), Some(b)) = (column, row) {
                 assert_eq!(*pixel, [a.min(b); 3], "{k}");
+                assert_eq!(covered.pixels()[k], a.min(b) == 255, "{k}");
                 judged[usize::from(a.min(b) == 0)] += 1;
             }
         }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 
 /// Parameters: which source. Paths stay out of the key, the content of the files goes in.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Capturing {
     /// The capture of the embedded scene, whatever the number of its Gaussians.
@@ -33,6 +33,21 @@ impl Capturing {
     pub fn procedural(still_life: &StillLife) -> Self {
         let StillLife { views, arc, seed, .. } = *still_life;
         Self::Procedural { views, arc, seed }
+    }
+}
+
+/// Endings of the files of a source that are no photos.
+const NO_PHOTOS: [&str; 3] = ["bin", "txt", "json"];
+
+impl Capturing {
+    /// Those of its files that are photos.
+    ///
+    /// # Errors
+    /// When the source cannot be listed.
+    pub(super) fn photos(&self) -> Result<Vec<SourceFile>, StageError> {
+        let mut files = self.sources()?;
+        files.retain(|f| !f.path.extension().is_some_and(|ending| NO_PHOTOS.iter().any(|no| ending == *no)));
+        Ok(files)
     }
 }
 

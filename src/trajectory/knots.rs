@@ -140,13 +140,13 @@ pub(super) fn judge(gaps: &[Gap], policy: Gaps) -> Result<Vec<Warning>, Trajecto
     }
 }
 
-fn distances(poses: &[NamedPose<'_>], metric: Metric) -> Vec<f64> {
+pub(super) fn distances(poses: &[NamedPose<'_>], metric: Metric) -> Vec<f64> {
     poses.windows(2).map(|w| metric.distance(&w[0].world_from_camera, &w[1].world_from_camera)).collect()
 }
 
 /// Distances that rounding alone makes between equal poses, after smoothing: 1e-14 rad, and as much of the largest
 /// centre.
-fn rounding(poses: &[NamedPose<'_>], metric: Metric) -> f64 {
+pub(super) fn rounding(poses: &[NamedPose<'_>], metric: Metric) -> f64 {
     let farthest = poses.iter().map(|p| p.world_from_camera.translation.length()).fold(0.0, f64::max);
     metric.mix(ROUNDING, ROUNDING * farthest)
 }

@@ -129,8 +129,8 @@ fn undisturbed(fixture: &Fixture, scenario: Scenario, built: &Built) -> Result<(
     let Built::Done { made, settled, .. } = *built else { return Err(format!("{built:?}")) };
     let scenes = fixture.recipes.len();
     let wanted = match scenario {
-        Scenario::Cold => (4 * scenes, 0),
-        Scenario::Mending => (2 + 4, scenes - 2),
+        Scenario::Cold => (6 * scenes, 0),
+        Scenario::Mending => (2 + 6, scenes - 2),
         Scenario::Idle => (0, scenes),
         Scenario::Verifying => (0, 0),
     };

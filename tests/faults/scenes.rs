@@ -4,7 +4,7 @@ use crate::place::Place;
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// The recipe of a scene over the files `sources/<number>.{json,ply}`: four steps, or more with outputs.
+/// The recipe of a scene over the files `sources/<number>.{json,ply}`: six steps, or more with outputs.
 pub(crate) fn recipe(scene: &str, number: u32, outputs: &[&str]) -> Value {
     json!({
         "version": 1,
@@ -25,7 +25,7 @@ pub(crate) fn sources(place: &Place, number: u32) {
     place.write(&format!("sources/{number}.ply"), ply(number));
 }
 
-/// Writes scenes `s0`, `s1`, …: four steps each, and every `with_events`-th two more than that.
+/// Writes scenes `s0`, `s1`, …: six steps each, and every `with_events`-th two more than that.
 pub(crate) fn write(place: &Place, scenes: u32, with_events: u32) {
     for number in 0..scenes {
         sources(place, number);

@@ -7,7 +7,8 @@ pub(crate) mod datasets;
 mod half_pixel;
 mod model_folders;
 mod models;
-mod planted;
+pub(crate) mod planted;
+mod reprojection;
 mod transforms;
 mod undistortion;
 

@@ -11,15 +11,27 @@ use crate::source::kind::Kind;
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 const TRAINED: &str = "or reconstruct: { command: { … } }, a program that trains it";
 
+/// What of a recipe decides whether and how it has Gaussians.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ground<'a> {
+    /// Where poses come from, if that is said rightly.
+    pub source: Option<&'a Source>,
+    /// The recipe's seed, likewise.
+    pub seed: Option<u64>,
+    /// Whether anything is rendered.
+    pub renders: bool,
+}
+
 impl Resolver<'_> {
     pub(super) fn reconstruct(
         &self,
         field: &Field<schema::Reconstruct>,
-        source: Option<&Source>,
-        seed: Option<u64>,
+        Ground { source, seed, renders }: Ground<'_>,
     ) -> Option<Option<Reconstruct>> {
         match (field, source) {
             (Field::Bad, _) => None,
+            // Paths need poses alone.
+            (Field::Absent, Some(_)) if !renders => Some(None),
             (Field::Absent, Some(Source::Captured(captured, _))) if captured.kind == Kind::Model => {
                 Some(Some(Reconstruct::Newest(captured.path.clone())))
             }

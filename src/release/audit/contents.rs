@@ -13,6 +13,11 @@ use crate::release::scene::{SceneFile, Statistics, TrajectoryPart};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
+/// The file of findings, in a trajectory's folder and in a scene's.
+const CHECKS: &str = "checks.json";
+
+const ABSENT: &str = "the scene needs it, and it is not there, or not whole";
+
 /// A trajectory folder under audit.
 #[derive(Debug, Clone, Copy)]
 struct Folder<'a> {
@@ -46,7 +51,7 @@ pub(super) fn scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
     let part = &scene.camera;
     let size = Size { width: part.width, height: part.height };
     let camera = Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy };
-    let mut faults = Vec::new();
+    let mut faults = photographed(tree, scene);
     for part in &scene.trajectories {
         let path = format!("{}/{}", scene.id, part.name);
         let folder = Folder { tree, path: &path, part, camera };
@@ -57,9 +62,7 @@ pub(super) fn scene(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
         if folder.has("poses.txt") {
             faults.extend(motion::audit(&folder));
         }
-        if folder.has("checks.json") {
-            faults.extend(checks(&folder));
-        }
+        faults.extend(checks(tree, &folder.path_of(CHECKS)).1);
         faults.extend(pictures::audit(&folder));
     }
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
@@ -75,10 +78,9 @@ fn streams(part: &TrajectoryPart) -> Vec<(String, &Statistics)> {
 
 /// The files that the scene's own description asks for and that are not there.
 fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
-    let mut wanted: Vec<String> =
-        ["poses.txt", "timestamps_us.txt", "transforms.json", "speed.json", "checks.json"]
-            .map(str::to_owned)
-            .to_vec();
+    let mut wanted: Vec<String> = ["poses.txt", "timestamps_us.txt", "transforms.json", "speed.json", CHECKS]
+        .map(str::to_owned)
+        .to_vec();
     let outputs = scene.recipe.get("outputs").and_then(|outputs| outputs.as_array());
     let asked = |output: &str| outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output));
     if asked("events") {
@@ -90,21 +92,38 @@ fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
         wanted.extend((0..folder.part.poses).step_by(every).map(|j| format!("sharp/{j:06}.png")));
     }
     let absent = wanted.iter().filter(|name| !folder.has(name));
-    absent
-        .map(|name| {
-            folder.fault(Code::SceneIncomplete, name, "the scene needs it, and it is not there, or not whole")
-        })
-        .collect()
+    absent.map(|name| folder.fault(Code::SceneIncomplete, name, ABSENT)).collect()
 }
 
-fn checks(folder: &Folder<'_>) -> Vec<Fault> {
+/// The findings in a file, if it is there and intact, and what is wrong with them.
+fn checks(tree: &Tree<'_>, path: &str) -> (Vec<Finding>, Vec<Fault>) {
     let mut faults = Vec::new();
-    let findings: Option<Vec<Finding>> =
-        claims::parse(folder.tree, &folder.path_of("checks.json"), &mut faults);
-    let failed = findings.into_iter().flatten().filter(|finding| finding.verdict == Verdict::Fail);
+    let findings: Vec<Finding> = claims::parse(tree, path, &mut faults).unwrap_or_default();
+    let failed = findings.iter().filter(|finding| finding.verdict == Verdict::Fail);
     faults.extend(failed.map(|f| {
         let message = format!("{} failed: {}", f.check, f.because);
-        folder.fault(Code::CheckFailedUnwaived, "checks.json", message)
+        Fault::of_file(Code::CheckFailedUnwaived, path, message)
     }));
+    (findings, faults)
+}
+
+/// The checks of a scene that was photographed, against what its description says of them.
+fn photographed(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
+    let path = format!("{}/{CHECKS}", scene.id);
+    if !tree.has(&path) {
+        return match scene.images.first() {
+            Some(_) => vec![Fault::of_file(Code::SceneIncomplete, &path, ABSENT)],
+            None => Vec::new(),
+        };
+    }
+    let (findings, mut faults) = checks(tree, &path);
+    let mean = |f: &&Finding| f.check == "recon_psnr" && f.subject.ends_with("#mean");
+    let found = findings.iter().find(mean).and_then(|finding| finding.measured);
+    let reconstruction = scene.reconstruction.as_ref();
+    let stated = reconstruction.and_then(|it| it.psnr.as_ref()).map(|psnr| psnr.mean);
+    if found.map(f64::to_bits) != stated.map(f64::to_bits) {
+        let message = format!("its mean PSNR is {found:?}, scene.json says {stated:?}");
+        faults.push(Fault::of_file(Code::ClaimsDisagree, &path, message));
+    }
     faults
 }

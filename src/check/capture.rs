@@ -1,0 +1,248 @@
+//! The capture that a scene was made from: how well its poses fit its points, and whether views are missing or astray.
+//! Warnings; gates where the recipe sets the limit.
+//!
+//! - `reprojection`: the mean distance of COLMAP's points from their key points, at most 2 px, over points (as COLMAP says
+//!   it) and over observations. COLMAP drops observations beyond 4 px (`Mapper.filter_max_reproj_error`). Where errors
+//!   scatter alike in both directions, with deviation `s`, their mean is `s sqrt(pi/2)`, and a mean of 2 px has
+//!   `exp(-4^2 / (2 s^2)) = exp(-pi)`, 4.3 %, beyond that filter: above it the filter decides what the error is.
+//! - `gap`: the longest step between neighbouring views, at most 8 median steps ([`GAP`]).
+//! - `outlier`: the largest detour ([`crate::trajectory::walk`]), at most 3 median steps. A walk has none above 1 but where it
+//!   turns back; and views that fill a ball of radius R have, in whatever order, none above 2: a detour is at most one
+//!   distance between two of them, so at most 2 R, and the median of such distances is about R.
+//! - `registered`: the share of the photos that have a pose, at least 0.9.
+
+use super::subject::{Bound, Judged};
+use super::{Finding, SceneSubject, limits};
+use crate::trajectory::knots::GAP;
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest mean reprojection error, px.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub reprojection: Option<f64>,
+    /// Longest step between neighbouring views, median steps.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub gap: Option<f64>,
+    /// Largest detour of a view, median steps.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub outlier: Option<f64>,
+    /// Least share of photos that have a pose.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub registered: Option<f64>,
+}
+
+const REPROJECTION_PX: f64 = 2.0;
+const OUTLIER: f64 = 3.0;
+const REGISTERED: f64 = 0.9;
+
+/// Names that a finding tells of those beyond a limit.
+const TOLD: usize = 3;
+
+/// Name of the pass.
+pub(super) const NAME: &str = "capture";
+
+/// What it finds in a scene.
+pub(super) fn findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
+    let limits = subject.limits.capture.unwrap_or_default();
+    let mut findings = reprojection(subject, &limits);
+    findings.extend([gap(subject, &limits), outlier(subject, &limits), registered(subject, &limits)]);
+    findings
+}
+
+fn reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Finding> {
+    const PARTS: [&str; 2] = ["reprojection", "reprojection-observations"];
+    let found = match &subject.reprojection {
+        Ok(found) => found,
+        Err(because) => return PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec(),
+    };
+    let limit = Bound::of(limits.reprojection, Bound::warning(REPROJECTION_PX));
+    let behind = match found.behind {
+        0 => String::new(),
+        count => format!("; {count} more see a point that is not in front of the camera"),
+    };
+    let judge = |part, measured, over: String| {
+        let because =
+            format!("points fall {measured:.2} px from their key points, in the mean over {over}{behind}");
+        subject.finding(NAME, part, Judged::of(limit.at_most(measured), measured, limit, "px", because))
+    };
+    let [points, observations] = [found.points, found.observations];
+    vec![
+        judge(PARTS[0], found.over_points_px, format!("{points} points")),
+        judge(PARTS[1], found.over_observations_px, format!("{observations} observations")),
+    ]
+}
+
+/// Quantities with their names: the largest, and the names of those beyond a limit, the largest first.
+fn largest(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, String)> {
+    named.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let (first, measured) = named.first()?.clone();
+    let beyond: Vec<String> =
+        named.into_iter().take_while(|(_, v)| *v > limit).map(|(name, _)| name).collect();
+    let told = match beyond.len() {
+        0 => first,
+        count if count <= TOLD => beyond.join(", "),
+        count => format!("{} and {} more", beyond[..TOLD].join(", "), count - TOLD),
+    };
+    Some((measured, told))
+}
+
+fn gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
+    const PART: &str = "gap";
+    let walk = match &subject.walk {
+        Ok(walk) => walk,
+        Err(because) => return subject.not_run(NAME, PART, because),
+    };
+    let limit = Bound::of(limits.gap, Bound::warning(GAP));
+    let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
+    let Some((measured, told)) = largest(steps.collect(), limit.value) else {
+        return subject.not_run(NAME, PART, "there is one view");
+    };
+    let because =
+        format!("the longest step between neighbouring views is {measured:.2} median steps: {told}");
+    subject.finding(NAME, PART, Judged::of(limit.at_most(measured), measured, limit, "1", because))
+}
+
+fn outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
+    const PART: &str = "outlier";
+    let walk = match &subject.walk {
+        Ok(walk) => walk,
+        Err(because) => return subject.not_run(NAME, PART, because),
+    };
+    let limit = Bound::of(limits.outlier, Bound::warning(OUTLIER));
+    let detours = walk.detours.iter().map(|d| (format!("`{}`", d.name), d.times_median));
+    let Some((measured, told)) = largest(detours.collect(), limit.value) else {
+        return subject.not_run(NAME, PART, "there are fewer than 3 views");
+    };
+    let because = format!(
+        "the view farthest off the way between its neighbours is so by {measured:.2} median steps: {told}"
+    );
+    subject.finding(NAME, PART, Judged::of(limit.at_most(measured), measured, limit, "1", because))
+}
+
+fn registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
+    const PART: &str = "registered";
+    let photos = match &subject.photos {
+        Ok(photos) if photos.there > 0 => photos,
+        Ok(_) => return subject.not_run(NAME, PART, "no photo is there"),
+        Err(because) => return subject.not_run(NAME, PART, because),
+    };
+    let limit = Bound::of(limits.registered, Bound::warning(REGISTERED));
+    let measured = photos.registered as f64 / photos.there as f64;
+    let absent = match photos.views - photos.registered {
+        0 => String::new(),
+        count => format!("; {count} views have no photo"),
+    };
+    let because = format!("{} of {} photos have a pose{absent}", photos.registered, photos.there);
+    subject.finding(NAME, PART, Judged::of(limit.at_least(measured), measured, limit, "1", because))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::{Photos, Verdict, judge_scene};
+    use crate::render::fidelity::Fidelity;
+    use crate::se3::Se3;
+    use crate::source::colmap::Reprojection;
+    use crate::trajectory::NamedPose;
+    use crate::trajectory::walk::Walk;
+    use glam::{DQuat, DVec3};
+
+    /// Verdict, measure and sentence of a statement about a walk of 30 views a step apart, after `plant`.
+    fn found(part: &str, limits: &str, plant: impl FnOnce(&mut Vec<DVec3>)) -> (Verdict, f64, String) {
+        let mut centres: Vec<DVec3> = (0..30u8).map(|i| DVec3::X * f64::from(i)).collect();
+        plant(&mut centres);
+        let names: Vec<String> = (0..centres.len()).map(|i| format!("{i}.jpg")).collect();
+        let at = |centre: &DVec3| Se3 { rotation: DQuat::IDENTITY, translation: *centre };
+        let views = names.iter().zip(&centres);
+        let views: Vec<NamedPose<'_>> =
+            views.map(|(name, c)| NamedPose { name, world_from_camera: at(c) }).collect();
+        let limits = serde_json::from_str(limits).unwrap();
+        let subject = SceneSubject {
+            name: "s",
+            reprojection: Ok(Reprojection {
+                points: 10,
+                observations: 40,
+                over_points_px: 1.5,
+                over_observations_px: 2.5,
+                behind: 0,
+            }),
+            photos: Ok(Photos { there: 40, registered: 30, views: 31 }),
+            walk: Ok(Walk::of(&views).unwrap().unwrap()),
+            fidelity: Some(&Fidelity::default()),
+            limits: &limits,
+        };
+        let found = judge_scene(&subject).into_iter().find(|f| f.subject == format!("s#{part}")).unwrap();
+        (found.verdict, found.measured.unwrap(), found.because)
+    }
+
+    fn close(found: f64, wanted: f64) {
+        assert!((found - wanted).abs() < 1e-9, "{found}, {wanted}");
+    }
+
+    #[test]
+    fn an_even_walk_is_sound() {
+        for (part, wanted) in [("gap", 1.0), ("outlier", 0.0)] {
+            let (verdict, measured, _) = found(part, "{}", |_| ());
+            assert_eq!(verdict, Verdict::Pass, "{part}");
+            close(measured, wanted);
+        }
+    }
+
+    #[test]
+    fn a_pose_moved_off_its_way_is_found() {
+        let (verdict, measured, because) = found("outlier", "{}", |c| c[13] += 7.0 * DVec3::Y);
+        // Both legs are sqrt(1 + 49).
+        close(measured, 50f64.sqrt() - 1.0);
+        assert_eq!(verdict, Verdict::Warn);
+        assert!(because.ends_with("6.07 median steps: `13.jpg`"), "{because}");
+        // It is no gap, and one that stays within the limit is no outlier.
+        assert_eq!(found("gap", "{}", |c| c[13] += 7.0 * DVec3::Y).0, Verdict::Pass);
+        assert_eq!(found("outlier", "{}", |c| c[13] += 3.8 * DVec3::Y).0, Verdict::Pass);
+        assert_eq!(found("outlier", "{}", |c| c[13] += 4.0 * DVec3::Y).0, Verdict::Warn);
+    }
+
+    #[test]
+    fn a_run_of_views_that_is_missing_is_a_gap() {
+        let (verdict, measured, because) = found("gap", "{}", |c| drop(c.drain(10..19)));
+        close(measured, 10.0);
+        assert_eq!(verdict, Verdict::Warn);
+        assert!(because.ends_with("10.00 median steps: `9.jpg` to `10.jpg`"), "{because}");
+        assert_eq!(found("outlier", "{}", |c| drop(c.drain(10..19))).0, Verdict::Pass);
+        assert_eq!(found("gap", "{}", |c| drop(c.drain(10..17))).0, Verdict::Pass);
+        let many = |c: &mut Vec<DVec3>| (0..5).for_each(|i| c[6 * i] += 50.0 * DVec3::Y);
+        let (_, _, because) = found("outlier", "{}", many);
+        assert!(because.contains(", `") && because.ends_with(" and 1 more"), "{because}");
+    }
+
+    #[test]
+    fn photos_without_a_pose_and_points_off_their_places_are_found() {
+        let (verdict, measured, because) = found("registered", "{}", |_| ());
+        assert_eq!(
+            (verdict, because.as_str()),
+            (Verdict::Warn, "30 of 40 photos have a pose; 1 views have no photo")
+        );
+        close(measured, 0.75);
+        let (verdict, measured, _) = found("reprojection", "{}", |_| ());
+        assert_eq!(verdict, Verdict::Pass);
+        close(measured, 1.5);
+        let (verdict, measured, _) = found("reprojection-observations", "{}", |_| ());
+        assert_eq!(verdict, Verdict::Warn);
+        close(measured, 2.5);
+    }
+
+    #[test]
+    fn a_recipes_limit_is_a_gate_and_can_be_waived() {
+        let t =
+            |part: &str, limits: &str, wanted| assert_eq!(found(part, limits, |_| ()).0, wanted, "{limits}");
+        t("reprojection", r#"{"capture": {"reprojection": 1.4}}"#, Verdict::Fail);
+        t("reprojection", r#"{"capture": {"reprojection": 1.6}}"#, Verdict::Pass);
+        t("registered", r#"{"capture": {"registered": 0.8}}"#, Verdict::Fail);
+        t("registered", r#"{"capture": {"registered": 0.7}}"#, Verdict::Pass);
+        t("gap", r#"{"capture": {"gap": 0.5}}"#, Verdict::Fail);
+        let waived = r#"{"capture": {"gap": 0.5}, "waive": [{"check": "capture", "because": "old"}]}"#;
+        t("gap", waived, Verdict::Waived);
+    }
+}

@@ -1,0 +1,146 @@
+//! How true a scene is to its photos (pipeline.md section 6): PSNR and SSIM of renderings where photos were taken.
+//!
+//! - `drop`: mean less least PSNR over the views, at most 3 dB: gate. GS-Blur (GitHub dongwoohhh/GS-Blur), the
+//!   predecessor with the same first half, rejects a scene above that.
+//! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
+//! - `ssim`: mean, told; a gate where the recipe sets its least.
+
+use super::subject::{Bound, Judged};
+use super::{Finding, SceneSubject, Verdict, limits};
+use crate::render::fidelity::{Fidelity, Psnr};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest mean less least PSNR, dB.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub drop: Option<f64>,
+    /// Least mean PSNR, dB.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub mean: Option<f64>,
+    /// Least mean SSIM.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub ssim: Option<f64>,
+}
+
+const DROP_DB: f64 = 3.0;
+const MEAN_DB: f64 = 25.0;
+
+/// Name of the pass.
+pub(super) const NAME: &str = "recon_psnr";
+
+/// What it finds in a scene.
+pub(super) fn findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
+    const PARTS: [&str; 3] = ["drop", "mean", "ssim"];
+    let not_run = |because: &str| PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec();
+    let Some(fidelity) = subject.fidelity else { return not_run("there is no scene to render") };
+    let (Some(psnr), Some(worst), Some(similarity)) = (fidelity.psnr(), fidelity.worst(), fidelity.ssim())
+    else {
+        let because = match fidelity.not_compared.first() {
+            Some(first) => format!("no photo can be compared; `{}`: {}", first.name, first.because),
+            None => "there are no photos".to_owned(),
+        };
+        return not_run(&because);
+    };
+    let limits = subject.limits.recon_psnr.unwrap_or_default();
+    vec![
+        drop(subject, &psnr, &worst.name, &limits),
+        mean(subject, fidelity, &psnr, &limits),
+        ssim(subject, similarity, psnr.views, &limits),
+    ]
+}
+
+fn drop(subject: &SceneSubject<'_>, psnr: &Psnr, worst: &str, limits: &Limits) -> Finding {
+    let limit = Bound::of(limits.drop, Bound::gate(DROP_DB));
+    let measured = psnr.mean - psnr.min;
+    let because = format!("`{worst}` has {:.2} dB, {measured:.2} less than views have in the mean", psnr.min);
+    subject.finding(NAME, "drop", Judged::of(limit.at_most(measured), measured, limit, "dB", because))
+}
+
+fn mean(subject: &SceneSubject<'_>, fidelity: &Fidelity, psnr: &Psnr, limits: &Limits) -> Finding {
+    let limit = Bound::of(limits.mean, Bound::warning(MEAN_DB));
+    let held_out = psnr.held_out.map_or_else(String::new, |held_out| {
+        format!("; every eighth, which trainers by convention hold out, {held_out:.2}")
+    });
+    let not_compared = match fidelity.not_compared.as_slice() {
+        [] => String::new(),
+        [first, ..] => {
+            let count = fidelity.not_compared.len();
+            format!("; {count} could not be compared, as `{}`: {}", first.name, first.because)
+        }
+    };
+    let because =
+        format!("{} views have {:.2} dB in the mean{held_out}{not_compared}", psnr.views, psnr.mean);
+    subject.finding(NAME, "mean", Judged::of(limit.at_least(psnr.mean), psnr.mean, limit, "dB", because))
+}
+
+fn ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &Limits) -> Finding {
+    let verdict = limits.ssim.map_or(Verdict::Pass, |least| Bound::gate(least).at_least(measured));
+    let because = format!("{views} views have a SSIM of {measured:.4} in the mean");
+    let judged = Judged { verdict, measured: Some(measured), limit: limits.ssim, unit: "1", because };
+    subject.finding(NAME, "ssim", judged)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::judge_scene;
+    use crate::render::fidelity::{Compared, Fidelity, NotCompared};
+
+    /// The finding of a statement about views of this PSNR.
+    fn found(part: &str, limits: &str, psnr: &[f64]) -> Finding {
+        let view = |(i, psnr): (usize, &f64)| Compared {
+            name: format!("{i}.jpg"),
+            psnr: *psnr,
+            ssim: 0.8,
+            held_out: i == 0,
+        };
+        let not_compared = vec![NotCompared { name: "9.jpg".into(), because: "neither JPEG nor PNG".into() }];
+        let fidelity = Fidelity { views: psnr.iter().enumerate().map(view).collect(), not_compared };
+        let why = || "not asked here".to_owned();
+        let limits = serde_json::from_str(limits).unwrap();
+        let subject = SceneSubject {
+            name: "s",
+            reprojection: Err(why()),
+            photos: Err(why()),
+            walk: Err(why()),
+            fidelity: Some(&fidelity),
+            limits: &limits,
+        };
+        judge_scene(&subject).into_iter().find(|f| f.subject == format!("s#{part}")).unwrap()
+    }
+
+    #[test]
+    fn one_bad_view_is_a_fault() {
+        let finding = found("drop", "{}", &[30.0, 30.0, 20.0, 32.0]);
+        assert_eq!((finding.verdict, finding.measured, finding.limit), (Verdict::Fail, Some(8.0), Some(3.0)));
+        assert!(finding.because.starts_with("`2.jpg` has 20.00 dB, 8.00 less"), "{}", finding.because);
+        assert_eq!(found("drop", "{}", &[30.0, 30.0, 26.5, 31.5]).verdict, Verdict::Pass);
+        let waived = r#"{"waive": [{"check": "recon_psnr", "because": "known"}]}"#;
+        assert_eq!(found("drop", waived, &[30.0, 20.0]).verdict, Verdict::Waived);
+        assert_eq!(found("drop", r#"{"recon_psnr": {"drop": 6}}"#, &[30.0, 20.0]).verdict, Verdict::Pass);
+    }
+
+    #[test]
+    fn a_poor_scene_is_told_and_fails_where_the_recipe_says_so() {
+        let poor = [24.0, 25.5];
+        let finding = found("mean", "{}", &poor);
+        assert_eq!((finding.verdict, finding.measured), (Verdict::Warn, Some(24.75)));
+        assert!(finding.because.contains("hold out, 24.00; 1 could not be compared"), "{}", finding.because);
+        assert_eq!(found("mean", r#"{"recon_psnr": {"mean": 25}}"#, &poor).verdict, Verdict::Fail);
+        let ssim = found("ssim", "{}", &poor);
+        assert_eq!((ssim.verdict, ssim.limit), (Verdict::Pass, None));
+        assert_eq!(found("ssim", r#"{"recon_psnr": {"ssim": 0.9}}"#, &poor).verdict, Verdict::Fail);
+    }
+
+    #[test]
+    fn without_photos_nothing_is_judged() {
+        for part in ["drop", "mean", "ssim"] {
+            let finding = found(part, "{}", &[]);
+            assert_eq!((finding.verdict, finding.measured), (Verdict::NotRun, None));
+            assert!(finding.because.contains("`9.jpg`: neither JPEG nor PNG"), "{}", finding.because);
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! How alike two pictures are: PSNR and SSIM of encoded colours on the scale 0..1.
+//!
+//! SSIM is that of Z. Wang, A. C. Bovik, H. R. Sheikh and E. P. Simoncelli, "Image Quality Assessment: From Error
+//! Visibility to Structural Similarity", IEEE Transactions on Image Processing 13 (2004), each channel by itself, with
+//! the window and the border of 3DGS (GitHub graphdeco-inria/gaussian-splatting, `utils/loss_utils.py`), so that
+//! figures compare with those of its literature: 11x11 pixels, Gaussian of 1.5 px, black beyond the border.
+
+use super::Image;
+use rayon::prelude::*;
+
+/// Highest PSNR that is told, dB: an error of 1e-5 of the range, where pictures in 32 bits are equal.
+pub const MOST_DB: f64 = 100.0;
+
+/// Pixels of the window to each side of its centre.
+const REACH: usize = 5;
+/// Pixels of the window along each edge.
+const EDGE: usize = 2 * REACH + 1;
+/// Standard deviation of the window, px.
+const DEVIATION: f64 = 1.5;
+/// `(K1 L)^2` and `(K2 L)^2` of the paper, `K1 = 0.01`, `K2 = 0.03`, `L = 1`.
+const STEADIERS: [f64; 2] = [1e-4, 9e-4];
+
+/// The mean of the squared differences of two pictures, over pixels and channels.
+///
+/// # Panics
+/// If they differ in size.
+#[must_use]
+pub fn mean_square(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
+    let square = |(a, b): (&f32, &f32)| (f64::from(*a) - f64::from(*b)) * (f64::from(*a) - f64::from(*b));
+    let row = |row| {
+        let [a, b] = [a, b].map(|image| self::row(image, row).as_flattened());
+        a.iter().zip(b).map(square).sum::<f64>()
+    };
+    mean_of_rows(a, b, row)
+}
+
+/// The peak signal-to-noise ratio for a mean square, dB: `10 log10(1 / mean square)`, at most [`MOST_DB`].
+#[must_use]
+pub fn psnr_db(mean_square: f64) -> f64 {
+    (-10.0 * libm::log10(mean_square)).min(MOST_DB)
+}
+
+/// The structural similarity of two pictures: the mean over pixels and channels, 1 for equal ones.
+///
+/// # Panics
+/// If they differ in size.
+#[must_use]
+pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
+    let window = window();
+    mean_of_rows(a, b, |row| {
+        let columns = columns(a, b, row, &window);
+        let at = |x: usize| {
+            let mut seen = [Moments::default(); 3];
+            for (column, weight) in (x..).zip(window).filter_map(|(k, w)| Some((k.checked_sub(REACH)?, w))) {
+                for (seen, moments) in seen.iter_mut().zip(columns.get(column).into_iter().flatten()) {
+                    seen.add(weight, moments.0);
+                }
+            }
+            seen.iter().map(Moments::similarity).sum::<f64>()
+        };
+        (0..columns.len()).map(at).sum()
+    })
+}
+
+/// The weights of the window along an edge, which sum to 1.
+fn window() -> [f64; EDGE] {
+    let weight = |k: usize| {
+        let from_centre = (k as f64 - REACH as f64) / DEVIATION;
+        libm::exp(-0.5 * from_centre * from_centre)
+    };
+    let weights: [f64; EDGE] = std::array::from_fn(weight);
+    let sum: f64 = weights.iter().sum();
+    weights.map(|weight| weight / sum)
+}
+
+/// Weighted means of `a`, `b`, `a^2`, `b^2` and `ab`.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moments([f64; 5]);
+
+impl Moments {
+    fn of(a: f32, b: f32) -> [f64; 5] {
+        let (a, b) = (f64::from(a), f64::from(b));
+        [a, b, a * a, b * b, a * b]
+    }
+
+    fn add(&mut self, weight: f64, values: [f64; 5]) {
+        for (sum, value) in self.0.iter_mut().zip(values) {
+            *sum += weight * value;
+        }
+    }
+
+    /// Equation 13 of the paper.
+    fn similarity(&self) -> f64 {
+        let [a, b, aa, bb, ab] = self.0;
+        let [c1, c2] = STEADIERS;
+        let means = (2.0 * a * b + c1) / (a * a + b * b + c1);
+        let spreads = (2.0 * (ab - a * b) + c2) / ((aa - a * a) + (bb - b * b) + c2);
+        means * spreads
+    }
+}
+
+/// The moments of each column about a row.
+fn columns(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>, row: usize, window: &[f64; EDGE]) -> Vec<[Moments; 3]> {
+    let mut columns = vec![[Moments::default(); 3]; a.size().width as usize];
+    let rows = (row..).zip(window).filter_map(|(k, weight)| Some((k.checked_sub(REACH)?, *weight)));
+    for (k, weight) in rows.filter(|(k, _)| *k < a.size().height as usize) {
+        for (column, (a, b)) in columns.iter_mut().zip(self::row(a, k).iter().zip(self::row(b, k))) {
+            for (moments, (a, b)) in column.iter_mut().zip(a.iter().zip(b)) {
+                moments.add(weight, Moments::of(*a, *b));
+            }
+        }
+    }
+    columns
+}
+
+fn row(image: &Image<[f32; 3]>, row: usize) -> &[[f32; 3]] {
+    let width = image.size().width as usize;
+    &image.pixels()[row * width..][..width]
+}
+
+/// The sum over rows, taken in order whatever the number of threads, per pixel and channel.
+fn mean_of_rows(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>, sum: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
+    assert_eq!(a.size(), b.size(), "pictures of one size are compared");
+    let rows: Vec<f64> = (0..a.size().height as usize).into_par_iter().map(sum).collect();
+    rows.iter().sum::<f64>() / (3 * a.size().pixels()) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+
+    const SIZE: Size = Size { width: 24, height: 17 };
+
+    /// The picture whose channels are these numbers modulo 32, over 31.
+    fn picture(value: impl Fn(usize, usize, usize) -> usize) -> Image<[f32; 3]> {
+        let shade = |k: usize| std::array::from_fn(|c| (value(k % 24, k / 24, c) % 32) as f32 / 31.0);
+        Image::from_vec(SIZE, (0..SIZE.pixels()).map(shade).collect())
+    }
+
+    fn waves() -> Image<[f32; 3]> {
+        picture(|x, y, c| x * 7 + y * 13 + c * 29)
+    }
+
+    #[test]
+    fn an_offset_is_told_in_decibels() {
+        for levels in [1.0f32, 5.0, 51.0, 255.0] {
+            let (dark, bright) = (Image::filled(SIZE, [0.0; 3]), Image::filled(SIZE, [levels / 255.0; 3]));
+            let wanted = 20.0 * libm::log10(255.0 / f64::from(levels));
+            let found = psnr_db(mean_square(&dark, &bright));
+            // A difference in 32 bits is rounded to 6e-8 of itself, which is 20 / ln(10) as much in dB.
+            assert!((found - wanted).abs() < 1e-6, "{levels}: {found}, {wanted}");
+        }
+        assert!((psnr_db(0.0) - MOST_DB).abs() < 1e-12);
+    }
+
+    /// Against numpy and scipy: `convolve2d` of each channel with the window, zeros beyond the border.
+    #[test]
+    fn similarity_is_that_of_another_implementation() {
+        let t = |other: &Image<[f32; 3]>, wanted: f64| {
+            let found = ssim(&waves(), other);
+            // Colours are rounded to 32 bits; the steep place is where variances are small, 1e-3.
+            assert!((found - wanted).abs() < 1e-5, "{found}, {wanted}");
+        };
+        t(&waves(), 1.0);
+        t(&picture(|x, y, c| x * 7 + y * 13 + c * 29 + (x * y) % 5), 0.778_350_919);
+        t(&picture(|x, y, c| x * 5 + y * 11 + c * 17), 0.192_752_498);
+        assert!(
+            (mean_square(&waves(), &picture(|x, y, c| x * 7 + y * 13 + c * 29 + (x * y) % 5))
+                - 0.044_966_096)
+                .abs()
+                < 1e-6
+        );
+    }
+
+    /// Constant pictures have no spread: `(2 a b + C1) / (a^2 + b^2 + C1)`, away from the border.
+    #[test]
+    fn constant_pictures_are_as_alike_as_their_means() {
+        let size = Size { width: 400, height: 400 };
+        let [a, b] = [0.25f32, 0.75].map(|v| Image::filled(size, [v; 3]));
+        // (0.375 + 0.0001) / (0.625 + 0.0001)
+        let within = ssim(&a, &b) - 0.600_064;
+        // Five of 400 pixels at each side see black beyond: 5 % of all, each less than 1 off.
+        assert!(within.abs() < 0.05, "{within}");
+        let dots = [0.25f32, 0.75].map(|v| Image::filled(Size { width: 1, height: 1 }, [v; 3]));
+        // The window's middle weighs 0.26601172^2 = 0.0707622: means 0.0176906 and 0.0530717, variances 0.0625 and
+        // 0.5625 times 0.0707622 less the squared means, covariance 0.1875 times it less the means' product.
+        let means = (0.001_877_735 + 0.0001) / (0.000_312_956 + 0.002_816_603 + 0.0001);
+        let spreads = (0.024_658_103 + 0.0009) / (0.004_109_684 + 0.036_987_157 + 0.0009);
+        let found = ssim(&dots[0], &dots[1]);
+        assert!((found - means * spreads).abs() < 1e-6, "{found}");
+    }
+
+    #[test]
+    fn likeness_does_not_depend_on_the_order_of_the_two() {
+        let other = picture(|x, y, c| x * 5 + y * 11 + c * 17);
+        assert_eq!(ssim(&waves(), &other).to_bits(), ssim(&other, &waves()).to_bits());
+    }
+}

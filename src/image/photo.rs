@@ -1,0 +1,53 @@
+//! Photos as cameras and datasets leave them: JPEG or PNG by what is in the file, since datasets name the one as the other.
+
+use super::{Image, jpeg, png};
+use std::io::Cursor;
+
+/// Why a photo cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum PhotoError {
+    /// A JPEG that is damaged or of another kind.
+    #[error("a JPEG that cannot be read: {0}")]
+    Jpeg(#[from] jpeg::JpegError),
+    /// A PNG that is damaged or of another kind.
+    #[error("a PNG that cannot be read: {0}")]
+    Png(#[from] png::PngError),
+    /// Something else.
+    #[error("neither JPEG nor PNG")]
+    Other,
+}
+
+/// How files begin.
+const JPEG: [u8; 2] = [0xff, 0xd8];
+const PNG: [u8; 4] = *b"\x89PNG";
+
+/// Reads a photo of 8 bits; grey becomes three equal channels.
+///
+/// # Errors
+/// When the bytes are damaged, or of another format or depth.
+pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, PhotoError> {
+    if bytes.starts_with(&JPEG) {
+        Ok(jpeg::read(bytes)?)
+    } else if bytes.starts_with(&PNG) {
+        Ok(png::read(Cursor::new(bytes))?)
+    } else {
+        Err(PhotoError::Other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+
+    #[test]
+    fn photos_are_told_by_their_content() {
+        let image = Image::filled(Size { width: 5, height: 3 }, [1u8, 2, 3]);
+        let mut bytes = Vec::new();
+        png::write(&image, &mut bytes).unwrap();
+        assert_eq!(read(&bytes).unwrap(), image);
+        assert!(matches!(read(&bytes[..20]), Err(PhotoError::Png(_))));
+        assert!(matches!(read(&JPEG), Err(PhotoError::Jpeg(_))));
+        assert!(matches!(read(b"GIF89a"), Err(PhotoError::Other)));
+    }
+}

@@ -1,0 +1,239 @@
+//! How true a scene is to the photos of its capture: rendered where each was taken, and held against it.
+//!
+//! The photo is undistorted, since renderings are a pinhole's; the rendering is clipped to 0..1, as what is looked at is.
+//! Pixels that the undistorted photo does not reach are left out of PSNR, and alike in SSIM.
+//!
+//! Every eighth view, in natural order of the names from the first, is called *held out*: those that the official
+//! trainer (GitHub graphdeco-inria/gaussian-splatting, `--eval`) does not train on. Whether this scene's trainer did is
+//! not known.
+
+use super::{Channels, RenderError, Rendered, Renderer, View};
+use crate::image::Image;
+use crate::image::likeness::{mean_square, psnr_db, ssim};
+use crate::source;
+use crate::source::undistort::{covered, undistorted};
+use serde::{Deserialize, Serialize};
+
+/// Most views that are compared.
+const MOST_VIEWS: usize = 100;
+/// Every how many views one is held out.
+const HELD_OUT: usize = 8;
+
+/// What was compared.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fidelity {
+    /// The views that were compared, in natural order of their names.
+    pub views: Vec<Compared>,
+    /// Those that should have been, and could not.
+    pub not_compared: Vec<NotCompared>,
+}
+
+/// A view and how alike rendering and photo are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Compared {
+    /// Its name.
+    pub name: String,
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// SSIM.
+    pub ssim: f64,
+    /// Whether it is held out by the convention of the official trainer.
+    pub held_out: bool,
+}
+
+/// A view that could not be compared.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NotCompared {
+    /// Its name.
+    pub name: String,
+    /// What is wrong with its photo.
+    pub because: String,
+}
+
+/// The figures over all views that were compared.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Psnr {
+    /// Mean, dB.
+    pub mean: f64,
+    /// Least, dB.
+    pub min: f64,
+    /// How many views.
+    pub views: usize,
+    /// Mean of those that are held out, dB; `None` where none of them is.
+    pub held_out: Option<f64>,
+}
+
+impl Fidelity {
+    /// PSNR over the views; `None` where none was compared.
+    #[must_use]
+    pub fn psnr(&self) -> Option<Psnr> {
+        let held_out = self.views.iter().filter(|view| view.held_out).map(|view| view.psnr);
+        Some(Psnr {
+            mean: mean(self.views.iter().map(|view| view.psnr))?,
+            min: self.worst()?.psnr,
+            views: self.views.len(),
+            held_out: mean(held_out),
+        })
+    }
+
+    /// Mean SSIM; `None` where no view was compared.
+    #[must_use]
+    pub fn ssim(&self) -> Option<f64> {
+        mean(self.views.iter().map(|view| view.ssim))
+    }
+
+    /// The view of the least PSNR.
+    #[must_use]
+    pub fn worst(&self) -> Option<&Compared> {
+        self.views.iter().min_by(|a, b| a.psnr.total_cmp(&b.psnr))
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+    (count > 0.0).then(|| sum / count)
+}
+
+/// Whether the view of this number in natural order is held out.
+#[must_use]
+pub fn held_out(index: usize) -> bool {
+    index.is_multiple_of(HELD_OUT)
+}
+
+/// Which of `count` photos are compared: all of up to 100, else 100 of them evenly, `round(i (count - 1) / 99)`.
+#[must_use]
+pub fn picked(count: usize) -> Vec<usize> {
+    let steps = MOST_VIEWS - 1;
+    match count {
+        0..=MOST_VIEWS => (0..count).collect(),
+        _ => (0..MOST_VIEWS).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect(),
+    }
+}
+
+/// PSNR, dB, and SSIM of what is rendered from a view and of its photo, which has the size of its camera.
+///
+/// # Errors
+/// When the view cannot be rendered.
+pub fn compare(
+    renderer: &mut dyn Renderer,
+    view: &source::View,
+    photo: &Image<[u8; 3]>,
+) -> Result<[f64; 2], RenderError> {
+    let mut rendered = Rendered::default();
+    let want = Channels { rgb: true, ..Channels::default() };
+    renderer.render(&View::still(view.camera, view.world_from_camera), want, &mut rendered)?;
+    let mut shown = rendered.rgb.expect("colour was asked for");
+    let straight = undistorted(photo, &view.camera, &view.lens);
+    let colours = straight.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
+    let mut wanted = Image::from_vec(photo.size(), colours);
+    // A channel that is no number is black, as it would be in a file.
+    let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
+    shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
+    let mut counted = photo.size().pixels();
+    if let Some(covered) = covered(&view.camera, &view.lens) {
+        counted = covered.pixels().iter().filter(|is_covered| **is_covered).count();
+        let pixels = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
+        for ((shown, wanted), _) in pixels.zip(covered.pixels()).filter(|(_, is_covered)| !**is_covered) {
+            (*shown, *wanted) = ([0.0; 3], [0.0; 3]);
+        }
+    }
+    let part = photo.size().pixels() as f64 / counted as f64;
+    Ok([psnr_db(part * mean_square(&shown, &wanted)), ssim(&shown, &wanted)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::image::Size;
+    use crate::render::Work;
+    use crate::se3::Se3;
+    use crate::source::Lens;
+    use glam::{DQuat, DVec3};
+
+    /// Shows one colour, whatever the view.
+    struct Wall([f32; 3]);
+
+    impl Renderer for Wall {
+        fn fingerprint(&self) -> &'static str {
+            "wall"
+        }
+
+        fn render(&mut self, view: &View, _: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+            out.rgb = Some(Image::filled(view.camera.size, self.0));
+            Ok(Work::default())
+        }
+    }
+
+    const SIZE: Size = Size { width: 40, height: 30 };
+
+    fn view(lens: Lens) -> source::View {
+        source::View {
+            name: "a.jpg".into(),
+            world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO },
+            camera: Camera { size: SIZE, fx: 30.0, fy: 30.0, cx: 20.0, cy: 15.0 },
+            lens,
+            sha256: None,
+        }
+    }
+
+    fn compared(colour: [f32; 3], lens: Lens, photo: [u8; 3]) -> [f64; 2] {
+        compare(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap()
+    }
+
+    #[test]
+    fn renderings_are_clipped_and_held_against_the_photo() {
+        // Beyond white and no number at all: white and black.
+        let [psnr, ssim] = compared([1.6, f32::NAN, -0.5], Lens::Pinhole, [255, 0, 0]);
+        assert!((psnr - 100.0).abs() < 1e-9 && (ssim - 1.0).abs() < 1e-9, "{psnr} {ssim}");
+        // One channel of three off by 51 of 255: a mean square of 0.04 / 3.
+        let [psnr, ssim] = compared([0.2, 0.6, 0.6], Lens::Pinhole, [102, 153, 153]);
+        assert!((psnr - 18.750_612).abs() < 1e-4, "{psnr}");
+        assert!(ssim < 1.0);
+    }
+
+    #[test]
+    fn pixels_beyond_the_photo_do_not_count() {
+        // What the pinhole sees of the border lies outside of the photo.
+        let lens = Lens::SimpleRadial { k1: 0.3 };
+        let outside = covered(&view(lens.clone()).camera, &lens).unwrap();
+        assert!(outside.pixels().iter().filter(|is_covered| !**is_covered).count() > 100);
+        let [psnr, ssim] = compared([1.0; 3], lens.clone(), [255; 3]);
+        assert!((psnr - 100.0).abs() < 1e-9 && (ssim - 1.0).abs() < 1e-9, "{psnr} {ssim}");
+        // 20 log10(255 / 51), to the rounding of bytes and of 32 bits, as without a lens.
+        let [psnr, _] = compared([0.8; 3], lens, [255; 3]);
+        assert!((psnr - 13.979_400).abs() < 1e-4, "{psnr}");
+    }
+
+    #[test]
+    fn views_are_picked_evenly_and_held_out_by_eights() {
+        assert_eq!(picked(0), [0usize; 0]);
+        assert_eq!(picked(100).len(), 100);
+        for count in [101, 250, 3000] {
+            let picked = picked(count);
+            assert_eq!((picked.len(), picked[0], picked[99]), (100, 0, count - 1));
+            assert!(picked.windows(2).all(|w| w[0] < w[1]));
+        }
+        // 17 (250 - 1) / 99 = 42.76
+        assert_eq!(picked(250)[17], 43);
+        let held: Vec<usize> = (0..20).filter(|i| held_out(*i)).collect();
+        assert_eq!(held, [0, 8, 16]);
+    }
+
+    #[test]
+    fn figures_are_over_all_views_and_over_those_held_out() {
+        let view = |name: &str, psnr, ssim, held_out| Compared { name: name.into(), psnr, ssim, held_out };
+        let views = vec![view("a", 30.0, 0.9, true), view("b", 20.0, 0.5, false), view("c", 26.0, 0.7, true)];
+        let fidelity = Fidelity { views, not_compared: Vec::new() };
+        let psnr = fidelity.psnr().unwrap();
+        assert!((psnr.mean - 76.0 / 3.0).abs() < 1e-12 && (psnr.min - 20.0).abs() < 1e-12);
+        assert!((psnr.held_out.unwrap() - 28.0).abs() < 1e-12 && psnr.views == 3);
+        assert!((fidelity.ssim().unwrap() - 0.7).abs() < 1e-12);
+        assert_eq!(fidelity.worst().unwrap().name, "b");
+        assert_eq!(Fidelity::default().psnr(), None);
+    }
+}

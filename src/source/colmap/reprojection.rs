@@ -1,0 +1,101 @@
+//! How far a model's points fall from the key points that they were triangulated from.
+//!
+//! Measured from cameras, images and points through the whole lens, not taken from the `error` that the points carry:
+//! that is COLMAP's word on itself.
+
+use super::{Image, Model, ModelCamera, Point};
+use crate::source::SourceError;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Distances between key points and the projections of their points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reprojection {
+    /// Points that some image sees.
+    pub points: usize,
+    /// Key points of a point.
+    pub observations: usize,
+    /// Mean over points of the mean over each point's key points, px: what COLMAP calls the mean reprojection error.
+    pub over_points_px: f64,
+    /// Mean over key points, px.
+    pub over_observations_px: f64,
+    /// Key points whose point is not in front of the camera; they are in no mean.
+    pub behind: usize,
+}
+
+/// The sum of the distances of a point's key points, px, and their number.
+#[derive(Debug, Clone, Copy, Default)]
+struct Distances {
+    sum_px: f64,
+    count: f64,
+}
+
+impl Model {
+    /// The model among the files of a source, if there is one.
+    #[must_use]
+    pub fn among<'a>(files: impl IntoIterator<Item = &'a Path>) -> Option<Self> {
+        let images = |path: &&Path| path.file_stem().is_some_and(|stem| stem == "images");
+        let folder = files.into_iter().filter(images).find_map(Path::parent)?;
+        Self::at(folder.to_owned())
+    }
+
+    /// Measures the model; `None` where it has no points, or no image sees one.
+    ///
+    /// # Errors
+    /// When a file is damaged, or names a camera or a point that is not there.
+    pub fn reprojection(&self) -> Result<Option<Reprojection>, SourceError> {
+        if !self.file("points3D").is_file() {
+            return Ok(None);
+        }
+        let (cameras, points) = (self.cameras()?, self.points()?);
+        let mut of_points = BTreeMap::<u64, Distances>::new();
+        let mut behind = 0;
+        for image in self.images()? {
+            let fault = |because| SourceError::Content {
+                path: self.file("images"),
+                place: image.place.clone(),
+                because,
+            };
+            let camera = cameras.get(&image.camera_id);
+            let camera = camera.ok_or_else(|| fault(format!("camera {} is not there", image.camera_id)))?;
+            for seen in &image.observations {
+                let Some(id) = seen.point else { continue };
+                let point = points.get(&id).ok_or_else(|| fault(format!("point {id} is not there")))?;
+                match projected(&image, camera, point) {
+                    Some([u, v]) => {
+                        let (x, y) = (u - seen.xy[0], v - seen.xy[1]);
+                        let distances = of_points.entry(id).or_default();
+                        distances.sum_px += (x * x + y * y).sqrt();
+                        distances.count += 1.0;
+                    }
+                    None => behind += 1,
+                }
+            }
+        }
+        Ok(Reprojection::of(&of_points, behind))
+    }
+}
+
+/// Where a point falls in the photo, px; `None` where it is not in front of the camera.
+fn projected(image: &Image, taken: &ModelCamera, point: &Point) -> Option<[f64; 2]> {
+    let at = image.rotation.rotation * point.xyz + image.translation;
+    let [x, y] = taken.lens.distort([at.x / at.z, at.y / at.z]);
+    let camera = taken.camera;
+    (at.z > 0.0).then_some([camera.fx * x + camera.cx, camera.fy * y + camera.cy])
+}
+
+impl Reprojection {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of ones")]
+    fn of(of_points: &BTreeMap<u64, Distances>, behind: usize) -> Option<Self> {
+        let all = of_points.values();
+        let count: f64 = all.clone().map(|d| d.count).sum();
+        let means: f64 = all.clone().map(|d| d.sum_px / d.count).sum();
+        (count > 0.0).then(|| Self {
+            points: of_points.len(),
+            observations: count as usize,
+            over_points_px: means / of_points.len() as f64,
+            over_observations_px: all.map(|d| d.sum_px).sum::<f64>() / count,
+            behind,
+        })
+    }
+}

@@ -1,0 +1,106 @@
+//! Stage `fidelity`: holds renderings of a scene against the photos of its capture. Where no photo is there it does
+//! nothing, and opens no renderer.
+
+use super::capture::Capturing;
+use super::{Context, Need, SourceFile, Stage, StageError, Target};
+use crate::artifact::{Files, write_json};
+use crate::image::photo;
+use crate::render::RenderChoice;
+use crate::render::backend::Backend;
+use crate::render::fidelity::{Compared, Fidelity, NotCompared, compare, held_out, picked};
+use crate::scene::Gaussians;
+use crate::source::{Capture, View};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Parameters: the rendering. The camera is each photo's own.
+#[derive(Debug, Serialize)]
+pub struct Comparing {
+    /// The rendering.
+    pub render: RenderChoice,
+    /// Where the photos are.
+    #[serde(skip)]
+    pub capturing: Capturing,
+    /// What renders.
+    #[serde(skip)]
+    pub backend: Backend,
+}
+
+/// The photo as it was taken, without its lens and in 32 bits, the rendering, and the decoder's own picture.
+const BYTES_A_PIXEL: u64 = 48;
+
+impl Stage for Comparing {
+    const NAME: &'static str = "fidelity";
+    const REVISION: u32 = 1;
+    type Inputs = (Target<Capture>, Target<Gaussians>);
+    type Output = Fidelity;
+
+    fn class(&self) -> Option<String> {
+        Some(self.backend.class())
+    }
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        self.capturing.photos()
+    }
+
+    fn source_folders(&self) -> Vec<PathBuf> {
+        self.capturing.source_folders()
+    }
+
+    fn need(&self, files: &[Files]) -> Need {
+        super::rendering_need(&self.backend, None, files, BYTES_A_PIXEL)
+    }
+
+    fn run(
+        &self,
+        (capture, gaussians): (Capture, Gaussians),
+        cx: &mut Context<'_>,
+    ) -> Result<(), StageError> {
+        let photos = self.capturing.photos()?;
+        let views = capture.views.iter().enumerate();
+        let taken: Vec<(usize, &View, &SourceFile)> =
+            views.filter_map(|(i, view)| Some((i, view, photo_of(view, &photos)?))).collect();
+        let mut fidelity = Fidelity::default();
+        if !taken.is_empty() {
+            let style = self.render.resolve(gaussians.antialiased);
+            let renderer = self.backend.renderer(Arc::new(gaussians), style);
+            let mut renderer = renderer.map_err(StageError::work("render"))?;
+            for (i, view, photo) in picked(taken.len()).into_iter().map(|k| taken[k]) {
+                cx.go_on()?;
+                let name = view.name.clone();
+                match read(view, photo)? {
+                    Ok(photo) => {
+                        let [psnr, ssim] =
+                            compare(renderer.as_mut(), view, &photo).map_err(StageError::work("render"))?;
+                        fidelity.views.push(Compared { name, psnr, ssim, held_out: held_out(i) });
+                    }
+                    Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
+                }
+            }
+        }
+        let out = cx.out.join("fidelity.json");
+        write_json(&out, &fidelity).map_err(StageError::io(&out))
+    }
+}
+
+/// The file of a view's photo: sources call it as the view, or by its place among `images`.
+fn photo_of<'a>(view: &View, photos: &'a [SourceFile]) -> Option<&'a SourceFile> {
+    photos.iter().find(|photo| {
+        let name = photo.name.strip_prefix("images/");
+        photo.name == view.name || name == Some(&view.name)
+    })
+}
+
+type Photo = crate::image::Image<[u8; 3]>;
+
+/// The photo of a view, or what is wrong with it.
+fn read(view: &View, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
+    let bytes = std::fs::read(&photo.path).map_err(StageError::io(&photo.path))?;
+    let photo = match photo::read(&bytes) {
+        Ok(photo) => photo,
+        Err(because) => return Ok(Err(because.to_string())),
+    };
+    let (size, stated) = (photo.size(), view.camera.size);
+    Ok(if size == stated { Ok(photo) } else { Err(format!("it is {size}, its camera says {stated}")) })
+}

@@ -1,0 +1,95 @@
+//! Stage `scene_checks`: hands what is known of a scene's capture and photos to the validation passes over scenes.
+//!
+//! The scene's id is no part of what is checked, so findings are stored with an empty subject, as those of
+//! [`super::checks`].
+
+use super::capture::Capturing;
+use super::{Context, SourceFile, Stage, StageError, Target};
+use crate::artifact::{Verdicts, write_json};
+use crate::check::{Limits, Photos, SceneSubject, judge_scene};
+use crate::render::fidelity::Fidelity;
+use crate::source::colmap::{Model, Reprojection};
+use crate::source::{Capture, Why};
+use crate::trajectory::NamedPose;
+use crate::trajectory::walk::Walk;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Name of the stage.
+pub const NAME: &str = "scene_checks";
+
+/// Parameters: the recipe's limits and waivers for scenes.
+#[derive(Debug, Serialize)]
+pub struct CheckingScene {
+    /// Limits and waivers.
+    pub limits: Limits,
+    /// Where the capture is.
+    #[serde(skip)]
+    pub capturing: Capturing,
+}
+
+const NO_MODEL: &str = "the source is no COLMAP model";
+
+impl Stage for CheckingScene {
+    const NAME: &'static str = NAME;
+    const REVISION: u32 = 1;
+    type Inputs = (Target<Capture>, Option<Target<Fidelity>>);
+    type Output = Verdicts;
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        let files = self.capturing.sources()?;
+        Ok(if model(&files).is_some() { files } else { Vec::new() })
+    }
+
+    fn source_folders(&self) -> Vec<PathBuf> {
+        self.capturing.source_folders()
+    }
+
+    fn run(
+        &self,
+        (capture, fidelity): (Capture, Option<Fidelity>),
+        cx: &mut Context<'_>,
+    ) -> Result<(), StageError> {
+        let files = self.sources()?;
+        let subject = SceneSubject {
+            name: "",
+            reprojection: reprojection(&files)?,
+            photos: photos(&capture, &files),
+            walk: walk(&capture),
+            fidelity: fidelity.as_ref(),
+            limits: &self.limits,
+        };
+        let verdicts = Verdicts { findings: judge_scene(&subject), peaks_ev_per_ms: Vec::new() };
+        let out = cx.out.join("verdicts.json");
+        write_json(&out, &verdicts).map_err(StageError::io(&out))
+    }
+}
+
+fn model(files: &[SourceFile]) -> Option<Model> {
+    Model::among(files.iter().map(|file| file.path.as_path()))
+}
+
+fn reprojection(files: &[SourceFile]) -> Result<Result<Reprojection, String>, StageError> {
+    let Some(model) = model(files) else { return Ok(Err(NO_MODEL.to_owned())) };
+    let found = model.reprojection().map_err(StageError::work("measure the model"))?;
+    Ok(found.ok_or_else(|| "the model has no points that its images see".to_owned()))
+}
+
+/// Those that are left out by name count for nothing, those that were not picked as the others do.
+fn photos(capture: &Capture, files: &[SourceFile]) -> Result<Photos, String> {
+    if model(files).is_none() {
+        return Err(NO_MODEL.to_owned());
+    }
+    let unused = |why| capture.unused.iter().filter(move |photo| photo.why == why);
+    let hashes = capture.views.iter().map(|view| &view.sha256);
+    let hashes = hashes.chain(unused(Why::NotPicked).map(|photo| &photo.sha256));
+    let registered = hashes.clone().flatten().count();
+    Ok(Photos { there: registered + unused(Why::NotRegistered).count(), registered, views: hashes.count() })
+}
+
+fn walk(capture: &Capture) -> Result<Walk, String> {
+    let pose = |view: &crate::source::View| view.world_from_camera;
+    let views = capture.views.iter().map(|v| NamedPose { name: &v.name, world_from_camera: pose(v) });
+    let walk = Walk::of(&views.collect::<Vec<_>>()).map_err(|e| e.to_string())?;
+    walk.ok_or_else(|| "no two views are apart".to_owned())
+}

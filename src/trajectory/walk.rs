@@ -1,0 +1,124 @@
+//! How evenly the views of a capture follow one another, in the order of their names.
+//!
+//! All is measured in the mixed [`super::metric`] and in median steps, so that neither the scale of a capture nor its
+//! density counts. A **step** is the distance between neighbours; a long one is a gap, where frames did not register. The
+//! **detour** of a view is half of what the way by it is longer than the way past it,
+//!
+//! ```text
+//! detour(i) = (d(i-1, i) + d(i, i+1) - d(i-1, i+1)) / 2
+//! ```
+//!
+//! A view that lies off its neighbours' way by `x` has a detour of about `x`, and both of them one of at most a step. By
+//! the triangle inequality a detour is at most the shorter of its two steps: a gap, one long step, makes none.
+
+use super::knots::{Gap, distances, rounding};
+use super::metric::{Metric, median};
+use super::order::by_name;
+use super::refine::{Scale, screen};
+use super::{NamedPose, TrajectoryError};
+
+/// Steps and detours over the median step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Walk {
+    /// The step from each view to the next.
+    pub steps: Vec<Gap>,
+    /// The detour of each view but the first and the last.
+    pub detours: Vec<Detour>,
+}
+
+/// How far a view lies off the way between its neighbours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detour {
+    /// The view.
+    pub name: String,
+    /// Its detour over the median step.
+    pub times_median: f64,
+}
+
+impl Walk {
+    /// Measures views, given in any order; `None` where no two of them are apart.
+    ///
+    /// # Errors
+    /// Where the views are none, not finite, no rotations or of one name.
+    pub fn of(views: &[NamedPose<'_>]) -> Result<Option<Self>, TrajectoryError> {
+        let (_, views, _) = screen(by_name(views)?)?;
+        let metric = Metric::new(Scale::Scene, &views)?;
+        let (steps, still) = (distances(&views, metric), rounding(&views, metric));
+        let median = median(steps.iter().copied().filter(|step| *step > still).collect());
+        let step = |(pair, step): (&[NamedPose<'_>], &f64)| Gap {
+            after: pair[0].name.to_owned(),
+            before: pair[1].name.to_owned(),
+            times_median: step / median,
+        };
+        let detour = |i: usize| Detour {
+            name: views[i].name.to_owned(),
+            times_median: {
+                let past = metric.distance(&views[i - 1].world_from_camera, &views[i + 1].world_from_camera);
+                0.5 * (steps[i - 1] + steps[i] - past) / median
+            },
+        };
+        Ok((median > 0.0).then(|| Self {
+            steps: views.windows(2).zip(&steps).map(step).collect(),
+            detours: (1..steps.len()).map(detour).collect(),
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::se3::Se3;
+    use glam::{DQuat, DVec3};
+
+    /// Views that look along z, so that the metric's scale is the largest distance between two of them.
+    fn walk(centres: &[[f64; 3]]) -> Walk {
+        let names: Vec<String> = (0..centres.len()).map(|i| format!("{i}.jpg")).collect();
+        let views: Vec<NamedPose<'_>> = names
+            .iter()
+            .zip(centres)
+            .map(|(name, centre)| NamedPose {
+                name,
+                world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::from_array(*centre) },
+            })
+            .collect();
+        Walk::of(&views).unwrap().unwrap()
+    }
+
+    fn close(found: f64, wanted: f64) {
+        assert!((found - wanted).abs() < 1e-9, "{found}, {wanted}");
+    }
+
+    #[test]
+    fn a_straight_walk_has_no_detour_and_a_gap_is_a_step() {
+        let mut centres: Vec<[f64; 3]> = (0..12u8).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        centres.drain(4..9);
+        let walk = walk(&centres);
+        assert!(walk.detours.iter().all(|detour| detour.times_median.abs() < 1e-9));
+        for (i, step) in walk.steps.iter().enumerate() {
+            close(step.times_median, if i == 3 { 6.0 } else { 1.0 });
+        }
+        assert_eq!((walk.steps[3].after.as_str(), walk.steps[3].before.as_str()), ("3.jpg", "4.jpg"));
+    }
+
+    #[test]
+    fn a_view_off_the_way_has_a_detour_of_its_distance() {
+        let mut centres: Vec<[f64; 3]> = (0..15u8).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        centres[6] = [6.0, 10.0, 0.0];
+        let walk = walk(&centres);
+        // Both legs are sqrt(101), the way past is 2 steps.
+        close(walk.detours[5].times_median, 101f64.sqrt() - 1.0);
+        assert_eq!(walk.detours[5].name, "6.jpg");
+        assert!(walk.detours.iter().enumerate().all(|(i, d)| i == 5 || d.times_median <= 1.0));
+    }
+
+    #[test]
+    fn views_at_one_place_are_no_walk() {
+        let view = |name| NamedPose {
+            name,
+            world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ONE },
+        };
+        assert_eq!(Walk::of(&[view("a"), view("b")]).unwrap(), None);
+        assert_eq!(Walk::of(&[view("a")]).unwrap(), None);
+        assert!(Walk::of(&[view("a"), view("a")]).is_err());
+    }
+}

@@ -1,0 +1,198 @@
+//! Scenes held against their photos, and captures against themselves, through the program: photos that are the scene's own
+//! renderings but for what is planted.
+
+use crate::sources::planted::{Camera, Image as Photographed, Planted};
+use crate::support::given::{self, GIVEN};
+use crate::support::workspace::Workspace;
+use gs2e::image::png;
+use gs2e::render::cpu::Cpu;
+use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, View};
+use gs2e::{scene, source};
+use serde_json::Value;
+use std::fs;
+use std::sync::Arc;
+
+const LICENCE: &str = "licence: { expression: CC0-1.0, holder: a test }\n";
+
+/// The sound scene with a photo of each view, `images/000.png` and so on: its own rendering in 8 bits, each byte passed
+/// through `change` with the number of the view.
+fn photographed(change: impl Fn(usize, u8) -> u8) -> Workspace {
+    let place = given::sound();
+    let recipe = GIVEN.replace("outputs: [events, sharp]", "outputs: []");
+    place.write("recipe.yaml", recipe + LICENCE);
+    let (capture, _) = source::nerfstudio::read(&place.path("transforms.json")).unwrap();
+    let gaussians = Arc::new(scene::read(&place.path("scene.ply")).unwrap());
+    let style =
+        Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
+    let mut renderer = Cpu::new(gaussians, style).unwrap();
+    for (i, view) in capture.views.iter().enumerate() {
+        let mut rendered = Rendered::default();
+        let want = Channels { rgb: true, ..Channels::default() };
+        renderer.render(&View::still(view.camera, view.world_from_camera), want, &mut rendered).unwrap();
+        let mut photo = png::to_bytes(&rendered.rgb.unwrap());
+        photo.pixels_mut().as_flattened_mut().iter_mut().for_each(|v| *v = change(i, *v));
+        let mut bytes = Vec::new();
+        png::write(&photo, &mut bytes).unwrap();
+        place.write(&view.name, bytes);
+    }
+    place
+}
+
+/// The records of `gs2e check` on the scene itself, by statement.
+fn finding(place: &Workspace, part: &str) -> Value {
+    let told = place.gs2e("check --json --recipes recipe.yaml").stdout;
+    let findings = told.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let subject = format!("given#{part}");
+    findings.into_iter().find(|f| f["subject"] == subject).unwrap_or_else(|| panic!("{part}: {told}"))
+}
+
+fn measured(place: &Workspace, part: &str) -> f64 {
+    finding(place, part)["measured"].as_f64().unwrap()
+}
+
+#[test]
+fn a_scene_is_as_true_as_its_photos_are_its_own() {
+    let place = photographed(|_, v| v);
+    place.ok("release --to tree recipe.yaml");
+    place.ok("audit tree");
+    // Rounding to 8 bits alone is 20 log10(255 sqrt(12)) = 58.92 dB, and less where colours are whole numbers or clipped.
+    let mean = measured(&place, "mean");
+    assert!((58.5..75.0).contains(&mean), "{mean}");
+    assert!(measured(&place, "ssim") > 0.999);
+    for part in ["drop", "mean", "ssim", "gap", "outlier"] {
+        assert_eq!(finding(&place, part)["verdict"], "pass", "{part}");
+    }
+    let told = finding(&place, "reprojection");
+    assert_eq!((told["check"].as_str(), told["verdict"].as_str()), (Some("capture"), Some("not-run")));
+    assert_eq!(told["because"], "the source is no COLMAP model");
+
+    let read =
+        |name: &str| -> Value { serde_json::from_slice(&fs::read(place.path(name)).unwrap()).unwrap() };
+    let reconstruction = &read("tree/given/scene.json")["reconstruction"];
+    assert_eq!(
+        (&reconstruction["psnr"]["mean"], &reconstruction["psnr"]["views"]),
+        (&mean.into(), &6.into())
+    );
+    assert_eq!(reconstruction["ssim"], finding(&place, "ssim")["measured"]);
+    let findings = read("tree/given/checks.json");
+    assert_eq!(findings.as_array().unwrap().len(), 8);
+    let card = fs::read_to_string(place.path("tree/README.md")).unwrap();
+    assert!(card.contains("- not-run `capture` given#reprojection: the source is no COLMAP model"), "{card}");
+
+    // What is in the tree is held against what the scene says of it.
+    let altered = |from: &str, to: &str| {
+        let text = fs::read_to_string(place.path("tree/given/checks.json")).unwrap();
+        assert!(text.contains(from));
+        place.write("tree/given/checks.json", text.replacen(from, to, 1));
+        crate::release::small::reseal(&place.path("tree"));
+        let told = place.gs2e("audit tree");
+        place.write("tree/given/checks.json", text);
+        (told.code, told.stdout + &told.stderr)
+    };
+    let (code, told) = altered(&mean.to_string(), "12.5");
+    assert!(code == 3 && told.contains("claims-disagree"), "{told}");
+    let (code, told) = altered("\"pass\"", "\"fail\"");
+    assert!(code == 3 && told.contains("check-failed-unwaived"), "{told}");
+}
+
+#[test]
+fn one_bad_view_stops_a_release_unless_it_is_accepted() {
+    // Every byte is off by 60, and none is clipped: 20 log10(255 / 60) = 12.57 dB.
+    let other = |v: u8| if v < 128 { v + 60 } else { v - 60 };
+    let place = photographed(|i, v| if i == 3 { other(v) } else { v });
+    place.ok("build recipe.yaml");
+    let told = finding(&place, "drop");
+    assert_eq!((told["check"].as_str(), told["verdict"].as_str()), (Some("recon_psnr"), Some("fail")));
+    assert!(told["because"].as_str().unwrap().starts_with("`images/003.png` has 12.57 dB"), "{told}");
+    assert_eq!(place.gs2e("check --recipes recipe.yaml").code, 3);
+    assert_eq!(place.gs2e("release --to tree recipe.yaml").code, 3);
+    let recipe = fs::read_to_string(place.path("recipe.yaml")).unwrap();
+    let waive = "checks: { waive: [{ check: recon_psnr, because: a lamp was on }] }\n";
+    place.write("recipe.yaml", recipe + waive);
+    assert_eq!(place.build("recipe.yaml"), ["given/checks"], "the trajectory has no part in it");
+    place.ok("release --to tree recipe.yaml");
+    place.ok("audit tree");
+    assert_eq!(finding(&place, "drop")["verdict"], "waived");
+}
+
+#[test]
+fn a_photo_that_changes_is_compared_again_and_one_that_is_none_is_told() {
+    let place = photographed(|_, v| v);
+    place.ok("build recipe.yaml");
+    let other = fs::read(place.path("images/000.png")).unwrap();
+    place.write("images/005.png", other);
+    assert!(place.stale("recipe.yaml").contains(&"given/fidelity".to_owned()));
+    place.write("images/004.png", "no photo");
+    place.ok("build recipe.yaml");
+    let told = finding(&place, "mean")["because"].as_str().unwrap().to_owned();
+    assert!(
+        told.starts_with("5 views have") && told.ends_with("`images/004.png`: neither JPEG nor PNG"),
+        "{told}"
+    );
+    assert!(measured(&place, "drop") > 10.0, "the last view has the first one's photo");
+}
+
+#[test]
+fn where_there_is_no_photo_nothing_is_compared() {
+    let place = given::sound();
+    place.ok("build recipe.yaml");
+    let told = finding(&place, "drop");
+    assert_eq!((&told["verdict"], &told["because"]), (&"not-run".into(), &"there are no photos".into()));
+}
+
+/// A COLMAP model of 20 images a step apart along x, which see one point a pixel off; and its photos, two more than
+/// images.
+#[test]
+fn a_model_is_held_against_its_points_and_its_folder() {
+    let image = |i: u32| Photographed {
+        id: i + 1,
+        q: [1.0, 0.0, 0.0, 0.0],
+        t: [-0.1 * f64::from(i), 0.0, 4.0],
+        camera: 1,
+        name: format!("{i}.jpg"),
+        observations: vec![(320.0 - 10.0 * f64::from(i), 181.0, 7)],
+    };
+    let parameters = vec![500.0, 500.0, 320.0, 180.0];
+    let mut planted = Planted {
+        cameras: vec![Camera { id: 1, model: (1, "PINHOLE"), size: [640, 360], parameters }],
+        images: (0..20).map(image).collect(),
+        points: vec![(7, [0.0, 0.0, 1.0], 9.0)],
+    };
+    let place = given::sound();
+    let recipe = GIVEN.replace("nerfstudio: { path: transforms.json }", "colmap: { path: capture }");
+    place.write("recipe.yaml", recipe.replace("outputs: [events, sharp]", "outputs: []") + LICENCE);
+    planted.write_binary(&place.path("capture/sparse/0"));
+    for i in 0..22 {
+        place.write(&format!("capture/images/{i}.jpg"), format!("photo {i}"));
+    }
+    place.write("capture/images/3_bg_removed.png", "left over");
+    place.write("capture/images/notes.txt", "no photo");
+    place.ok("build recipe.yaml");
+    let close = |part: &str, wanted: f64, verdict: &str| {
+        let told = finding(&place, part);
+        let found = told["measured"].as_f64().unwrap();
+        assert!(
+            (found - wanted).abs() < 1e-9 && told["verdict"] == verdict,
+            "{part}: {told}, wanted {wanted}"
+        );
+    };
+    close("reprojection", 1.0, "pass");
+    close("reprojection-observations", 1.0, "pass");
+    close("registered", 20.0 / 22.0, "pass");
+    close("gap", 1.0, "pass");
+    close("outlier", 0.0, "pass");
+    let told = finding(&place, "mean");
+    let because = "no photo can be compared; `0.jpg`: neither JPEG nor PNG";
+    assert_eq!((&told["verdict"], &told["because"]), (&"not-run".into(), &because.into()));
+
+    // A run of views is gone, and another is off its way by six steps, far from its point.
+    planted.images.drain(5..14);
+    planted.images[8].t[1] = 0.6;
+    planted.write_binary(&place.path("capture/sparse/0"));
+    place.ok("build recipe.yaml");
+    close("gap", 10.0, "warn");
+    close("outlier", 37f64.sqrt() - 1.0, "warn");
+    // 500 * 0.6 / 5 = 60 px lower, one of which its key point is already.
+    close("reprojection", (10.0 + 59.0) / 11.0, "warn");
+    close("registered", 11.0 / 22.0, "warn");
+}
