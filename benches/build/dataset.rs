@@ -7,10 +7,10 @@ use std::process::{Command, Stdio};
 
 // What lays the dataset out is the tests', which need all of it.
 #[path = "../../tests/it/sources/datasets.rs"]
-#[expect(dead_code, reason = "the tests use the rest")]
+#[expect(dead_code, clippy::unwrap_used, reason = "it is the tests', which use the rest")]
 mod datasets;
 #[path = "../../tests/it/sources/planted.rs"]
-#[expect(dead_code, reason = "the tests use the rest")]
+#[expect(dead_code, clippy::unwrap_used, reason = "it is the tests', which use the rest")]
 mod planted;
 
 /// New instances of the second run.
