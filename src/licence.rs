@@ -79,8 +79,49 @@ pub struct Composed {
     pub ids: Vec<String>,
     /// Whether receivers must accept the upstream terms first.
     pub gated: bool,
+    /// Who may have what was made from the upstream material.
+    pub passing: Passing,
     /// What the releaser should know, one sentence each.
     pub warnings: Vec<String>,
+}
+
+/// Whether what was made from upstream material is passed on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Passing {
+    /// Nothing upstream speaks against it.
+    Free,
+    /// Upstream forbids it, and the releaser says why this release may all the same.
+    Allowed(String),
+    /// Upstream forbids it: recipe, poses and words are passed on, and nothing that shows the scene.
+    Withheld,
+}
+
+impl Passing {
+    /// The releaser's reason, where one is needed and given.
+    #[must_use]
+    pub fn because(&self) -> Option<&str> {
+        match self {
+            Self::Allowed(because) => Some(because),
+            Self::Free | Self::Withheld => None,
+        }
+    }
+}
+
+/// Files of a scene that may be passed on whatever its source: words and numbers, no likeness.
+const METADATA: [&str; 7] = [
+    "scene.json",
+    "poses.txt",
+    "timestamps_us.txt",
+    "transforms.json",
+    "speed.json",
+    "trajectory.svg",
+    "checks.json",
+];
+
+/// Whether a file of a scene's folder shows nothing of the scene.
+#[must_use]
+pub fn is_metadata(path: &str) -> bool {
+    METADATA.contains(&path.rsplit('/').next().unwrap_or(path))
 }
 
 /// Why a text is no licence.
@@ -94,12 +135,13 @@ pub struct LicenceError {
 }
 
 /// The terms of a scene of the source kind of this name, with the expression that its owner states. Without one, a
-/// procedural scene is CC0-1.0, and any other says that nothing is stated.
+/// procedural scene is CC0-1.0, and any other says that nothing is stated. `redistribution` is the releaser's reason why
+/// material of this source may be passed on, where upstream forbids it.
 ///
 /// # Panics
 /// If the kind is none of [`SourceKind`], or the owner's text no expression: recipes are read with both valid.
 #[must_use]
-pub fn compose(kind: &str, owner: Option<&str>) -> Composed {
+pub fn compose(kind: &str, owner: Option<&str>, redistribution: Option<&str>) -> Composed {
     let kind = SourceKind::by_name(kind).expect("recipes are read with known sources");
     let mut warnings = Vec::new();
     let stated = match owner {
@@ -114,7 +156,19 @@ pub fn compose(kind: &str, owner: Option<&str>) -> Composed {
     let parts = ids.map(|id| Expression::parse(id).expect("recipes are read with valid expressions"));
     let expression = Expression::all(parts);
     let ids = expression.ids().into_iter().collect();
-    Composed { expression: expression.to_string(), ids, gated: kind.restricted(), warnings }
+    let passing = match redistribution {
+        _ if !kind.restricted() => Passing::Free,
+        Some(because) => Passing::Allowed(because.to_owned()),
+        None => {
+            let name = kind.name();
+            warnings.push(format!(
+                "{name} forbids passing on what is made from it: such scenes are released as recipe, poses and reports, \
+                 unless sources.yaml says {name}: {{ redistribute: allowed, because: … }}"
+            ));
+            Passing::Withheld
+        }
+    };
+    Composed { expression: expression.to_string(), ids, gated: kind.restricted(), passing, warnings }
 }
 
 /// The terms of several scenes together: of all of them at once, gated where one is. Warnings stay with the scenes.
@@ -130,7 +184,9 @@ pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a Composed>) -> Composed {
     }
     let expression = Expression::all(parts);
     let ids = expression.ids().into_iter().collect();
-    Composed { expression: expression.to_string(), ids, gated, warnings: Vec::new() }
+    // It is each scene's own.
+    let passing = Passing::Free;
+    Composed { expression: expression.to_string(), ids, gated, passing, warnings: Vec::new() }
 }
 
 #[cfg(test)]
@@ -139,7 +195,7 @@ mod tests {
 
     #[test]
     fn upstream_terms_are_never_lost() {
-        let t = |kind, owner, wanted: &str| assert_eq!(compose(kind, owner).expression, wanted);
+        let t = |kind, owner, wanted: &str| assert_eq!(compose(kind, owner, None).expression, wanted);
         t("procedural", None, "CC0-1.0");
         t("procedural", Some("MIT"), "MIT");
         t("colmap", None, "LicenseRef-Unstated");
@@ -156,19 +212,33 @@ mod tests {
 
     #[test]
     fn silence_is_told_and_restricted_sources_are_gated() {
-        assert_eq!(compose("procedural", None).warnings, [""; 0]);
-        assert_eq!(compose("colmap", None).warnings.len(), 1);
-        assert!(compose("dl3dv", None).gated);
-        assert!(!compose("colmap", None).gated);
+        assert_eq!(compose("procedural", None, None).warnings, [""; 0]);
+        assert_eq!(compose("colmap", None, None).warnings.len(), 1);
+        assert!(compose("dl3dv", None, None).gated);
+        assert!(!compose("colmap", None, None).gated);
+    }
+
+    #[test]
+    fn restricted_material_is_withheld_unless_the_releaser_says_why_not() {
+        let t =
+            |kind, because, wanted| assert_eq!(compose(kind, Some("MIT"), because).passing, wanted, "{kind}");
+        t("mvimgnet", None, Passing::Withheld);
+        t("dl3dv", None, Passing::Withheld);
+        t("dl3dv", Some("a letter"), Passing::Allowed("a letter".into()));
+        t("colmap", None, Passing::Free);
+        t("colmap", Some("a letter"), Passing::Free);
+        assert!(compose("dl3dv", Some("MIT"), Some("a letter")).gated);
+        assert!(is_metadata("a/b/base/poses.txt") && is_metadata("scene.json"));
+        assert!(!is_metadata("base/events.h5") && !is_metadata("base/sharp/000000.png"));
     }
 
     #[test]
     fn a_dataset_is_under_the_terms_of_all_its_scenes() {
         let scenes = [
-            compose("colmap", Some("MIT")),
-            compose("dl3dv", Some("CC-BY-4.0")),
-            compose("procedural", None),
-            compose("colmap", Some("MIT")),
+            compose("colmap", Some("MIT"), None),
+            compose("dl3dv", Some("CC-BY-4.0"), None),
+            compose("procedural", None, None),
+            compose("colmap", Some("MIT"), None),
         ];
         let whole = compose_all(scenes.iter());
         assert_eq!(

@@ -24,14 +24,15 @@ pub use scene::SceneFile;
 
 use crate::artifact::Stream;
 use crate::check::{Finding, Verdict};
+use crate::licence::{Passing, is_metadata};
 use crate::plan::Plan;
-use crate::recipe::ReleaseInfo;
+use crate::recipe::{ReleaseInfo, SourceTerms};
 use crate::run::Summary;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
 use built::{BuiltScene, BuiltTrajectory};
 use croissant::Described;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use tree::{Content, Tree};
 
@@ -109,10 +110,10 @@ pub fn write(
     plan: &Plan,
     summary: &Summary,
     store: &Store,
-    info: &ReleaseInfo,
+    (info, terms): (&ReleaseInfo, &SourceTerms),
     options: Options,
 ) -> Result<Written, ReleaseError> {
-    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, store));
+    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, (store, terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
     let findings = scenes.iter().flat_map(BuiltScene::findings);
     let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
@@ -121,8 +122,8 @@ pub fn write(
     }
     let tree = compose(&scenes, store, info)?;
     let (files, bytes) = tree::write(to, &tree, store, options)?;
-    let warnings = scenes.iter().flat_map(|s| &s.licence.warnings);
-    Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.cloned().collect() })
+    let warnings: BTreeSet<&String> = scenes.iter().flat_map(|s| &s.licence.warnings).collect();
+    Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.into_iter().cloned().collect() })
 }
 
 /// Lists the tree, but for the sums.
@@ -196,8 +197,11 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneFile, store: &Store) -> Tree 
     }
     for trajectory in &scene.trajectories {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
+        let shown = |name: &str| scene.licence.passing != Passing::Withheld || is_metadata(name);
         for (name, content) in trajectory_files(scene, trajectory, store) {
-            tree.add(at(&name), content);
+            if shown(&name) {
+                tree.add(at(&name), content);
+            }
         }
     }
     tree

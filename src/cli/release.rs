@@ -41,8 +41,7 @@ impl Release {
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
         let info = recipe::read_release(&self.targets.recipes)?;
-        // No source that needs an entry there can be built yet; a file that is wrong is told all the same.
-        recipe::read_sources(&self.targets.recipes)?;
+        let terms = recipe::read_sources(&self.targets.recipes)?;
         let started = Instant::now();
         let store = open(common, &self.care, console)?;
         self.keep_ours(common)?;
@@ -59,7 +58,7 @@ impl Release {
             return Ok(built);
         }
         let options = Options { replace: self.replace, copy: self.copy };
-        let written = release::write(&self.to, &plan, &summary, &store, &info, options);
+        let written = release::write(&self.to, &plan, &summary, &store, (&info, &terms), options);
         store.flush()?;
         let written = written.map_err(|error| problem(error, console))?;
         self.keep_its_steps(&summary, &store)?;

@@ -7,7 +7,7 @@ use crate::check::Finding;
 use crate::licence::Composed;
 use crate::plan::Plan;
 use crate::plan::assess::{Product, describe};
-use crate::recipe::Recipe;
+use crate::recipe::{Recipe, SourceTerms};
 use crate::render::fidelity::Fidelity;
 use crate::run::Summary;
 use crate::scene::{Gaussians, Screening};
@@ -168,7 +168,7 @@ pub(super) fn gather<'a>(
     plan: &'a Plan,
     index: usize,
     summary: &Summary,
-    store: &Store,
+    (store, terms): (&Store, &SourceTerms),
 ) -> Result<BuiltScene<'a>, GatherError> {
     let recipe = &plan.scenes()[index];
     let not_built = |step: &str| GatherError::NotBuilt { scene: recipe.scene.clone(), step: step.to_owned() };
@@ -200,7 +200,8 @@ pub(super) fn gather<'a>(
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
     let owner = recipe.licence.as_ref().map(|l| l.expression.as_str());
-    let licence = crate::licence::compose(recipe.source.kind(), owner);
+    let kind = recipe.source.kind();
+    let licence = crate::licence::compose(kind, owner, terms.get(kind).map(|stated| stated.because.as_str()));
     Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
 }
 

@@ -4,7 +4,7 @@
 use super::built::{BuiltScene, BuiltTrajectory};
 use crate::artifact::Stream;
 use crate::check::Verdict;
-use crate::licence::Composed;
+use crate::licence::{Composed, Passing};
 use crate::recipe::ReleaseInfo;
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::Between;
@@ -278,7 +278,13 @@ fn licences(scenes: &[BuiltScene<'_>], licence: &Composed) -> String {
         format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", licence.expression);
     for scene in scenes {
         let holder = scene.recipe.licence.as_ref().map_or("not stated", |l| l.holder.as_str());
-        let _ = writeln!(text, "- {}: `{}`, holder: {holder}", scene.recipe.scene, scene.licence.expression);
+        let passing = match &scene.licence.passing {
+            Passing::Free => String::new(),
+            Passing::Allowed(because) => format!("; passed on, because: {because}"),
+            Passing::Withheld => "; recipe, poses and reports alone".to_owned(),
+        };
+        let (id, terms) = (&scene.recipe.scene, &scene.licence.expression);
+        let _ = writeln!(text, "- {id}: `{terms}`, holder: {holder}{passing}");
     }
     text
 }

@@ -5,6 +5,7 @@ mod trajectory;
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
+use crate::licence::Passing;
 use crate::recipe::{Recipe, Reconstruct, Source, Upstream};
 use crate::reconstruct::Command;
 use crate::render::fidelity::Psnr;
@@ -191,6 +192,12 @@ pub struct LicencePart {
     pub tools: Vec<LicensedTool>,
     /// Whether receivers must accept the upstream terms first.
     pub gated: bool,
+    /// Why the releaser may pass on what upstream does not let everyone pass on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redistribution: Option<String>,
+    /// Whether what shows the scene (events, pictures) is left out of the release, as upstream forbids to pass it on.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub withheld: bool,
     /// Who is to be named.
     pub attribution: String,
 }
@@ -463,6 +470,8 @@ fn licence(scene: &BuiltScene<'_>) -> LicencePart {
             .chain(trainer)
             .collect(),
         gated: scene.licence.gated,
+        redistribution: scene.licence.passing.because().map(str::to_owned),
+        withheld: scene.licence.passing == Passing::Withheld,
         attribution: scene.recipe.licence.as_ref().map_or(String::new(), |l| l.holder.clone()),
     }
 }
@@ -488,7 +497,8 @@ fn seeds(scene: &BuiltScene<'_>) -> BTreeMap<String, String> {
 }
 
 fn attributes(scene: &BuiltScene<'_>) -> Attributes {
-    let sharp = scene.trajectories.iter().any(|t| t.sharp.is_some());
+    let shown = scene.licence.passing != Passing::Withheld;
+    let sharp = shown && scene.trajectories.iter().any(|t| t.sharp.is_some());
     // Where the frame rate varies in the speed's place, steps are as short as they are quick.
     let is_uniform = |report: &Report| {
         report.meaning == Meaning::FrameRate

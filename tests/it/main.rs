@@ -47,6 +47,7 @@ mod render_rules;
 mod render_same_bytes;
 mod render_stress;
 mod render_verb;
+mod restricted;
 mod scenes;
 mod several_sensors;
 mod simulate_verb;

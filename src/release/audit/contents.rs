@@ -81,7 +81,9 @@ fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
     let mut wanted: Vec<String> = ["poses.txt", "timestamps_us.txt", "transforms.json", "speed.json", CHECKS]
         .map(str::to_owned)
         .to_vec();
-    let outputs = scene.recipe.get("outputs").and_then(|outputs| outputs.as_array());
+    // What is withheld is not wanted; that it may be is for the terms to say.
+    let outputs = scene.recipe.get("outputs").filter(|_| !scene.licence.withheld);
+    let outputs = outputs.and_then(|outputs| outputs.as_array());
     let asked = |output: &str| outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output));
     if asked("events") {
         wanted.extend(streams(folder.part).into_iter().map(|(name, _)| name));

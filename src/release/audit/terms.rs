@@ -1,21 +1,10 @@
 //! Whether the release is lawful, as far as it can be said from the tree (pipeline.md section 9).
 
 use super::{Code, Fault, Tree};
-use crate::licence::{Expression, SourceKind};
+use crate::licence::{Expression, SourceKind, is_metadata};
 use crate::release::manifest::Manifest;
 use crate::release::scene::SceneFile;
 use std::collections::BTreeSet;
-
-/// Files of a restricted source that may be passed on: words and numbers, no likeness.
-const METADATA: [&str; 7] = [
-    "scene.json",
-    "poses.txt",
-    "timestamps_us.txt",
-    "transforms.json",
-    "speed.json",
-    "trajectory.svg",
-    "checks.json",
-];
 
 /// A scene's own terms, and what its source demands of them.
 pub(super) fn scene(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
@@ -52,18 +41,22 @@ fn photos(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
     found.map(|(path, _)| Fault::of_file(Code::LicenceForbidden, path, message).in_scene(&scene.id)).collect()
 }
 
-/// Nothing in this release format says that a releaser may pass restricted material on, so none may be there.
+/// What is derived from restricted material may be there where the releaser says why, and the scene is gated.
 fn restricted(scene: &SceneFile, kind: SourceKind, tree: &Tree<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
         let message = format!("its source {} must be gated, and it is not", kind.name());
         faults.push(Fault::of_scene(Code::LicenceForbidden, &scene.id, message));
     }
+    let reason = scene.licence.redistribution.as_deref().unwrap_or_default();
+    if !reason.trim().is_empty() && !scene.licence.withheld {
+        return faults;
+    }
     let folder = format!("{}/", scene.id);
-    let metadata = |path: &str| METADATA.iter().any(|name| path.ends_with(&format!("/{name}")));
-    let derived = tree.intact.keys().filter(|path| path.starts_with(&folder) && !metadata(path));
+    let derived = tree.intact.keys().filter(|path| path.starts_with(&folder) && !is_metadata(path));
     faults.extend(derived.map(|path| {
-        let message = format!("it is derived from {}, which may not be passed on", kind.name());
+        let message =
+            format!("it is derived from {}, and nothing says why this release may pass that on", kind.name());
         Fault::of_file(Code::LicenceForbidden, path, message).in_scene(&scene.id)
     }));
     faults
