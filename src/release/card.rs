@@ -99,7 +99,7 @@ const FILES: &str = "\
 | `speed.json` | asked and achieved speed of the camera |
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
-| `checks.json` | verdicts of the validation passes; `<scene>/checks.json` those on the capture, where photos were taken |
+| `checks.json` | verdicts of the validation passes |
 | `index.parquet` | a row a trajectory, to choose by |
 | `croissant.json` | this release in Croissant 1.1 |
 | `gs2e.py` | a loader, over numpy and h5py alone |
@@ -263,8 +263,17 @@ fn checks(scenes: &[BuiltScene<'_>]) -> String {
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {
         text.push_str("- nothing\n");
     }
+    if scenes.iter().any(|scene| scene.photographed.is_some()) {
+        text.push_str(PHOTOGRAPHED);
+    }
     text
 }
+
+/// Where the findings on photos are.
+const PHOTOGRAPHED: &str = "
+`<scene>/checks.json` has those on the capture of a scene that photos were taken of, and on what the scene renders where \
+they were taken.
+";
 
 /// What the data are not.
 pub(super) const LIMITS: &str = "\

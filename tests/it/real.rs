@@ -55,25 +55,81 @@ fn a_real_scene_at_a_small_size() {
 }
 
 /// A hand-held capture's COLMAP model through `capture` and `trajectory`. The scene is another one: only the wiring is
-/// tried.
+/// tried, and without the photos, which it would be held against at full size.
 #[test]
 fn a_colmap_model_at_a_small_size() {
     let (Some(scene), Some(model)) =
-        (shared::path("data/scenes/playbot_lod3.ply"), shared::path("data/captures/fox"))
+        (shared::path("data/scenes/playbot_lod3.ply"), shared::path("data/captures/fox/sparse/0"))
     else {
         return;
     };
     let mut value = recipe("fox");
-    value["source"] = json!({ "colmap": { "path": model } });
+    let place = Workspace::new();
+    for file in ["cameras.bin", "images.bin", "points3D.bin"] {
+        place.write(&format!("fox/sparse/0/{file}"), fs::read(model.join(file)).unwrap());
+    }
+    value["source"] = json!({ "colmap": { "path": "fox" } });
     value["reconstruct"] = json!({ "given": { "path": scene } });
     value["outputs"] = json!(["sharp"]);
     value["sharp"] = json!({ "every": 1000 });
-    let place = Workspace::new();
     place.write("fox.yaml", value.to_string());
     place.ok("build fox.yaml");
     let outputs = &steps(&place, "fox.yaml")["fox/base/trajectory"].outputs;
     let poses = fs::read_to_string(&outputs["poses.txt"]).unwrap();
     // 50 views, all registered, made twice as dense.
     assert_eq!(poses.lines().filter(|line| !line.starts_with('#')).count(), 100);
+    // What COLMAP says of its points, to the digits that it prints; and the frames that did not register.
+    let told = place.gs2e("check --json --recipes fox.yaml").stdout;
+    let findings: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    for (part, wanted) in [("#reprojection", 1.09), ("#reprojection-observations", 1.15)] {
+        let measured = finding(&findings, "capture", part)["measured"].as_f64().unwrap();
+        assert!((measured - wanted).abs() < 0.005, "{part}: {measured}");
+    }
+    assert_eq!(finding(&findings, "capture", "#gap")["verdict"], "warn");
+    assert_eq!(finding(&findings, "capture", "#outlier")["verdict"], "pass");
+    assert_eq!(finding(&findings, "recon_psnr", "#mean")["verdict"], "not-run");
     assert_eq!(place.build("fox.yaml"), [""; 0]);
+}
+
+/// The same capture with its photos and without a scene: its path, and what is known of it.
+#[test]
+fn a_capture_is_released_before_it_has_a_scene() {
+    let Some(capture) = shared::path("data/captures/fox") else { return };
+    let place = Workspace::new();
+    let recipe = json!({
+        "version": 1, "scene": "lab/fox", "seed": 7, "source": { "colmap": { "path": capture } }, "outputs": [],
+        "trajectories": [
+            { "name": "base", "refine": { "window": 2, "factor": 5 }, "speed": { "function": "0.25*sin(t) + 1.1" } },
+            { "name": "mini", "novel": { "groups": 2 } },
+        ],
+        "licence": { "expression": "CC-BY-4.0", "holder": "a test" },
+    });
+    place.write("fox.yaml", recipe.to_string());
+    let steps: Vec<String> = place.plan("fox.yaml").into_iter().map(|(step, _)| step).collect();
+    assert!(!steps.iter().any(|s| s.ends_with("/reconstruct") || s.ends_with("/fidelity")), "{steps:?}");
+    place.ok("release --to tree fox.yaml");
+    place.ok("audit tree");
+    let read = |file: &str| fs::read_to_string(place.path(&format!("tree/lab/fox/{file}"))).unwrap();
+    let value = |file: &str| serde_json::from_str::<Value>(&read(file)).unwrap();
+    for (trajectory, poses) in [("base", 250), ("mini-0", 150), ("mini-1", 150)] {
+        let lines = read(&format!("{trajectory}/poses.txt"));
+        assert_eq!(lines.lines().filter(|line| !line.starts_with('#')).count(), poses);
+        // Every step has its share of the way, to what renormalisation promises.
+        let mixed = &value(&format!("{trajectory}/speed.json"))["mixed_ratio"];
+        for end in ["min", "max"] {
+            assert!((mixed[end].as_f64().unwrap() - 1.0).abs() < 1e-6, "{trajectory}: {mixed}");
+        }
+        assert!(read(&format!("{trajectory}/trajectory.svg")).starts_with("<svg"));
+    }
+    let scene = value("scene.json");
+    assert_eq!(scene["reconstruction"], Value::Null);
+    assert_eq!(scene["images"].as_array().unwrap().len(), 50);
+    // 1080x1920, through the lens that COLMAP solved; no photo is copied.
+    assert_eq!(scene["camera"]["undistorted_from"]["OPENCV"]["k"].as_array().unwrap().len(), 4);
+    let findings = value("checks.json");
+    let finding = finding(findings.as_array().unwrap(), "recon_psnr", "#mean");
+    assert_eq!(
+        (&finding["verdict"], &finding["because"]),
+        (&"not-run".into(), &"there is no scene to render".into())
+    );
 }
