@@ -12,7 +12,7 @@ const REJECTED: &str = "rejected.tsv";
 
 fn failed(path: &Path) -> impl FnOnce(io::Error) -> Problem {
     let what = format!("cannot write {}", path.display());
-    move |e| Problem::failed("output-failed", format!("{what}: {e}"))
+    move |e| Problem::failed("output-unwritable", format!("{what}: {e}"))
 }
 
 /// Makes a folder and those above it.
