@@ -202,7 +202,9 @@ fn an_upstream_photo_is_known_by_its_bytes() {
     );
     edit(f, SCENE, |v| v["images"] = vec![image].into());
     reseal(f);
-    assert_eq!(found(f), [format!("licence-forbidden {photo}")]);
+    // A scene that was photographed has findings on that too, which this one was not and has not.
+    let wanted = [format!("licence-forbidden {photo}"), "scene-incomplete small/one/checks.json".to_owned()];
+    assert_eq!(found(f), wanted);
 }
 
 #[test]

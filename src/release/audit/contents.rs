@@ -124,7 +124,8 @@ fn photographed(tree: &Tree<'_>, scene: &SceneFile) -> Vec<Fault> {
     let reconstruction = scene.reconstruction.as_ref();
     let stated = reconstruction.and_then(|it| it.psnr.as_ref()).map(|psnr| psnr.mean);
     if found.map(f64::to_bits) != stated.map(f64::to_bits) {
-        let message = format!("its mean PSNR is {found:?}, scene.json says {stated:?}");
+        let [found, stated] = [found, stated].map(|v| v.map_or("none".to_owned(), |v| v.to_string()));
+        let message = format!("its mean PSNR is {found}, scene.json says {stated}");
         faults.push(Fault::of_file(Code::ClaimsDisagree, &path, message));
     }
     faults
