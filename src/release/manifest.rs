@@ -34,6 +34,14 @@ pub struct Manifest {
     pub files: Vec<ManifestFile>,
 }
 
+impl Manifest {
+    /// The paths of all files that it lists.
+    pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
+        let of_scenes = self.scenes.iter().flat_map(|scene| &scene.files);
+        of_scenes.chain(&self.files).map(|file| file.path.as_str())
+    }
+}
+
 /// A scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

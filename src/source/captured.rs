@@ -1,5 +1,6 @@
 //! A capture on disk as a recipe names it: of which kind, where, and which of its views are used.
 
+use super::colmap::Model;
 use super::kind::Kind;
 use super::photo::Look;
 use super::{Capture, SourceError, Unused, View, Warning, Why, colmap, dl3dv, model, mvimgnet, nerfstudio};
@@ -112,6 +113,17 @@ impl Captured {
             Kind::Model => model::files(&self.path),
             Kind::Mvimgnet => mvimgnet::files(&self.path),
             Kind::Dl3dv => dl3dv::files(&self.path, self.selection.poses),
+        }
+    }
+
+    /// The COLMAP model that its poses are from, if they are from one.
+    #[must_use]
+    pub fn model(&self) -> Option<Model> {
+        match self.kind {
+            Kind::Colmap => Model::find(&self.path).ok(),
+            Kind::Mvimgnet => mvimgnet::model(&self.path).ok(),
+            Kind::Dl3dv => dl3dv::model(&self.path, self.selection.poses),
+            Kind::Nerfstudio | Kind::Model => None,
         }
     }
 

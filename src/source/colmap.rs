@@ -177,6 +177,15 @@ impl Model {
         }
     }
 
+    /// Its own files that are there, by their names.
+    #[must_use]
+    pub fn files(&self) -> Vec<(String, PathBuf)> {
+        let files = ["cameras", "images", "points3D"].map(|stem| self.file(stem)).into_iter();
+        let named =
+            |path: PathBuf| (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), path);
+        files.filter(|path| path.is_file()).map(named).collect()
+    }
+
     /// The folders that may hold `images`: the one that the model lies in, or that the `sparse` that holds it lies in,
     /// and the one above, as DL3DV has it.
     fn bases(&self) -> Vec<&Path> {
@@ -368,9 +377,7 @@ pub fn files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
 
 /// The files that [`read_model`] reads.
 pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let stems = ["cameras", "images", "points3D"].map(|stem| model.file(stem));
-    let named = |path: PathBuf| (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), path);
-    let mut files: Vec<(String, PathBuf)> = stems.into_iter().filter(|p| p.is_file()).map(named).collect();
+    let mut files = model.files();
     if let Some(folder) = folder {
         let images = model.images()?;
         let unregistered = unregistered(Some(folder), &images);

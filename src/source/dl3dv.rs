@@ -93,6 +93,14 @@ pub(super) fn files(scene: &Path, wanted: Option<PoseFile>) -> Result<Vec<(Strin
     }
 }
 
+/// The COLMAP model that the poses are from, if they are from one.
+pub(super) fn model(scene: &Path, wanted: Option<PoseFile>) -> Option<Model> {
+    match Files::find(scene, wanted).ok()?.poses {
+        Poses::Colmap(model) => Some(model),
+        Poses::Transforms(_) => None,
+    }
+}
+
 pub(super) fn folders(scene: &Path) -> Vec<PathBuf> {
     colmap::below(scene).collect()
 }

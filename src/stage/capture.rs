@@ -3,6 +3,7 @@
 use super::{Context, SourceFile, Stage, StageError};
 use crate::artifact::write_json;
 use crate::scene::procedural::{self, StillLife};
+use crate::source::colmap::Model;
 use crate::source::{Capture, Captured};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -48,6 +49,16 @@ impl Capturing {
         let mut files = self.sources()?;
         files.retain(|f| !f.path.extension().is_some_and(|ending| NO_PHOTOS.iter().any(|no| ending == *no)));
         Ok(files)
+    }
+}
+
+impl Capturing {
+    /// The COLMAP model that its poses are from, if they are from one.
+    pub(super) fn model(&self) -> Option<Model> {
+        match self {
+            Self::Captured(captured) => captured.model(),
+            Self::Procedural { .. } | Self::None => None,
+        }
     }
 }
 

@@ -37,8 +37,8 @@ impl Stage for CheckingScene {
     type Output = Verdicts;
 
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
-        let files = self.capturing.sources()?;
-        Ok(if model(&files).is_some() { files } else { Vec::new() })
+        let files = self.capturing.model().map(|model| model.files()).unwrap_or_default();
+        Ok(files.into_iter().map(|(name, path)| SourceFile { name, path }).collect())
     }
 
     fn source_folders(&self) -> Vec<PathBuf> {
@@ -50,11 +50,11 @@ impl Stage for CheckingScene {
         (capture, fidelity): (Capture, Option<Fidelity>),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
-        let files = self.sources()?;
+        let model = self.capturing.model();
         let subject = SceneSubject {
             name: "",
-            reprojection: reprojection(&files)?,
-            photos: photos(&capture, &files),
+            photos: photos(&capture, model.as_ref()),
+            reprojection: reprojection(model)?,
             walk: walk(&capture),
             fidelity: fidelity.as_ref(),
             limits: &self.limits,
@@ -65,21 +65,15 @@ impl Stage for CheckingScene {
     }
 }
 
-fn model(files: &[SourceFile]) -> Option<Model> {
-    Model::among(files.iter().map(|file| file.path.as_path()))
-}
-
-fn reprojection(files: &[SourceFile]) -> Result<Result<Reprojection, String>, StageError> {
-    let Some(model) = model(files) else { return Ok(Err(NO_MODEL.to_owned())) };
+fn reprojection(model: Option<Model>) -> Result<Result<Reprojection, String>, StageError> {
+    let Some(model) = model else { return Ok(Err(NO_MODEL.to_owned())) };
     let found = model.reprojection().map_err(StageError::work("measure the model"))?;
     Ok(found.ok_or_else(|| "the model has no points that its images see".to_owned()))
 }
 
 /// Those that are left out by name count for nothing, those that were not picked as the others do.
-fn photos(capture: &Capture, files: &[SourceFile]) -> Result<Photos, String> {
-    if model(files).is_none() {
-        return Err(NO_MODEL.to_owned());
-    }
+fn photos(capture: &Capture, model: Option<&Model>) -> Result<Photos, String> {
+    model.ok_or(NO_MODEL)?;
     let unused = |why| capture.unused.iter().filter(move |photo| photo.why == why);
     let hashes = capture.views.iter().map(|view| &view.sha256);
     let hashes = hashes.chain(unused(Why::NotPicked).map(|photo| &photo.sha256));

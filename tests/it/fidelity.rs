@@ -159,7 +159,7 @@ fn a_model_is_held_against_its_points_and_its_folder() {
         points: vec![(7, [0.0, 0.0, 1.0], 9.0)],
     };
     let place = given::sound();
-    let recipe = GIVEN.replace("nerfstudio: { path: transforms.json }", "colmap: { path: capture }");
+    let recipe = GIVEN.replace("nerfstudio: { path: transforms.json }", "mvimgnet: { path: capture }");
     place.write("recipe.yaml", recipe.replace("outputs: [events, sharp]", "outputs: []") + LICENCE);
     planted.write_binary(&place.path("capture/sparse/0"));
     for i in 0..22 {

@@ -102,7 +102,7 @@ fn check_counts(omitted: &Value, whole: &Value) {
 /// Builds both ways in one store.
 fn check(place: &Workspace) {
     let (omitted, whole) = (build(place, ""), build(place, "--no-omit"));
-    assert_eq!(omitted.len(), 6, "all steps are made");
+    assert_eq!(omitted.len(), 8, "all steps are made");
     assert_eq!(
         whole.keys().map(String::as_str).collect::<Vec<_>>(),
         ["base/checks", "base/events", "base/sharp"],

@@ -152,7 +152,8 @@ fn set(node: &Value, file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
         faults.push(fault(Code::CroissantReference, message));
     }
     for pattern in list(&node["includes"]).iter().map(|pattern| pattern.as_str().unwrap_or_default()) {
-        if !subject.tree.intact.keys().any(|path| matches(pattern, path)) {
+        // A file that is listed and not whole is told by what lists it.
+        if !subject.manifest.paths().any(|path| matches(pattern, path)) {
             faults.push(fault(Code::CroissantFiles, format!("no file is of `{pattern}` of {}", id(node))));
         }
     }

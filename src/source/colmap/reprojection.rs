@@ -6,7 +6,6 @@
 use super::{Image, Model, ModelCamera, Point};
 use crate::source::SourceError;
 use std::collections::BTreeMap;
-use std::path::Path;
 
 /// Distances between key points and the projections of their points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,14 +30,6 @@ struct Distances {
 }
 
 impl Model {
-    /// The model among the files of a source, if there is one.
-    #[must_use]
-    pub fn among<'a>(files: impl IntoIterator<Item = &'a Path>) -> Option<Self> {
-        let images = |path: &&Path| path.file_stem().is_some_and(|stem| stem == "images");
-        let folder = files.into_iter().filter(images).find_map(Path::parent)?;
-        Self::at(folder.to_owned())
-    }
-
     /// Measures the model; `None` where it has no points, or no image sees one.
     ///
     /// # Errors
