@@ -47,7 +47,9 @@ fn reconstructing(recipe: &Recipe) -> Option<Reconstructing> {
     match (&recipe.reconstruct, &recipe.source) {
         (Some(Reconstruct::Given(file)), _) => Some(Reconstructing::given(file)),
         (Some(Reconstruct::Newest(model)), _) => Some(Reconstructing::newest_of(model)),
-        (Some(Reconstruct::Command(command)), _) => Some(Reconstructing::command(command, capturing(recipe))),
+        (Some(Reconstruct::Command(command)), _) => {
+            Some(Reconstructing::command(command, capturing(recipe), recipe.render))
+        }
         (None, Source::Procedural(still_life)) => Some(Reconstructing::procedural(still_life)),
         (None, _) => None,
     }

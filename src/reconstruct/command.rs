@@ -32,6 +32,10 @@ pub struct Command {
     /// How many Gaussians it has to bring.
     #[serde(skip_serializing_if = "Count::is_any")]
     pub gaussians: Count,
+    /// Mean PSNR, dB, that its scene has to have where views are held out, for it to be kept. What was kept is judged by the
+    /// check `recon_psnr`: a limit that is raised trains nothing again.
+    #[serde(skip)]
+    pub min_psnr: f64,
     /// What it is started with to say its version, where it does.
     #[serde(skip)]
     pub probe: Option<Vec<Argument>>,
@@ -110,6 +114,10 @@ pub enum TrainError {
 }
 
 impl Command {
+    /// The PSNR of plain grey against a picture in which all greys are equally frequent: `10 log10(12)`. A scene below it
+    /// shows less than nothing of its photos, as one does whose world was moved.
+    pub const MIN_PSNR_DB: f64 = 10.79;
+
     /// The program's name: that of its file, where it is one of `files`.
     #[must_use]
     pub fn name(&self) -> String {

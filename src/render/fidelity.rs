@@ -67,7 +67,33 @@ pub struct Psnr {
     pub held_out: Option<f64>,
 }
 
+/// A scene is not what its photos show.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "its mean PSNR over {views} of the views is {mean:.2} dB, wanted at least {least}; a trainer that moves, turns or \
+     scales the world must be told not to"
+)]
+pub struct Untrue {
+    /// Mean PSNR, dB.
+    pub mean: f64,
+    /// What was wanted, dB.
+    pub least: f64,
+    /// Over how many views.
+    pub views: usize,
+}
+
 impl Fidelity {
+    /// Holds the mean PSNR against a limit, dB.
+    ///
+    /// # Errors
+    /// When it is below. Where nothing was compared there is nothing to say.
+    pub fn hold(&self, least: f64) -> Result<(), Untrue> {
+        match self.psnr() {
+            Some(psnr) if psnr.mean < least => Err(Untrue { mean: psnr.mean, least, views: psnr.views }),
+            _ => Ok(()),
+        }
+    }
+
     /// PSNR over the views; `None` where none was compared.
     #[must_use]
     pub fn psnr(&self) -> Option<Psnr> {

@@ -58,30 +58,49 @@ impl Stage for Comparing {
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
         let photos = self.capturing.photos()?;
-        let views = capture.views.iter().enumerate();
-        let taken: Vec<(usize, &View, &SourceFile)> =
-            views.filter_map(|(i, view)| Some((i, view, photo_of(view, &photos)?))).collect();
-        let mut fidelity = Fidelity::default();
-        if !taken.is_empty() {
-            let style = self.render.resolve(gaussians.antialiased);
-            let renderer = self.backend.renderer(Arc::new(gaussians), style);
-            let mut renderer = renderer.map_err(StageError::work("render"))?;
-            for (i, view, photo) in picked(taken.len()).into_iter().map(|k| taken[k]) {
-                cx.go_on()?;
-                let name = view.name.clone();
-                match read(view, photo)? {
-                    Ok(photo) => {
-                        let [psnr, ssim] =
-                            compare(renderer.as_mut(), view, &photo).map_err(StageError::work("render"))?;
-                        fidelity.views.push(Compared { name, psnr, ssim, held_out: held_out(i) });
-                    }
-                    Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
-                }
-            }
-        }
+        let taken = taken(&capture, &photos);
+        let picked: Vec<Taken<'_>> = picked(taken.len()).into_iter().map(|k| taken[k]).collect();
+        let fidelity = measure(&Arc::new(gaussians), (self.render, &self.backend), &picked, cx)?;
         let out = cx.out.join("fidelity.json");
         write_json(&out, &fidelity).map_err(StageError::io(&out))
     }
+}
+
+/// A view with its number and its photo.
+pub(super) type Taken<'a> = (usize, &'a View, &'a SourceFile);
+
+/// The views whose photos are there.
+pub(super) fn taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) -> Vec<Taken<'a>> {
+    let views = capture.views.iter().enumerate();
+    views.filter_map(|(i, view)| Some((i, view, photo_of(view, photos)?))).collect()
+}
+
+/// Holds a scene against these photos; without one no renderer is opened.
+pub(super) fn measure(
+    gaussians: &Arc<Gaussians>,
+    (render, backend): (RenderChoice, &Backend),
+    taken: &[Taken<'_>],
+    cx: &Context<'_>,
+) -> Result<Fidelity, StageError> {
+    let mut fidelity = Fidelity::default();
+    if taken.is_empty() {
+        return Ok(fidelity);
+    }
+    let style = render.resolve(gaussians.antialiased);
+    let mut renderer = backend.renderer(gaussians.clone(), style).map_err(StageError::work("render"))?;
+    for &(i, view, photo) in taken {
+        cx.go_on()?;
+        let name = view.name.clone();
+        match read(view, photo)? {
+            Ok(photo) => {
+                let [psnr, ssim] =
+                    compare(renderer.as_mut(), view, &photo).map_err(StageError::work("render"))?;
+                fidelity.views.push(Compared { name, psnr, ssim, held_out: held_out(i) });
+            }
+            Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
+        }
+    }
+    Ok(fidelity)
 }
 
 /// The file of a view's photo: sources call it as the view, or by its place among `images`.

@@ -8,6 +8,7 @@ use super::capture::Capturing;
 use super::{Context, Need, SourceFile, Stage, StageError, Target, copies};
 use crate::artifact::{Artifact, Files};
 use crate::reconstruct::{self, Command};
+use crate::render::RenderChoice;
 use crate::scene::ply::write_ply;
 use crate::scene::procedural::{self, StillLife};
 use crate::scene::{self, Gaussians};
@@ -82,8 +83,8 @@ impl Reconstructing {
 
     /// What a program trains on the photos of a source.
     #[must_use]
-    pub fn command(command: &Command, source: Capturing) -> Self {
-        Self::Command(Box::new(Training::new(command, source)))
+    pub fn command(command: &Command, source: Capturing, render: RenderChoice) -> Self {
+        Self::Command(Box::new(Training::new(command, source, render)))
     }
 }
 

@@ -30,6 +30,7 @@ reconstruct:
     version: \"1.2\"
     probe: [\"{train}\", --version]
     licence: MIT
+    min_psnr: 0
     scene: scene.ply
     files: { train: train.sh, planted: planted.ply }
 camera: { width: 64, height: 48 }

@@ -16,7 +16,7 @@ const LICENCE: &str = "licence: { expression: CC0-1.0, holder: a test }\n";
 
 /// The sound scene with a photo of each view, `images/000.png` and so on: its own rendering in 8 bits, each byte passed
 /// through `change` with the number of the view.
-fn photographed(change: impl Fn(usize, u8) -> u8) -> Workspace {
+pub(crate) fn photographed(change: impl Fn(usize, u8) -> u8) -> Workspace {
     let place = given::sound();
     let recipe = GIVEN.replace("outputs: [events, sharp]", "outputs: []");
     place.write("recipe.yaml", recipe + LICENCE);

@@ -45,6 +45,8 @@ pub(in crate::recipe) struct Command {
     pub hold_out: Field<u64>,
     /// How many it has to bring.
     pub gaussians: Field<Count>,
+    /// Mean PSNR that it has to have where views are held out, dB.
+    pub min_psnr: Field<f64>,
 }
 
 #[derive(Debug, Default, Deserialize)]

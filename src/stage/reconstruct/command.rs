@@ -1,12 +1,17 @@
 //! A program that trains a scene on the capture.
 
 use crate::reconstruct::{Command, Desk, LAYOUT, LayoutError, TrainError, Trained};
+use crate::render::RenderChoice;
+use crate::render::backend::Backend;
+use crate::render::fidelity::held_out;
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use crate::stage::capture::Capturing;
+use crate::stage::fidelity::{measure, taken};
 use crate::stage::{Context, SourceFile, Stage, StageError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Parameters: the program, and how it is given the capture.
 #[derive(Debug, Serialize)]
@@ -19,11 +24,14 @@ pub struct Training {
     /// Where its photos and points are.
     #[serde(skip)]
     source: Capturing,
+    /// How the scene is rendered when it is held against its photos.
+    #[serde(skip)]
+    render: RenderChoice,
 }
 
 impl Training {
-    pub(super) fn new(command: &Command, source: Capturing) -> Self {
-        Self { command: command.clone(), layout: LAYOUT, source }
+    pub(super) fn new(command: &Command, source: Capturing, render: RenderChoice) -> Self {
+        Self { command: command.clone(), layout: LAYOUT, source, render }
     }
 
     /// The photos and points of the source. Its poses come with the capture.
@@ -65,11 +73,29 @@ impl Training {
         let Trained { gaussians, without_photo } = trained.map_err(failure)?;
         // Nothing of it is a part of the product.
         std::fs::remove_dir_all(&folder).map_err(StageError::io(&folder))?;
+        let gaussians = Arc::new(gaussians);
+        self.hold(capture, &gaussians, cx)?;
         if without_photo > 0 {
             cx.warnings
                 .push(format!("{without_photo} views were not trained on: their photos are not there"));
         }
-        Ok(gaussians)
+        Ok(Arc::unwrap_or_clone(gaussians))
+    }
+
+    /// Holds the scene against the photos of the views that trainers hold out by convention, on the CPU: what is kept must
+    /// not depend on the machine.
+    fn hold(
+        &self,
+        capture: &Capture,
+        gaussians: &Arc<Gaussians>,
+        cx: &Context<'_>,
+    ) -> Result<(), StageError> {
+        let photos = self.source.photos()?;
+        let mut taken = taken(capture, &photos);
+        taken.retain(|(i, ..)| held_out(*i));
+        let fidelity = measure(gaussians, (self.render, &Backend::Cpu), &taken, cx)?;
+        let held = fidelity.hold(self.command.min_psnr);
+        held.map_err(StageError::work("hold the trained scene against its photos"))
     }
 }
 

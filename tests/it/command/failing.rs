@@ -1,6 +1,7 @@
 //! Programs that fail, that are others than they should be, or that bring what is no scene.
 
 use super::{COPY, edit, runs, trained_by, with_tiny, write_script};
+use crate::fidelity::photographed;
 use crate::messages::check;
 use crate::support::given::ply;
 use crate::support::workspace::{Ended, Workspace};
@@ -147,4 +148,28 @@ fn an_interrupt_stops_the_program_and_all_that_it_started() {
     assert_eq!(fs::read_dir(place.path(".gs2e/tmp")).unwrap().count(), 0);
     write_script(&place, COPY);
     place.ok("build --allow-commands recipe.yaml");
+}
+
+#[test]
+fn a_scene_that_is_not_what_the_photos_show_does_not_enter_the_store() {
+    let place = photographed(|_, v| v);
+    let command = "reconstruct:\n  command:\n    program: sh\n    arguments: [\"{train}\", \"{capture}\", \"{out}\", \
+                   \"{planted}\"]\n    version: \"1.2\"\n    licence: MIT\n    min_psnr: 40\n    scene: scene.ply\n    \
+                   files: { train: train.sh, planted: planted.ply }\n";
+    edit(&place, "reconstruct: { given: { path: scene.ply } }\n", command);
+    write_script(&place, COPY);
+    // Its world was moved by a few pixels.
+    place.write("planted.ply", ply(|column, value| if column == 0 { value + 0.3 } else { value }));
+    let ended = place.gs2e("build -j 1 --allow-commands recipe.yaml");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    // Of six views the first is held out.
+    let wanted = "hold the trained scene against its photos: its mean PSNR over 1 of the views is ";
+    assert!(ended.stderr.contains(wanted), "{}", ended.stderr);
+    assert!(ended.stderr.contains("dB, wanted at least 40; a trainer that moves"), "{}", ended.stderr);
+    assert!(place.plan("recipe.yaml").contains(&("given/reconstruct".to_owned(), "run".to_owned())));
+    place.write("planted.ply", ply(|_, value| value));
+    place.ok("build --allow-commands recipe.yaml");
+    // What is kept is judged by a check: another limit trains nothing again.
+    edit(&place, "min_psnr: 40", "min_psnr: 100");
+    assert_eq!(place.stale("recipe.yaml"), [""; 0]);
 }

@@ -3,7 +3,7 @@
 use crate::recipe::field::Field;
 use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::Whole;
+use crate::recipe::resolve::number::{Range, Whole};
 use crate::recipe::schema;
 use crate::recipe::text::Place;
 use crate::reconstruct::{Argument, ArgumentError, Command, Count, Places};
@@ -54,6 +54,7 @@ impl Resolver<'_> {
             field => self.small(field, 0, Whole::new(2, 1_000_000)).map(Some),
         };
         let gaussians = self.limits(&raw.gaussians);
+        let min_psnr = self.real(&raw.min_psnr, Command::MIN_PSNR_DB, Range::new(0.0, 100.0));
         Some(Command {
             program: program?,
             arguments: arguments?,
@@ -62,6 +63,7 @@ impl Resolver<'_> {
             scene: scene?,
             hold_out: hold_out?,
             gaussians: gaussians?,
+            min_psnr: min_psnr?,
             probe: probe?,
             files: files?,
             licence: licence?,
