@@ -7,7 +7,7 @@
 //!             └ for each step: key = what it is, its own parameters, the digests of its inputs
 //! ```
 //! A [`recipe`] says what a scene is. The [`plan`] turns recipes into steps. A step whose key has a sound record in
-//! the [`store`] is left alone; [`run`] runs the others. [`check`]s judge what was made. The [`release`] copies what
+//! the [`store`] is left alone; [`run`] runs the others. [`check`]s judge what was made, and the scene itself by its photos. The [`release`] copies what
 //! passed, with its licences, into the tree that people download.
 //!
 //! Two ideas carry the rest. **The key and its explanation come from one walk**: a step describes itself into a

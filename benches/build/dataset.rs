@@ -1,9 +1,10 @@
 //! From a dataset on disk to recipes, and to a plan of them.
 
-use crate::Outcome;
 use crate::series::timed;
+use crate::{AT_REST, Outcome};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::thread::sleep;
 
 // What lays the dataset out is the tests', which need all of it.
 #[path = "../../tests/it/sources/datasets.rs"]
@@ -44,5 +45,28 @@ pub(crate) fn measure(root: &Path, scenes: usize) -> Outcome {
     println!("init     plan of nothing built: {:.2} s, again {:.2} s", run(&plan)?, run(&plan)?);
     generator.mvimgnet(&dir.join("data"), count, MORE, b"ply\n");
     println!("init     {MORE} instances more: {:.2} s, plan {:.2} s", run(&init)?, run(&plan)?);
+    paths_alone(&dir.join("recipes")).map_err(|e| format!("the recipes: {e}"))?;
+    let build = ["build", "-q", "recipes"];
+    println!("init     build of their paths: {:.2} s", run(&build)?);
+    // The first look at files that are at rest remembers them.
+    sleep(AT_REST);
+    run(&build)?;
+    println!(
+        "init     plan of what is built, 4 steps each: {:.2} s, again {:.2} s",
+        run(&plan)?,
+        run(&plan)?
+    );
     Ok(())
+}
+
+/// Leaves nothing of these recipes to be rendered.
+fn paths_alone(recipes: &Path) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(recipes)? {
+        let path = entry?.path();
+        let text = std::fs::read_to_string(&path)?;
+        if let Some((before, _)) = text.split_once("reconstruct:") {
+            std::fs::write(path, before)?;
+        }
+    }
+    std::fs::write(recipes.join("defaults.yaml"), "trajectories: [{ name: base, refine: {} }]\noutputs: []\n")
 }

@@ -1,7 +1,7 @@
 //! What the passes over a whole scene see: its capture, and how true it is to its photos.
 
 use super::subject::Judged;
-use super::{Finding, Limits, Verdict};
+use super::{Finding, Limits};
 use crate::render::fidelity::Fidelity;
 use crate::source::colmap::Reprojection;
 use crate::trajectory::walk::Walk;
@@ -42,8 +42,6 @@ impl SceneSubject<'_> {
 
     /// The finding of a statement that could not be measured.
     pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
-        let verdict = Verdict::NotRun;
-        let judged = Judged { verdict, measured: None, limit: None, unit: "1", because: because.into() };
-        self.finding(check, part, judged)
+        self.finding(check, part, Judged::not_run(because))
     }
 }

@@ -57,9 +57,7 @@ impl Subject<'_> {
 
     /// The finding of a pass that could not measure.
     pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
-        let verdict = Verdict::NotRun;
-        let judged = Judged { verdict, measured: None, limit: None, unit: "1", because: because.into() };
-        self.finding(check, part, judged)
+        self.finding(check, part, Judged::not_run(because))
     }
 }
 
@@ -74,6 +72,12 @@ pub(super) struct Judged {
 }
 
 impl Judged {
+    /// That of a statement that could not be measured.
+    pub(super) fn not_run(because: impl Into<String>) -> Self {
+        let verdict = Verdict::NotRun;
+        Self { verdict, measured: None, limit: None, unit: "1", because: because.into() }
+    }
+
     /// The judgement on what was measured against a limit.
     pub(super) fn of(
         verdict: Verdict,
