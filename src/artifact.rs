@@ -5,7 +5,9 @@
 
 use crate::camera::Camera;
 use crate::check::Finding;
+use crate::check::sampling::Resampled;
 use crate::frames::anchors::Anchors;
+use crate::image::{Image, npy};
 use crate::render::fidelity::Fidelity;
 use crate::render::flow::Quantiles;
 use crate::render::{Omit, Velocity, Work};
@@ -196,6 +198,8 @@ pub struct EventStreams {
     /// What was seen at a few frames through each of [`Simulation::front_ends`]: `brightness.npy` and so on, float32
     /// `[K, H, W]`.
     anchors: Vec<Anchors>,
+    /// Depth at [`Simulation::depth_stamps_us`], units along the optical axis.
+    pub depths: Vec<Image<f32>>,
     /// The rest.
     pub simulation: Simulation,
 }
@@ -211,6 +215,9 @@ pub struct Stream {
     pub sensor: Sensor,
     /// What it counted.
     pub account: Account,
+    /// What it sees at twice the frames, in a few intervals; `None` where that was not tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resampled: Option<Resampled>,
 }
 
 impl Stream {
@@ -259,6 +266,10 @@ pub struct Simulation {
     pub depth_unit: Option<[f32; 3]>,
     /// Stamps of the images in `brightness.npy` and its like.
     pub brightness_stamps_us: Vec<i64>,
+    /// Of these images three each that lie close together.
+    pub brightness_spans: Vec<[usize; 3]>,
+    /// Stamps of the images in `depth.npy`: float32 `[K, H, W]`, unit, NaN where there is none.
+    pub depth_stamps_us: Vec<i64>,
     /// When frames were rendered, where the recipe asks for an error and not for a rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chosen: Option<Chosen>,
@@ -273,6 +284,9 @@ impl Simulation {
 }
 
 impl EventStreams {
+    /// The name of the file with the depths.
+    pub const DEPTH: &str = "depth.npy";
+
     /// The name of the file with what was seen through the `i`-th front end.
     #[must_use]
     pub fn brightness(i: usize) -> String {
@@ -294,11 +308,15 @@ impl Artifact for EventStreams {
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         let simulation: Simulation = files.json("simulation.json")?;
         let stamps = &simulation.brightness_stamps_us;
-        let anchors = |i| files.read(&Self::brightness(i), |file| Anchors::read(stamps.clone(), file));
+        let spans = &simulation.brightness_spans;
+        let read = |file| Anchors::read(stamps.clone(), spans.clone(), file);
+        let anchors = |i| files.read(&Self::brightness(i), read);
         let anchors = (0..simulation.front_ends().len()).map(anchors).collect::<Result<_, _>>()?;
         let file = |stream: &Stream| files.path(&Stream::stored(stream.name.as_deref())).map(Path::to_owned);
-        let files = simulation.streams.iter().map(file).collect::<Result<_, _>>()?;
-        Ok(Self { files, anchors, simulation })
+        let stored = simulation.streams.iter().map(file).collect::<Result<_, _>>()?;
+        let count = simulation.depth_stamps_us.len();
+        let depths = files.read(Self::DEPTH, |file| npy::read_stack(count, file))?;
+        Ok(Self { files: stored, anchors, depths, simulation })
     }
 }
 

@@ -72,6 +72,26 @@ impl Sensor {
         }
     }
 
+    /// Microseconds after an event in which its pixel makes no other; 0 for none.
+    #[must_use]
+    pub fn refractory_us(&self) -> f64 {
+        match self {
+            Self::Voltmeter(_) => 0.0,
+            Self::Esim(sensor) => sensor.refractory.period_us,
+            Self::V2e(sensor) => sensor.refractory.period_us,
+        }
+    }
+
+    /// The pixels that fire by themselves.
+    #[must_use]
+    pub fn hot_pixels(&self) -> noise::HotPixels {
+        match self {
+            Self::Voltmeter(sensor) => sensor.hot_pixels,
+            Self::Esim(sensor) => sensor.hot_pixels,
+            Self::V2e(sensor) => sensor.hot_pixels,
+        }
+    }
+
     /// What the sensor will do by itself at this frame rate.
     ///
     /// # Errors

@@ -1,8 +1,8 @@
 //! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted with a reason.
 
 use super::{
-    NAMES, SCENE, affine, batching, capture, duplicates, event_frame, event_rate, polarity, pose_continuity,
-    recon_psnr, sampling, speed,
+    NAMES, SCENE, affine, batching, capture, duplicates, event_frame, event_rate, hot_pixels, motion, noise_floor,
+    polarity, pose_continuity, recon_psnr, sampling, speed, structure, time_offset,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -21,7 +21,17 @@ pub struct Limits {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub batching: Option<batching::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub hot_pixels: Option<hot_pixels::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub structure: Option<structure::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub event_frame: Option<event_frame::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<motion::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_offset: Option<time_offset::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_floor: Option<noise_floor::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sampling: Option<sampling::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -52,12 +62,17 @@ pub struct Waiver {
 }
 
 /// Keys of `checks:` that this version knows.
-const KEYS: [&str; 12] = [
+const KEYS: [&str; 17] = [
     "duplicates",
     "event_rate",
     "polarity",
     "batching",
+    "hot_pixels",
+    "structure",
     "event_frame",
+    "motion",
+    "time_offset",
+    "noise_floor",
     "sampling",
     "affine",
     "pose_continuity",
@@ -68,7 +83,7 @@ const KEYS: [&str; 12] = [
 ];
 
 /// Passes that are built and have no limit to set: what they find is wrong or right.
-const EXACT: [&str; 3] = ["schema", "stamps", "drift_identity"];
+const EXACT: [&str; 4] = ["schema", "stamps", "refractory", "drift_identity"];
 
 impl Limits {
     /// Those that the passes over a trajectory read.
@@ -115,7 +130,12 @@ impl<'de> Visitor<'de> for LimitsVisitor {
                 "event_rate" => limits.event_rate = Some(map.next_value()?),
                 "polarity" => limits.polarity = Some(map.next_value()?),
                 "batching" => limits.batching = Some(map.next_value()?),
+                "hot_pixels" => limits.hot_pixels = Some(map.next_value()?),
+                "structure" => limits.structure = Some(map.next_value()?),
                 "event_frame" => limits.event_frame = Some(map.next_value()?),
+                "motion" => limits.motion = Some(map.next_value()?),
+                "time_offset" => limits.time_offset = Some(map.next_value()?),
+                "noise_floor" => limits.noise_floor = Some(map.next_value()?),
                 "affine" => limits.affine = Some(map.next_value()?),
                 "sampling" => limits.sampling = Some(map.next_value()?),
                 "pose_continuity" => limits.pose_continuity = Some(map.next_value()?),
@@ -221,7 +241,7 @@ mod tests {
             let message = parse(json).unwrap_err();
             assert!(message.contains(wanted), "{json}: {message}");
         };
-        t(r#"{"motion": {}}"#, "`motion` is not built yet");
+        t(r#"{"readback": {}}"#, "`readback` is not built yet");
         t(r#"{"schema": {}}"#, "`schema` has no limit");
         t(r#"{"eventrate": {}}"#, "unknown field `eventrate`");
         t(r#"{"sampling": {"most": 1}}"#, "unknown field `most`");

@@ -6,11 +6,13 @@
 #![expect(clippy::cast_possible_truncation, reason = "small numbers of a small world")]
 
 use super::drift::DriftLaw;
-use super::tally::Observer;
+use super::motion::warp::FlowAt;
+use super::sampling::Resampled;
+use super::tally::{Against, Observer};
 use super::{Finding, Limits, Subject, Verdict, judge};
 use crate::event::{Event, Label, Polarity};
 use crate::frames::Frame;
-use crate::frames::anchors::Anchors;
+use crate::frames::anchors::{Anchors, Choice};
 use crate::image::{Image, Size};
 use crate::render::flow::Quantiles;
 use crate::se3::Se3;
@@ -34,6 +36,10 @@ pub(super) struct World {
     pub(super) account: Account,
     pub(super) events: Vec<Event>,
     pub(super) anchors: Anchors,
+    pub(super) flows: Vec<FlowAt>,
+    /// The sensor that the passes are told of, where it is another.
+    pub(super) stated: Option<Sensor>,
+    pub(super) resampled: Option<Resampled>,
     pub(super) flow: Option<Quantiles>,
     pub(super) doubtful_share: Option<f64>,
     pub(super) limits: Limits,
@@ -81,8 +87,10 @@ impl World {
         sensor.initial = setting.initial;
         let images: Vec<Image<f32>> = (0..setting.frames).map(|j| picture(setting, j)).collect();
         let events = fire(&sensor, &images, &stamps_us);
-        let mut anchors = Anchors::empty();
-        for j in Anchors::choose(&stamps_us) {
+        let apart = if setting.pace > 0.0 { (1.0 / setting.pace).round() as usize } else { 1 };
+        let choice = Choice::of(&stamps_us, apart);
+        let mut anchors = Anchors::empty(&choice);
+        for j in choice.frames {
             let frame = Frame {
                 index: j,
                 t: Timestamp::from_micros(stamps_us[j]),
@@ -92,7 +100,20 @@ impl World {
             anchors.keep(&frame, stamps_us[j]);
         }
         let pace = setting.pace as f32;
+        // The picture moves to smaller x.
+        let px_s = Image::filled(SIZE, [-pace * rate().to_f64() as f32, 0.0]);
+        let moments = (0..5).map(|i| stamps_us[i * (setting.frames - 1) / 4]);
+        let flows = moments.map(|t_us| FlowAt { t_us, px_s: px_s.clone() }).collect();
         Self {
+            flows,
+            stated: None,
+            resampled: Some(Resampled {
+                intervals: 4,
+                events: 1000,
+                at_twice: 1004,
+                paired: 990,
+                shift_us: Some(3.0),
+            }),
             report: report(setting.frames),
             account: account(&events),
             trajectory: Trajectory { world_from_camera: poses(setting.frames), stamps_us },
@@ -112,10 +133,14 @@ impl World {
     }
 
     pub(super) fn findings(&self) -> Vec<Finding> {
-        let sensor = Sensor::Voltmeter(self.sensor.clone());
-        let law = DriftLaw::of(&sensor).unwrap();
+        let sensor = self.stated.clone().unwrap_or_else(|| Sensor::Voltmeter(self.sensor.clone()));
         let end = *self.trajectory.stamps_us.last().unwrap();
-        let mut observer = Observer::new(SIZE, rate(), end, Some((law, &self.anchors)));
+        let against = Against {
+            seen: DriftLaw::of(&sensor).ok().map(|law| (law, &self.anchors)),
+            flows: &self.flows,
+            dead_us: sensor.refractory_us() as i64,
+        };
+        let mut observer = Observer::new(SIZE, rate(), end, against);
         for chunk in self.events.chunks(1000) {
             observer.append(chunk);
         }
@@ -128,6 +153,7 @@ impl World {
             sensor: Some(&sensor),
             account: Some(&self.account),
             tally: Some(&tally),
+            resampled: self.resampled.as_ref(),
             flow: self.flow,
             doubtful_share: self.doubtful_share,
             limits: &self.limits,
@@ -149,6 +175,20 @@ impl World {
         let found = self.findings();
         let wanted = |f: &&Finding| f.check == check && f.subject == format!("world/base{part}");
         found.iter().find(wanted).unwrap_or_else(|| panic!("{name} not in {found:#?}")).clone()
+    }
+}
+
+/// Numbers by chance (splitmix64), for streams that have no structure.
+pub(super) struct Draws(pub(super) u64);
+
+impl Draws {
+    /// One of the numbers from 0 to below `n`, each as probable.
+    pub(super) fn below(&mut self, n: u64) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % n) as usize
     }
 }
 

@@ -1,6 +1,7 @@
 //! What passes see: the values of one trajectory, and how a finding about them is written.
 
 use super::drift::DriftLaw;
+use super::sampling::Resampled;
 use super::{Finding, Limits, Tally, Verdict};
 use crate::render::flow::Quantiles;
 use crate::sensor::{Account, Sensor};
@@ -28,6 +29,8 @@ pub struct Subject<'a> {
     pub tally: Option<&'a Tally>,
     /// How far the picture moves between neighbouring frames, px.
     pub flow: Option<Quantiles>,
+    /// What the stream is at twice the frames, where that was tried.
+    pub resampled: Option<&'a Resampled>,
     /// The share of the picture that Gaussians too deep for their distance make up.
     pub doubtful_share: Option<f64>,
     /// The recipe's limits.

@@ -1,12 +1,21 @@
 //! One pass over an event stream, counting what the passes need. Its memory depends on the number of pixels and of
 //! stops, never on the number of events.
 
+mod busy;
+mod crowding;
+
+pub use busy::Busy;
+pub use crowding::Crowding;
+
 use super::drift::DriftLaw;
 use super::event_frame::fit::{Balance, Fit};
+use super::motion::warp::{FlowAt, Sharpness, Windows};
+use super::noise_floor::still::{Stillness, Watch};
 use crate::event::{Event, Polarity};
 use crate::frames::anchors::Anchors;
 use crate::image::Size;
 use crate::units::Hertz;
+use crowding::Crowds;
 
 /// Bins of the phase of event times within the frame interval.
 const PHASES: usize = 16;
@@ -38,8 +47,33 @@ pub struct Tally {
     pub active_pixels: u64,
     /// Events by the phase of their time within the frame interval.
     pub phases: [u64; PHASES],
+    /// Events that come sooner after another one of their pixel than the sensor's dead time allows.
+    pub too_soon: u64,
+    /// How the events are spread over the pixels.
+    pub busy: Busy,
+    /// How often events of one window share a pixel.
+    pub crowding: Crowding,
     /// What events and frames say at each anchor after the first; empty where the sensor's law does not allow it.
     pub fits: Vec<Fit>,
+    /// What is left of each pixel's drift at the last anchor, in thresholds; empty where `fits` is.
+    pub residuals: Vec<f32>,
+    /// What moving events along the flow does, a window.
+    pub sharpness: Vec<Sharpness>,
+    /// Events a pixel of one window, in place and moved.
+    pub window: Option<[Vec<u16>; 2]>,
+    /// What pixels did that see no change; `None` where nothing says which do.
+    pub still: Option<Stillness>,
+}
+
+/// What a stream is held against while it passes by. What is absent is not counted.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Against<'a> {
+    /// The sensor's law, and what it saw at some frames.
+    pub seen: Option<(DriftLaw, &'a Anchors)>,
+    /// How the picture moves at some instants.
+    pub flows: &'a [FlowAt],
+    /// Whole microseconds after an event in which its pixel is dead.
+    pub dead_us: i64,
 }
 
 impl Tally {
@@ -66,7 +100,13 @@ pub struct Observer<'a> {
     previous: Option<Event>,
     millisecond: (i64, u64),
     counts: Counts,
+    crowds: Crowds,
+    /// Time of each pixel's last event, us; empty where nothing is dead.
+    last_us: Vec<i64>,
+    dead_us: i64,
     balance: Option<Balance<'a>>,
+    windows: Windows<'a>,
+    watch: Option<Watch>,
 }
 
 /// Events of each pixel since the first stamp.
@@ -77,26 +117,29 @@ pub(super) struct Counts {
 }
 
 impl<'a> Observer<'a> {
-    /// Before the first event of a sensor of `size`, whose stamps run from 0 to `end_us`. The anchors are what the
-    /// sensor saw; without a law, or with fewer than two of them, events are not held against frames.
+    /// Before the first event of a sensor of `size`, whose stamps run from 0 to `end_us`. Without a law, or with fewer than
+    /// two anchors, events are not held against frames.
     ///
     /// # Panics
-    /// If an anchor is of another size.
+    /// If an anchor or a flow is of another size.
     #[must_use]
-    pub fn new(size: Size, rate: Hertz, end_us: i64, seen: Option<(DriftLaw, &'a Anchors)>) -> Self {
-        let counts = Counts { on: vec![0; size.pixels()], off: vec![0; size.pixels()] };
-        let balance = seen.and_then(|(law, anchors)| Balance::new(size, law, anchors));
-        let millisecond = (0, 0);
-        let frames_per_us = rate.to_f64() * 1e-6;
+    pub fn new(size: Size, rate: Hertz, end_us: i64, against: Against<'a>) -> Self {
+        let Against { seen, flows, dead_us } = against;
+        let pixels = size.pixels();
         Self {
             tally: Tally::empty(size),
             size,
-            frames_per_us,
+            frames_per_us: rate.to_f64() * 1e-6,
             end_us,
             previous: None,
-            millisecond,
-            counts,
-            balance,
+            millisecond: (0, 0),
+            counts: Counts { on: vec![0; pixels], off: vec![0; pixels] },
+            crowds: Crowds::new(size, end_us),
+            last_us: if dead_us > 0 { vec![i64::MIN / 2; pixels] } else { Vec::new() },
+            dead_us,
+            balance: seen.and_then(|(law, anchors)| Balance::new(size, law, anchors)),
+            windows: Windows::new(size, end_us, flows),
+            watch: seen.and_then(|(law, anchors)| Watch::new(size, end_us, &law, anchors, flows)),
         }
     }
 
@@ -111,10 +154,17 @@ impl<'a> Observer<'a> {
     #[must_use]
     pub fn finish(mut self) -> Tally {
         self.settle_until(i64::MAX);
-        self.tally.peak_per_ms = self.tally.peak_per_ms.max(self.millisecond.1);
-        let active = self.counts.on.iter().zip(&self.counts.off).filter(|(on, off)| **on + **off > 0);
-        self.tally.active_pixels = active.count() as u64;
-        self.tally.fits = self.balance.map_or_else(Vec::new, Balance::into_fits);
+        let tally = &mut self.tally;
+        tally.peak_per_ms = tally.peak_per_ms.max(self.millisecond.1);
+        let totals: Vec<u32> = self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
+        tally.active_pixels = totals.iter().filter(|n| **n > 0).count() as u64;
+        tally.busy = Busy::of(totals);
+        tally.crowding = self.crowds.finish();
+        if let Some(balance) = self.balance {
+            (tally.fits, tally.residuals) = balance.finish();
+        }
+        (tally.sharpness, tally.window) = self.windows.finish();
+        tally.still = self.watch.map(Watch::finish);
         self.tally
     }
 
@@ -132,11 +182,20 @@ impl<'a> Observer<'a> {
             tally.off_sensor += 1;
             return;
         }
-        let counts = match event.polarity {
-            Polarity::On => &mut self.counts.on,
-            Polarity::Off => &mut self.counts.off,
+        let (counts, pixel) = match event.polarity {
+            Polarity::On => (&mut self.counts.on, y * width + x),
+            Polarity::Off => (&mut self.counts.off, y * width + x),
         };
-        counts[y * width + x] += 1;
+        counts[pixel] += 1;
+        if let Some(last) = self.last_us.get_mut(pixel) {
+            tally.too_soon += u64::from(t_us - *last < self.dead_us);
+            *last = t_us;
+        }
+        self.crowds.see(pixel, t_us);
+        self.windows.see(event, t_us);
+        if let Some(watch) = &mut self.watch {
+            watch.see(pixel, t_us);
+        }
     }
 
     /// Takes stock at every anchor up to `t_us`: the events that lie before it are all counted.
@@ -191,7 +250,14 @@ impl Tally {
             peak_per_ms: 0,
             active_pixels: 0,
             phases: [0; PHASES],
+            too_soon: 0,
+            busy: Busy::default(),
+            crowding: Crowding::default(),
             fits: Vec::new(),
+            residuals: Vec::new(),
+            sharpness: Vec::new(),
+            window: None,
+            still: None,
         }
     }
 }
@@ -208,7 +274,7 @@ mod tests {
 
     fn tally(events: &[Event]) -> Tally {
         let size = Size { width: 4, height: 3 };
-        let mut observer = Observer::new(size, Hertz("1000".parse().unwrap()), 10_000, None);
+        let mut observer = Observer::new(size, Hertz("1000".parse().unwrap()), 10_000, Against { dead_us: 400, ..Against::default() });
         for chunk in events.chunks(2) {
             observer.append(chunk);
         }
@@ -228,7 +294,7 @@ mod tests {
             event(10_000, 0, 3, Off),
         ]);
         assert_eq!((found.events, found.on, found.off()), (7, 4, 3));
-        assert_eq!((found.repeated, found.contrary), (1, 1));
+        assert_eq!((found.repeated, found.contrary, found.too_soon), (1, 1, 2));
         assert_eq!((found.disordered, found.off_time, found.off_sensor), (1, 1, 2));
         assert_eq!((found.distinct_us, found.active_pixels, found.peak_per_ms), (5, 3, 4));
         // Frame interval 1000 us in 16 bins of 62.5 us: 10 is in bin 0, 500 in bin 8, 9999 in bin 15.

@@ -1,8 +1,7 @@
 //! Frames that are kept while a sequence passes by, so that its events can later be held against what the sensor saw.
 
 use super::Frame;
-use crate::image::{Image, Size};
-use npyz::WriterBuilder;
+use crate::image::{Image, npy};
 use std::io::{self, Read, Write};
 
 /// Luminance at a few frames: the first, the last, and some between.
@@ -12,34 +11,63 @@ pub struct Anchors {
     pub stamps_us: Vec<i64>,
     /// Luminance on the grey scale 0..255.
     pub images: Vec<Image<f32>>,
+    /// As [`Choice::spans`].
+    pub spans: Vec<[usize; 3]>,
 }
 
 /// Time between anchors, where the sequence is long enough for at least two such intervals.
 const SPACING_US: i64 = 100_000;
+/// Spans begin at the inner ones of these parts of a sequence,
+const QUARTERS: i64 = 4;
+/// and none is longer than this part of it.
+const SPANS_IN: usize = 8;
 
-impl Anchors {
-    /// Which frames of a sequence are kept: its ends, and between them those nearest to equal parts of 0.1 s or a
-    /// little more; two parts where the sequence is shorter.
+/// Which frames of a sequence are kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Choice {
+    /// Numbers of the frames, rising.
+    pub frames: Vec<usize>,
+    /// Three places in `frames` each that lie close together, evenly: on the way a picture moves by little.
+    pub spans: Vec<[usize; 3]>,
+}
+
+impl Choice {
+    /// The ends of a sequence, and between them the frames nearest to equal parts of 0.1 s or a little more; two parts
+    /// where the sequence is shorter. At each quarter of it a span of twice `apart` frames, which is shortened to an
+    /// eighth of the sequence.
     #[must_use]
-    pub fn choose(stamps_us: &[i64]) -> Vec<usize> {
-        let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else { return Vec::new() };
+    pub fn of(stamps_us: &[i64], apart: usize) -> Self {
+        let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else {
+            return Self { frames: Vec::new(), spans: Vec::new() };
+        };
         let span = last - first;
-        let parts = (span / SPACING_US).max(2);
-        let nearest = |i: i64| {
+        let nearest = |i: i64, parts: i64| {
             let wanted = first + span * i / parts;
             let after = stamps_us.partition_point(|t| *t < wanted).min(stamps_us.len() - 1);
             let before = after.saturating_sub(1);
             if wanted - stamps_us[before] < stamps_us[after] - wanted { before } else { after }
         };
-        let mut chosen: Vec<usize> = (0..=parts).map(nearest).collect();
-        chosen.dedup();
-        chosen
+        let parts = (span / SPACING_US).max(2);
+        let mut frames: Vec<usize> = (0..=parts).map(|i| nearest(i, parts)).collect();
+        let apart = apart.clamp(1, (stamps_us.len() / (2 * SPANS_IN)).max(1));
+        let starts = (1..QUARTERS).map(|i| nearest(i, QUARTERS));
+        let threes = starts.map(|start| [start, start + apart, start + 2 * apart]);
+        let threes: Vec<[usize; 3]> = threes.filter(|[.., end]| *end < stamps_us.len()).collect();
+        frames.extend(threes.as_flattened());
+        frames.sort_unstable();
+        frames.dedup();
+        let place = |frame| frames.binary_search(&frame).expect("it is one of them");
+        let mut spans: Vec<[usize; 3]> = threes.iter().map(|three| three.map(place)).collect();
+        spans.dedup();
+        Self { frames, spans }
     }
+}
 
-    /// No frame yet.
+impl Anchors {
+    /// No frame yet of this choice.
     #[must_use]
-    pub fn empty() -> Self {
-        Self { stamps_us: Vec::new(), images: Vec::new() }
+    pub fn empty(choice: &Choice) -> Self {
+        Self { stamps_us: Vec::new(), images: Vec::new(), spans: choice.spans.clone() }
     }
 
     /// Keeps a frame.
@@ -53,64 +81,64 @@ impl Anchors {
     /// # Errors
     /// When the bytes cannot be written.
     pub fn write_images(&self, out: impl Write) -> io::Result<()> {
-        let size = self.images.first().map_or(Size { width: 0, height: 0 }, Image::size);
-        let shape = [self.images.len() as u64, size.height.into(), size.width.into()];
-        let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
-        let mut writer = options.writer(out).begin_nd()?;
-        for image in &self.images {
-            writer.extend(image.pixels().iter().copied())?;
-        }
-        writer.finish()
+        npy::write_stack(&self.images, out)
     }
 
     /// Reads the images back.
     ///
     /// # Errors
-    /// When the bytes are no float32 `.npy` with one `[H, W]` a stamp.
-    pub fn read(stamps_us: Vec<i64>, input: impl Read) -> io::Result<Self> {
-        let file = npyz::NpyFile::new(input)?;
-        let invalid = |found: &[u64]| {
-            let wanted = format!("shape {found:?}, wanted [{}, H, W]", stamps_us.len());
-            io::Error::new(io::ErrorKind::InvalidData, wanted)
-        };
-        let size = match *file.shape() {
-            [k, h, w] if k == stamps_us.len() as u64 => u32::try_from(w).ok().zip(u32::try_from(h).ok()),
-            _ => None,
-        };
-        let Some((width, height)) = size else { return Err(invalid(file.shape())) };
-        let size = Size { width, height };
-        let values = file.into_vec::<f32>()?;
-        let images = values.chunks(size.pixels().max(1)).map(|v| Image::from_vec(size, v.to_vec())).collect();
-        Ok(Self { stamps_us, images })
+    /// When the bytes are no float32 `.npy` with one `[H, W]` a stamp, or a span is of no three images.
+    pub fn read(stamps_us: Vec<i64>, spans: Vec<[usize; 3]>, input: impl Read) -> io::Result<Self> {
+        if spans.as_flattened().iter().any(|place| *place >= stamps_us.len()) {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "a span has no image"));
+        }
+        let images = npy::read_stack(stamps_us.len(), input)?;
+        Ok(Self { stamps_us, images, spans })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Size;
     use crate::units::Timestamp;
 
     #[test]
-    fn a_short_clip_keeps_its_ends_and_its_middle() {
+    fn a_short_clip_keeps_its_ends_and_its_middle_and_three_spans() {
         let stamps: Vec<i64> = (0..150).map(|j| j * 416).collect();
-        assert_eq!(Anchors::choose(&stamps), [0, 75, 149]);
-        assert_eq!(Anchors::choose(&[0]), [0]);
-        assert_eq!(Anchors::choose(&[0, 7]), [0, 1]);
+        let choice = Choice::of(&stamps, 5);
+        assert_eq!(choice.frames, [0, 37, 42, 47, 75, 80, 85, 112, 117, 122, 149]);
+        assert_eq!(choice.spans, [[1, 2, 3], [4, 5, 6], [7, 8, 9]]);
         let long: Vec<i64> = (0..=1000).map(|j| j * 1000).collect();
-        assert_eq!(Anchors::choose(&long), [0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000]);
+        let choice = Choice::of(&long, 20);
+        let wanted = [0, 100, 200, 250, 270, 290, 300, 400, 500, 520, 540, 600, 700, 750, 770, 790, 800, 900, 1000];
+        assert_eq!(choice.frames, wanted);
+        assert_eq!(choice.spans, [[3, 4, 5], [8, 9, 10], [13, 14, 15]]);
+        // Others may lie between the three.
+        let choice = Choice::of(&long, 1000);
+        assert_eq!(choice.spans[0].map(|place| choice.frames[place]), [250, 312, 374]);
+    }
+
+    #[test]
+    fn a_sequence_too_short_for_spans_has_what_it_can_have() {
+        assert_eq!(Choice::of(&[], 5), Choice { frames: vec![], spans: vec![] });
+        assert_eq!(Choice::of(&[0], 5), Choice { frames: vec![0], spans: vec![] });
+        assert_eq!(Choice::of(&[0, 7], 5), Choice { frames: vec![0, 1], spans: vec![] });
+        assert_eq!(Choice::of(&[0, 7, 14, 21], 5), Choice { frames: vec![0, 1, 2, 3], spans: vec![[1, 2, 3]] });
     }
 
     #[test]
     fn what_was_written_is_read() {
         let size = Size { width: 3, height: 2 };
-        let mut anchors = Anchors::empty();
+        let mut anchors = Anchors::empty(&Choice { frames: vec![0, 1], spans: Vec::new() });
         for index in 0..2 {
             let luminance = Image::from_vec(size, (0u8..6).map(|v| f32::from(v) + 0.5).collect());
             anchors.keep(&Frame { index, t: Timestamp(0), luminance, rate: None }, 417 * index as i64);
         }
         let mut bytes = Vec::new();
         anchors.write_images(&mut bytes).unwrap();
-        assert_eq!(Anchors::read(vec![0, 417], bytes.as_slice()).unwrap(), anchors);
-        assert!(Anchors::read(vec![0], bytes.as_slice()).is_err());
+        assert_eq!(Anchors::read(vec![0, 417], Vec::new(), bytes.as_slice()).unwrap(), anchors);
+        assert!(Anchors::read(vec![0], Vec::new(), bytes.as_slice()).is_err());
+        assert!(Anchors::read(vec![0, 417], vec![[0, 1, 2]], bytes.as_slice()).is_err());
     }
 }

@@ -41,6 +41,40 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     writer.finish()
 }
 
+/// Writes images of one size, `[K, H, W]`; no image is `[0, 0, 0]`.
+///
+/// # Errors
+/// When `out` fails.
+pub fn write_stack(images: &[Image<f32>], out: impl Write) -> io::Result<()> {
+    let Size { width, height } = images.first().map_or(Size { width: 0, height: 0 }, Image::size);
+    let shape = [images.len() as u64, height.into(), width.into()];
+    let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
+    for image in images {
+        writer.extend(image.pixels().iter().copied())?;
+    }
+    writer.finish()
+}
+
+/// Reads so many images as [`write_stack`] writes them: our own files, whose heads are taken as they are.
+///
+/// # Errors
+/// When the bytes are no float32 `.npy` of this many images.
+pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>> {
+    let file = npyz::NpyFile::new(input)?;
+    let invalid = |found: &[u64]| {
+        let wanted = format!("shape {found:?}, wanted [{count}, H, W]");
+        io::Error::new(io::ErrorKind::InvalidData, wanted)
+    };
+    let size = match *file.shape() {
+        [k, h, w] if k == count as u64 => u32::try_from(w).ok().zip(u32::try_from(h).ok()),
+        _ => None,
+    };
+    let Some((width, height)) = size else { return Err(invalid(file.shape())) };
+    let size = Size { width, height };
+    let values = file.into_vec::<f32>()?;
+    Ok(values.chunks(size.pixels().max(1)).map(|v| Image::from_vec(size, v.to_vec())).collect())
+}
+
 /// The head of an array as it is stored, if it is one that the parser is safe to be given: its time doubles with every
 /// bracket that is open, and the head of a plain array has two, of its dictionary and its shape; and it counts the
 /// elements without a look at how many they are.

@@ -1,14 +1,21 @@
 //! Stage `checks`: hands what was made of a trajectory to the validation passes.
 //!
 //! Neither the scene's id nor the trajectory's name is part of what is checked, so findings are stored with an empty
-//! subject; whoever shows them says whose they are.
+//! subject; whoever shows them says whose they are. Beside them lie pictures of what some passes saw, `<check>.png`, or
+//! `<sensor>.<check>.png` where there are several sensors.
+
+mod pictures;
 
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Stream, Verdicts, write_json};
 use crate::check::drift::DriftLaw;
-use crate::check::tally::Observer;
+use crate::check::motion::warp::FlowAt;
+use crate::check::tally::{Against, Observer};
 use crate::check::{Limits, Subject, Tally, judge};
 use crate::event::{EventSource, h5};
+use crate::image::Image;
+use crate::render::View;
+use crate::render::flow::rates;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -25,17 +32,20 @@ pub struct Checking {
 
 impl Stage for Checking {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 4;
+    const REVISION: u32 = 5;
     type Inputs = (Target<Motion>, Option<Target<EventStreams>>);
     type Output = Verdicts;
 
     fn need(&self, files: &[Files]) -> Need {
         // The stream passes by in chunks; what the sensor saw at some frames is held, with the counts of each pixel.
         let brightness = |files: &Files| -> u64 {
-            let images = files.iter().filter(|(name, _)| name.starts_with("brightness"));
+            let held = |name: &str| name.starts_with("brightness") || name == EventStreams::DEPTH;
+            let images = files.iter().filter(|(name, _)| held(name));
             images.map(|(name, _)| files.size(name)).sum()
         };
-        let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>();
+        // The flow that a depth is made into takes two numbers a pixel.
+        let flows = files.iter().map(|files| 2 * files.size(EventStreams::DEPTH)).sum::<u64>();
+        let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>() + flows;
         Need::memory([held, held, held])
     }
 
@@ -59,6 +69,7 @@ impl Stage for Checking {
             sensor: None,
             account: None,
             tally: None,
+            resampled: None,
             flow: simulation.and_then(|s| s.flow_px),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             limits: &self.limits,
@@ -69,15 +80,19 @@ impl Stage for Checking {
             .iter()
             .zip(&tallies)
             .zip(&named)
-            .map(|((Stream { sensor, account, .. }, tally), name)| Subject {
+            .map(|((Stream { sensor, account, resampled, .. }, tally), name)| Subject {
                 name,
                 sensor: Some(sensor),
                 account: Some(account),
+                resampled: resampled.as_ref(),
                 tally: Some(tally),
                 ..whole
             })
             .collect();
         let findings = judge(&whole, &streams);
+        for (subject, tally) in streams.iter().zip(&tallies) {
+            pictures::write(subject.name, tally, cx)?;
+        }
         let verdicts =
             Verdicts { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
         let out = cx.out.join("verdicts.json");
@@ -90,6 +105,21 @@ fn suffix(name: Option<&str>) -> String {
     name.map_or_else(String::new, |name| format!("/{name}"))
 }
 
+/// How the picture moves where its depth is known, by the poses and stamps of the trajectory: the pose whose stamp is
+/// nearest, which is off by no more than half a frame.
+fn flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
+    let (stamps, velocities) = (&motion.trajectory.stamps_us, motion.velocities());
+    let at = |(t_us, depth): (&i64, &Image<f32>)| {
+        let after = stamps.partition_point(|t| t < t_us).min(stamps.len() - 1);
+        let near = if after > 0 && t_us - stamps[after - 1] < stamps[after] - t_us { after - 1 } else { after };
+        let camera = streams.simulation.camera;
+        let pose = motion.trajectory.world_from_camera[near];
+        let view = View { camera, world_from_camera: pose, velocity: velocities[near] };
+        FlowAt { t_us: *t_us, px_s: rates(depth, &view) }
+    };
+    streams.simulation.depth_stamps_us.iter().zip(&streams.depths).map(at).collect()
+}
+
 /// Counts each stream in one pass.
 fn count(
     streams: &EventStreams,
@@ -99,9 +129,14 @@ fn count(
 ) -> Result<Vec<Tally>, StageError> {
     let simulation = &streams.simulation;
     let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
+    let flows = flows(streams, motion);
     let count = |(stream, file): (&Stream, &PathBuf)| {
-        let seen = DriftLaw::of(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream)));
-        let mut observer = Observer::new(simulation.camera.size, rate, end_us, seen);
+        let against = Against {
+            seen: DriftLaw::of(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream))),
+            flows: &flows,
+            dead_us: stream.sensor.refractory_us().floor() as i64,
+        };
+        let mut observer = Observer::new(simulation.camera.size, rate, end_us, against);
         let mut reader = h5::Reader::open(file).map_err(StageError::work("read events"))?;
         let mut chunk = Vec::new();
         while reader.next_chunk(&mut chunk).map_err(StageError::work("read events"))? {

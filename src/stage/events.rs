@@ -1,21 +1,23 @@
 //! Stage `events`: renders the luminance of every pose, and its colours where a sensor wants them, and shows it to the
 //! sensors.
 
+mod resample;
 mod sampling;
 
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Simulation, Stream, write_json};
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{Header, LawStamp, h5};
-use crate::frames::anchors::Anchors;
+use crate::frames::anchors::{Anchors, Choice};
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{Frame, Frames};
-use crate::image::Size;
+use crate::image::{Image, Size, npy};
 use crate::render::backend::Backend;
 use crate::render::doubt::Doubt;
 use crate::render::flow::{self, Quantiles};
 use crate::render::{Channels, Omit, RenderChoice, Rendered, Renderer, View};
 use crate::sampling::Tolerance;
+use crate::sampling::path::Path;
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::front_end::{self, FrontEnd};
@@ -28,7 +30,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Parameters: camera, rendering, sensors, and the seed of their noise.
@@ -69,7 +70,7 @@ const FLOW_SAMPLES: usize = 9;
 
 impl Stage for Simulating {
     const NAME: &'static str = "events";
-    const REVISION: u32 = 4;
+    const REVISION: u32 = 5;
     type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
     type Output = EventStreams;
 
@@ -99,11 +100,14 @@ impl Stage for Simulating {
             renderer.omit(self.omit);
             Ok::<_, StageError>(renderer)
         };
+        let path = path(&motion)?;
         let Sampled { trajectory, velocities, chosen, renderer } =
             self.sample(motion, camera, new_renderer()?, cx)?;
         let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
         let own = chosen_own.as_ref().unwrap_or(self);
         let seen = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
+        let flow_px = Quantiles::of(seen.moved_px);
+        let choice = Choice::of(&trajectory.stamps_us, apart(flow_px));
         let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
         if own.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
             frames = frames.with_rates(velocities);
@@ -114,7 +118,12 @@ impl Stage for Simulating {
         if let Some(clock) = cx.clock.filter(|_| self.omit.is_needless() && self.backend.has_choice()) {
             cx.saving = frames.saving(clock).map_err(StageError::work("render"))?;
         }
-        let (streams, anchors) = own.simulate(&mut frames, &trajectory.stamps_us, camera.size, cx)?;
+        let (mut streams, anchors) =
+            own.simulate(&mut frames, (&trajectory.stamps_us, &choice), camera.size, cx)?;
+        if let Some(path) = path {
+            let tried = own.resample(&path, &trajectory.stamps_us, (camera, new_renderer()?), cx)?;
+            streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
+        }
         own.tell(&trajectory, chosen.as_ref(), (&streams, &anchors), cx);
         let simulation = Simulation {
             camera,
@@ -126,12 +135,18 @@ impl Stage for Simulating {
             seed: self.seed,
             omit: self.omit,
             work: frames.work(),
-            flow_px: Quantiles::of(seen.moved_px),
+            flow_px,
             doubtful_share: seen.doubt.share(),
-            depth_unit: flow::nearest_ranks(seen.depth, [5, 50, 95]),
+            depth_unit: flow::nearest_ranks(
+                seen.depths.iter().flat_map(|depth| depth.pixels()).copied().collect(),
+                [5, 50, 95],
+            ),
             brightness_stamps_us: anchors[0].stamps_us.clone(),
+            brightness_spans: choice.spans,
+            depth_stamps_us: seen.stamps_us,
             chosen,
         };
+        write(&cx.out.join(EventStreams::DEPTH), |file| npy::write_stack(&seen.depths, file))?;
         for (i, anchors) in anchors.iter().enumerate() {
             write(&cx.out.join(EventStreams::brightness(i)), |file| anchors.write_images(file))?;
         }
@@ -175,14 +190,13 @@ impl Simulating {
     fn simulate(
         &self,
         frames: &mut RenderedFrames,
-        stamps_us: &[i64],
+        (stamps_us, choice): (&[i64], &Choice),
         size: Size,
         cx: &Context<'_>,
     ) -> Result<(Vec<Stream>, Vec<Anchors>), StageError> {
-        let chosen = Anchors::choose(stamps_us);
-        let mut anchors = vec![Anchors::empty(); self.front_ends().len()];
+        let mut anchors = vec![Anchors::empty(choice); self.front_ends().len()];
         let keep = |anchors: &mut Anchors, frame: &Frame| {
-            if chosen.contains(&frame.index) {
+            if choice.frames.binary_search(&frame.index).is_ok() {
                 anchors.keep(frame, stamps_us[frame.index]);
             }
         };
@@ -217,6 +231,7 @@ impl Simulating {
             name: name.map(str::to_owned),
             sensor: sensor.clone(),
             account,
+            resampled: None,
         };
         Ok((self.sensors().zip(accounts).map(stream).collect(), anchors))
     }
@@ -241,8 +256,23 @@ impl Simulating {
 struct Seen {
     /// Way of the picture between neighbouring poses.
     moved_px: Vec<f32>,
-    depth: Vec<f32>,
+    /// Stamps of the first poses of the pairs, and the depth there.
+    stamps_us: Vec<i64>,
+    depths: Vec<Image<f32>>,
     doubt: Doubt,
+}
+
+/// The trajectory as a continuous motion; `None` of a single pose.
+fn path(motion: &Motion) -> Result<Option<Path>, StageError> {
+    let poses = &motion.trajectory.world_from_camera;
+    let path = || Path::through(poses, motion.seconds()).map_err(StageError::work("follow the path"));
+    (poses.len() > 1).then(path).transpose()
+}
+
+/// Frames in which the picture moves by about a pixel, in the median.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of frames, saturating")]
+fn apart(flow_px: Option<Quantiles>) -> usize {
+    flow_px.map_or(1, |flow| (1.0 / flow.median).round() as usize)
 }
 
 fn sample_depth(
@@ -262,11 +292,12 @@ fn sample_depth(
         sampled.doubt.add(&rendered);
         let depth = rendered.depth.expect("depth was asked for");
         sampled.moved_px.extend(flow::displacement(&depth, &from, &to).into_pixels());
-        sampled.depth.extend(depth.into_pixels());
+        sampled.stamps_us.push(trajectory.stamps_us[a]);
+        sampled.depths.push(depth);
     }
     Ok(sampled)
 }
 
-fn write(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), StageError> {
+fn write(path: &std::path::Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), StageError> {
     File::create(path).and_then(|mut file| fill(&mut file)).map_err(StageError::io(path))
 }

@@ -1,5 +1,9 @@
 //! Events against frames at one instant: what each pixel counted, and what its brightness did since the first frame.
 
+mod lag;
+
+pub use lag::Lag;
+
 use crate::check::drift::DriftLaw;
 use crate::check::tally::Counts;
 use crate::frames::anchors::Anchors;
@@ -31,6 +35,10 @@ pub struct Fit {
     pub possible: u64,
     /// Pixels that drifted by more than two thresholds, and those of them whose events have the same sign.
     pub doubled: [u64; 2],
+    /// Of the former, those that have no event at all.
+    pub silent: u64,
+    /// How late the events are, where a span of frames shows it.
+    pub lag: Lag,
     /// Where ON and OFF events happen, relative to the thresholds.
     pub edges: [Option<Edge>; 2],
     /// What the sum of `s` over pixels is expected to be: the drift, in whole thresholds towards 0 where voltages
@@ -107,6 +115,8 @@ pub(in crate::check) struct Balance<'a> {
     first_logs: Vec<f64>,
     exposure: Vec<f64>,
     fits: Vec<Fit>,
+    /// `dv - s` of each pixel at the last instant, in thresholds.
+    residuals: Vec<f32>,
 }
 
 impl<'a> Balance<'a> {
@@ -115,7 +125,8 @@ impl<'a> Balance<'a> {
         assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
         let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
         let first_logs = first.pixels().iter().map(|l| law.log_brightness(*l)).collect();
-        Some(Self { law, anchors, first_logs, exposure: vec![0.0; size.pixels()], fits: Vec::new() })
+        let (exposure, residuals) = (vec![0.0; size.pixels()], vec![0.0; size.pixels()]);
+        Some(Self { law, anchors, first_logs, exposure, fits: Vec::new(), residuals })
     }
 
     /// Stamp of the next anchor, after the last of which there is none.
@@ -123,8 +134,9 @@ impl<'a> Balance<'a> {
         self.anchors.stamps_us.get(self.fits.len() + 1).copied()
     }
 
-    pub(in crate::check) fn into_fits(self) -> Vec<Fit> {
-        self.fits
+    /// The fits, and what is left of each pixel's drift at the last of them, in thresholds.
+    pub(in crate::check) fn finish(self) -> (Vec<Fit>, Vec<f32>) {
+        (self.fits, self.residuals)
     }
 
     /// Takes stock at the next anchor.
@@ -136,13 +148,24 @@ impl<'a> Balance<'a> {
             ((stamps[number] - stamps[number - 1]) as f64, (stamps[number] - stamps[0]) as f64);
         let leak_error = self.law.leak_error(step, number);
         let mut stock = Stock::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
+        let span = self.anchors.spans.iter().find(|[_, middle, _]| *middle == number);
+        let around = span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
+        let at = stamps[number];
         for i in 0..now.len() {
             // The trapezoid rule; numerics.md pass 10 asks for no more.
             self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
             let logs = self.law.log_brightness(now[i]) - self.first_logs[i];
             let blur = self.law.noise(f64::from(now[i]), total) + leak_error;
             let dv = self.law.drift(logs, total, self.exposure[i]);
-            stock.add(dv, [counts.on[i], counts.off[i]], blur);
+            let left = stock.add(dv, [counts.on[i], counts.off[i]], blur);
+            if let Some([(from, earlier), (to, later)]) = around {
+                let drift = |a: f32, b: f32, dt: i64| {
+                    self.law.drift(self.law.log_brightness(b) - self.law.log_brightness(a), dt as f64, 0.0)
+                };
+                let ways = [drift(earlier[i], now[i], at - from), drift(now[i], later[i], to - at)];
+                stock.lag.add(left, ways, (to - from) as f64, self.law.thresholds);
+            }
+            self.residuals[i] = in_thresholds(left, self.law.thresholds);
         }
         self.fits.push(stock.fit(stamps[number]));
     }
@@ -159,6 +182,8 @@ struct Stock {
     slopes: [Slope; 2],
     possible: u64,
     doubled: [u64; 2],
+    silent: u64,
+    lag: Lag,
     near: [Vec<[f32; 2]>; 2],
     expected: f64,
 }
@@ -174,12 +199,15 @@ impl Stock {
             slopes: [Slope::default(); 2],
             possible: 0,
             doubled: [0; 2],
+            silent: 0,
+            lag: Lag::default(),
             near: [Vec::new(), Vec::new()],
             expected: 0.0,
         }
     }
 
-    fn add(&mut self, dv: f64, [on, off]: [u32; 2], blur: f64) {
+    /// Adds a pixel; what is left is its drift less what its events say of it.
+    fn add(&mut self, dv: f64, [on, off]: [u32; 2], blur: f64) -> f64 {
         let [a, b] = self.thresholds;
         let s = a * f64::from(on) - b * f64::from(off);
         self.events += u64::from(on) + u64::from(off);
@@ -193,16 +221,24 @@ impl Stock {
         if dv.abs() > 2.0 * threshold {
             self.doubled[0] += 1;
             self.doubled[1] += u64::from(s * dv > 0.0);
+            self.silent += u64::from(on + off == 0);
         }
         if self.from_zero && dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
             self.near[side].push(ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
         }
+        dv - s
     }
 
     fn fit(self, t_us: i64) -> Fit {
-        let Self { events, slopes, possible, doubled, near, expected, .. } = self;
-        Fit { t_us, events, slopes, possible, doubled, edges: near.map(edge), expected }
+        let Self { events, slopes, possible, doubled, silent, lag, near, expected, .. } = self;
+        Fit { t_us, events, slopes, possible, doubled, silent, lag, edges: near.map(edge), expected }
     }
+}
+
+/// In thresholds of its own side.
+#[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a picture")]
+fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
+    (if left > 0.0 { left / on } else { left / off }) as f32
 }
 
 /// A residual below the threshold is `dv < s + threshold` at the true thresholds, so `dv / (s + threshold)` at the

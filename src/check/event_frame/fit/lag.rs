@@ -1,0 +1,108 @@
+//! How late events are against frames, from pixels on their way.
+//!
+//! Where the voltage of a pixel rises steadily by more than a threshold on either side of an instant, what is left of its
+//! drift there, `dv - s`, lies evenly between 0 and the threshold: half of it in the mean, however fast the pixel is. Events
+//! that are late by `lag` leave `rate lag` more. So over pixels of many rates, rising and falling, the slope of what is left
+//! against the rate is the lag. (The time at which the correlation of counts and changes is largest, as numerics.md has
+//! it, is late by itself where edges are a threshold or two high: their one event comes at the end of their way.)
+
+/// Least way on either side of the instant, in thresholds, and how uneven the two may be.
+const LEAST_WAY: f64 = 1.0;
+const MOST_UNEVEN: f64 = 3.0;
+
+/// Sums over the pixels on their way.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Lag {
+    /// Number of pixels.
+    pub pixels: u64,
+    rates: f64,
+    squares: f64,
+    left: f64,
+    left_squares: f64,
+    products: f64,
+}
+
+impl Lag {
+    /// Adds a pixel that has `left` of its drift at an instant, and on its ways to it and from it drifts by `ways` in
+    /// `span` microseconds.
+    pub(super) fn add(&mut self, left: f64, ways: [f64; 2], span: f64, thresholds: [f64; 2]) {
+        let threshold = if ways[0] > 0.0 { thresholds[0] } else { thresholds[1] };
+        let [small, large] = [ways[0].abs().min(ways[1].abs()), ways[0].abs().max(ways[1].abs())];
+        let steady = ways[0] * ways[1] > 0.0 && small > LEAST_WAY * threshold && large < MOST_UNEVEN * small;
+        // What is impossible, as that of a hot pixel, would outweigh the rest.
+        if !steady || left.abs() > 8.0 * threshold {
+            return;
+        }
+        let rate = (ways[0] + ways[1]) / span;
+        let left = left - (0.5 * threshold).copysign(rate);
+        self.pixels += 1;
+        self.rates += rate;
+        self.squares += rate * rate;
+        self.left += left;
+        self.left_squares += left * left;
+        self.products += rate * left;
+    }
+
+    /// The lag of all spans, us, and its standard deviation; `None` where there are no pixels to tell. Each span has its
+    /// own mean of what is left: that of voltages which start anywhere.
+    #[must_use]
+    pub fn pooled(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
+        let (mut pixels, mut squares, mut products, mut left_squares) = (0.0, 0.0, 0.0, 0.0);
+        for Self { pixels: n, rates, squares: s, left, left_squares: l, products: p } in spans {
+            if n > 1 {
+                let n = n as f64;
+                pixels += n;
+                squares += s - rates * rates / n;
+                products += p - rates * left / n;
+                left_squares += l - left * left / n;
+            }
+        }
+        if squares <= 0.0 || pixels <= 2.0 {
+            return None;
+        }
+        let lag = products / squares;
+        let rest = (left_squares - lag * products).max(0.0) / (pixels - 2.0);
+        Some([lag, (rest / squares).sqrt()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ramps of many rates, up and down, whose events are late by so many us: what is left is found by counting.
+    fn ramps(late: f64, start: f64) -> [f64; 2] {
+        let (span, mut lag) = (2000.0, Lag::default());
+        for i in 0..4000 {
+            let share = f64::from(i) * 0.618_033_988_749_895 % 1.0;
+            let rate = (2.5 + 6.0 * share) / span * if i % 2 == 0 { 1.0 } else { -1.0 };
+            // A way before the span that differs from pixel to pixel.
+            let before = 20.0 * (f64::from(i) * 0.754_877_666_246_693 % 1.0);
+            let dv = rate * span / 2.0 + before.copysign(rate);
+            let s = (dv - rate * late).trunc();
+            lag.add(dv - s + start, [rate * span / 2.0; 2], span, [1.0, 1.0]);
+        }
+        Lag::pooled(std::iter::once(lag)).unwrap()
+    }
+
+    #[test]
+    fn the_lag_of_ramps_is_found() {
+        for late in [0.0, 40.0, -100.0, 417.0] {
+            for start in [0.0, 0.4] {
+                let [lag, deviation] = ramps(late, start);
+                assert!((lag - late).abs() < 5.0 * deviation, "{late}: {lag} +- {deviation}");
+                assert!(deviation < 3.0, "{deviation}");
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_that_turn_or_hardly_move_tell_nothing() {
+        let mut lag = Lag::default();
+        for ways in [[2.0, -2.0], [0.5, 0.5], [1.1, 5.0], [0.0, 0.0], [f64::NAN, 2.0]] {
+            lag.add(0.3, ways, 100.0, [1.0, 1.0]);
+        }
+        assert_eq!(lag.pixels, 0);
+        assert_eq!(Lag::pooled([lag].into_iter()), None);
+    }
+}

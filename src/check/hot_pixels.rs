@@ -1,0 +1,85 @@
+//! Pixels that fire far more than the others, and pixels that are silent where the picture changes (numerics.md section
+//! 9, pass 8). Warnings; gates where the recipe sets a limit.
+//!
+//! `hot`: a pixel with more events than the mean and five standard deviations, and five times what all but one in a
+//! thousand have. A sensor that has hot pixels by its recipe may have as many as that says, and five standard deviations
+//! more. `dead`: a pixel without any event although the frames changed by more than two thresholds, which needs a law by
+//! which frames decide the drift.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, Tally, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest share of hot pixels.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub hot: Option<f64>,
+    /// Largest share of dead pixels among those that the frames changed.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub dead: Option<f64>,
+}
+
+/// Share of pixels that may be odd.
+const SHARE: f64 = 1e-4;
+/// Fewer changed pixels say nothing of a share.
+const LEAST_PIXELS: u64 = 1000;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct HotPixels;
+
+const NAME: &str = "hot_pixels";
+
+impl Check for HotPixels {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        vec![hot(subject, tally), dead(subject, tally)]
+    }
+}
+
+fn hot(subject: &Subject<'_>, tally: &Tally) -> Finding {
+    let limits = subject.limits.hot_pixels.unwrap_or_default();
+    let pixels = tally.size.pixels() as f64;
+    let stated = subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().share);
+    let most = SHARE + stated + 5.0 * (stated / pixels).sqrt();
+    let limit = Bound::of(limits.hot, Bound::warning(most));
+    let busy = &tally.busy;
+    let measured = busy.hot as f64 / pixels;
+    let because = format!(
+        "{} of {pixels} pixels have more than {} events; the busiest has {}, the mean is {:.3}{}",
+        busy.hot,
+        busy.bound,
+        busy.most,
+        busy.mean,
+        if stated > 0.0 { format!(", and the recipe makes {stated} of them hot") } else { String::new() }
+    );
+    subject.finding(NAME, "hot", Judged::of(limit.at_most(measured), measured, limit, "1", because))
+}
+
+fn dead(subject: &Subject<'_>, tally: &Tally) -> Finding {
+    if let Err(because) = subject.drift_law() {
+        return subject.not_run(NAME, "dead", because);
+    }
+    let share = |fit: &super::event_frame::fit::Fit| fit.silent as f64 / fit.doubled[0] as f64;
+    let enough = tally.fits.iter().filter(|fit| fit.doubled[0] >= LEAST_PIXELS);
+    let Some(fit) = enough.max_by(|a, b| share(a).total_cmp(&share(b))) else {
+        let because = format!("fewer than {LEAST_PIXELS} pixels changed by more than two thresholds");
+        return subject.not_run(NAME, "dead", because);
+    };
+    let limit = Bound::of(subject.limits.hot_pixels.and_then(|l| l.dead), Bound::warning(SHARE));
+    let because = format!(
+        "{} of {} pixels that changed by more than two thresholds have no event",
+        fit.silent, fit.doubled[0]
+    );
+    let measured = share(fit);
+    subject.finding(NAME, "dead", Judged::of(limit.at_most(measured), measured, limit, "1", because))
+}

@@ -1,0 +1,271 @@
+//! The events of a short window, in place and moved along the optical flow to the window's middle.
+
+use crate::event::{Event, Polarity};
+use crate::image::{Image, Size};
+use crate::render::flow::nearest_ranks;
+
+/// How the picture moves at an instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlowAt {
+    /// The instant, microseconds after the first frame.
+    pub t_us: i64,
+    /// px/s; NaN where there is no depth.
+    pub px_s: Image<[f32; 2]>,
+}
+
+/// The longest half of a window, us.
+const LONGEST_US: f64 = 15_000.0;
+/// Half of a window is as long as the picture takes for so many px: enough to smear an edge, and little enough for a flow
+/// that is constant.
+const HALF_PX: f64 = 4.0;
+
+/// What became of the events of a window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sharpness {
+    /// Its middle, us.
+    pub t_us: i64,
+    /// Way of the picture through the window in the median, px.
+    pub moved_px: f64,
+    /// Events that were moved and stayed in the picture.
+    pub events: u64,
+    /// Pixels.
+    pub pixels: u64,
+    /// Variance over pixels of the counts in place, ON and OFF added.
+    pub in_place: f64,
+    /// The same of the counts at the moved places.
+    pub moved: f64,
+}
+
+impl Sharpness {
+    /// The contrast that moving the events gives them: a ratio of variances.
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        self.moved / self.in_place
+    }
+
+    /// Standard deviation of the ratio where events lie anywhere: of Poisson counts of mean `m` the sample variance over
+    /// `n` pixels varies by `sqrt((2 + 1 / m) / n)` of itself, and there are two.
+    #[must_use]
+    pub fn noise(&self) -> f64 {
+        let (n, mean) = (self.pixels as f64, self.events as f64 / self.pixels as f64 / 2.0);
+        (2.0 * (2.0 + 1.0 / mean) / n).sqrt()
+    }
+}
+
+/// A window that events pass by.
+#[derive(Debug)]
+struct Window<'a> {
+    flow: &'a FlowAt,
+    span_us: [i64; 2],
+    moved_px: f64,
+    events: u64,
+    /// ON and OFF, in place.
+    in_place: [Vec<u16>; 2],
+    /// ON and OFF, moved.
+    moved: [Vec<u16>; 2],
+}
+
+/// The windows that a stream passes by, one after the other.
+#[derive(Debug)]
+pub(in crate::check) struct Windows<'a> {
+    size: Size,
+    end_us: i64,
+    /// Those to come, the next one last.
+    waiting: Vec<&'a FlowAt>,
+    open: Option<Window<'a>>,
+    done: Vec<Sharpness>,
+    /// Both counts of the sharpest window so far, in place and moved.
+    shown: Option<(f64, [Vec<u16>; 2])>,
+}
+
+impl<'a> Windows<'a> {
+    /// # Panics
+    /// If a flow is not of this size.
+    pub(in crate::check) fn new(size: Size, end_us: i64, flows: &'a [FlowAt]) -> Self {
+        assert!(flows.iter().all(|flow| flow.px_s.size() == size), "flows are of the sensor's size");
+        let mut windows =
+            Self { size, end_us, waiting: flows.iter().rev().collect(), open: None, done: Vec::new(), shown: None };
+        windows.open_next(i64::MIN);
+        windows
+    }
+
+    /// Counts an event; events come in order of time.
+    pub(in crate::check) fn see(&mut self, event: Event, t_us: i64) {
+        while self.open.as_ref().is_some_and(|window| t_us > window.span_us[1]) {
+            self.close();
+        }
+        if let Some(window) = self.open.as_mut().filter(|window| t_us >= window.span_us[0]) {
+            window.see(event, t_us, self.size);
+        }
+    }
+
+    /// What was found, and the counts in place and moved of one window.
+    pub(in crate::check) fn finish(mut self) -> (Vec<Sharpness>, Option<[Vec<u16>; 2]>) {
+        while self.open.is_some() {
+            self.close();
+        }
+        (self.done, self.shown.map(|(_, counts)| counts))
+    }
+
+    fn close(&mut self) {
+        let Some(window) = self.open.take() else { return };
+        let (until, sharpness) = (window.span_us[1], window.sharpness(self.size));
+        if self.shown.as_ref().is_none_or(|(events, _)| sharpness.events as f64 > *events) {
+            let counts = [window.in_place, window.moved].map(|[on, off]| add(on, &off));
+            self.shown = Some((sharpness.events as f64, counts));
+        }
+        self.done.push(sharpness);
+        self.open_next(until);
+    }
+
+    /// Opens the next window that begins after the last one's end: an event is in one at most.
+    fn open_next(&mut self, after_us: i64) {
+        while let Some(flow) = self.waiting.pop() {
+            let window = Window::new(flow, self.size, self.end_us);
+            if window.span_us[0] > after_us && window.moved_px > 0.0 {
+                self.open = Some(window);
+                return;
+            }
+        }
+    }
+}
+
+impl<'a> Window<'a> {
+    #[expect(clippy::cast_possible_truncation, reason = "microseconds of a window")]
+    fn new(flow: &'a FlowAt, size: Size, end_us: i64) -> Self {
+        let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
+        let median = nearest_ranks(speeds, [50]).map_or(0.0, |[median]| f64::from(median));
+        let half_us = LONGEST_US.min(1e6 * HALF_PX / median) as i64;
+        let span_us = [(flow.t_us - half_us).max(0), (flow.t_us + half_us).min(end_us)];
+        let none = || [vec![0; size.pixels()], vec![0; size.pixels()]];
+        let moved_px = median * 1e-6 * (span_us[1] - span_us[0]) as f64;
+        Self { flow, span_us, moved_px, events: 0, in_place: none(), moved: none() }
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places inside of the picture")]
+    fn see(&mut self, event: Event, t_us: i64, size: Size) {
+        let (x, y) = (usize::from(event.x), usize::from(event.y));
+        let (width, height) = (size.width as usize, size.height as usize);
+        if x >= width || y >= height {
+            return;
+        }
+        let [u, v] = self.flow.px_s.pixels()[y * width + x];
+        let earlier = (self.flow.t_us - t_us) as f32 * 1e-6;
+        let (to_x, to_y) = ((x as f32 + u * earlier).round(), (y as f32 + v * earlier).round());
+        // Written so that NaN is outside.
+        if !(to_x >= 0.0 && to_y >= 0.0 && to_x < width as f32 && to_y < height as f32) {
+            return;
+        }
+        let side = usize::from(event.polarity == Polarity::Off);
+        self.events += 1;
+        for (counts, at) in [
+            (&mut self.in_place[side], y * width + x),
+            (&mut self.moved[side], to_y as usize * width + to_x as usize),
+        ] {
+            counts[at] = counts[at].saturating_add(1);
+        }
+    }
+
+    fn sharpness(&self, size: Size) -> Sharpness {
+        let of = |counts: &[Vec<u16>; 2]| variance(&counts[0]) + variance(&counts[1]);
+        Sharpness {
+            t_us: self.flow.t_us,
+            moved_px: self.moved_px,
+            events: self.events,
+            pixels: size.pixels() as u64,
+            in_place: of(&self.in_place),
+            moved: of(&self.moved),
+        }
+    }
+}
+
+fn add(mut a: Vec<u16>, b: &[u16]) -> Vec<u16> {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a = a.saturating_add(*b));
+    a
+}
+
+/// Of counts below 2^16, whose sums are exact.
+fn variance(counts: &[u16]) -> f64 {
+    let sum: u64 = counts.iter().map(|n| u64::from(*n)).sum();
+    let squares: u64 = counts.iter().map(|n| u64::from(*n) * u64::from(*n)).sum();
+    let n = counts.len() as f64;
+    let mean = sum as f64 / n;
+    squares as f64 / n - mean * mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::planted::Draws;
+    use crate::event::Label;
+    use crate::units::Timestamp;
+
+    const SIZE: Size = Size { width: 64, height: 8 };
+
+    fn event(t_us: i64, x: u16, y: u16) -> Event {
+        Event { t: Timestamp::from_micros(t_us), x, y, polarity: Polarity::On, label: Label::Signal }
+    }
+
+    /// A bar of one column that moves right by a pixel every 500 us fires a row of events at each pixel that it enters.
+    fn bar() -> Vec<Event> {
+        (0..32).flat_map(|j| (0..8).map(move |y| event(500 * i64::from(j), 10 + j, y))).collect()
+    }
+
+    fn found(flow: [f32; 2]) -> Sharpness {
+        let flows = [FlowAt { t_us: 8000, px_s: Image::filled(SIZE, flow) }];
+        let mut windows = Windows::new(SIZE, 16_000, &flows);
+        for event in bar() {
+            windows.see(event, event.t.floor_micros());
+        }
+        windows.finish().0[0]
+    }
+
+    #[test]
+    fn a_moving_bar_becomes_one_column() {
+        // 2000 px/s: half of the window is 2000 us, 9 columns, of which the middle is the bar at 8 ms.
+        let right = found([2000.0, 0.0]);
+        assert_eq!((right.events, right.moved_px, right.t_us), (72, 8.0, 8000));
+        // In place each of 72 pixels has one event, moved 8 pixels have nine.
+        let [p, n] = [72.0 / 512.0, 512.0];
+        assert!((right.in_place - (p - p * p)).abs() < 1e-12);
+        assert!((right.moved - (8.0 * 81.0 / n - p * p)).abs() < 1e-12);
+        assert!(right.ratio() > 10.0);
+        // Against the motion the bar is smeared over twice the columns: as bright, so no less contrast in this sparse
+        // picture, and far from the gathered one.
+        assert!(found([-2000.0, 0.0]).ratio() < 1.01);
+    }
+
+    #[test]
+    fn windows_do_not_share_events_and_nothing_moves_without_depth() {
+        let flow = |t_us, v: f32| FlowAt { t_us, px_s: Image::filled(SIZE, [v, 0.0]) };
+        let flows = [flow(0, 2000.0), flow(1000, 2000.0), flow(9000, 2000.0), flow(12_000, f32::NAN)];
+        let mut windows = Windows::new(SIZE, 16_000, &flows);
+        for event in bar() {
+            windows.see(event, event.t.floor_micros());
+        }
+        let (found, shown) = windows.finish();
+        assert_eq!(found.iter().map(|s| s.t_us).collect::<Vec<_>>(), [0, 9000]);
+        assert_eq!(found.iter().map(|s| s.events).sum::<u64>(), 40 + 72);
+        assert_eq!(shown.unwrap()[0].iter().map(|n| u64::from(*n)).sum::<u64>(), 72);
+    }
+
+    #[test]
+    fn the_noise_of_the_ratio_is_that_of_events_anywhere() {
+        let size = Size { width: 200, height: 100 };
+        let flows = [FlowAt { t_us: 10_000, px_s: Image::filled(size, [400.0, 0.0]) }];
+        let ratio = |seed: u64| {
+            let mut windows = Windows::new(size, 20_000, &flows);
+            let mut draws = Draws(seed);
+            for j in 0..4000i64 {
+                let (x, y) = (draws.below(200), draws.below(100));
+                windows.see(event(5 * j, x as u16, y as u16), 5 * j);
+            }
+            windows.finish().0[0]
+        };
+        let found: Vec<Sharpness> = (1..=40).map(ratio).collect();
+        let variance = found.iter().map(|s| (s.ratio() - 1.0).powi(2)).sum::<f64>() / 40.0;
+        let share = variance.sqrt() / found[0].noise();
+        // The sample standard deviation of 40 varies by 11 %; ON and OFF are one here, which halves nothing but the mean.
+        assert!((0.4..1.4).contains(&share), "{share}");
+    }
+}

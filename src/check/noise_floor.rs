@@ -1,0 +1,91 @@
+//! What pixels do that see no change (numerics.md section 9, pass 13). Warnings; a gate where the recipe sets a limit.
+//!
+//! `rate`: events of still pixels over what the sensor's noise makes of their brightness (numerics.md 8.1), within a factor
+//! of two: wrong units and a wrong leak are off by thousands. Where voltages start at 0 and a pixel's mean interval is not
+//! short against the clip, fewer events than that are sound, since no pixel has come far yet; then only the upper bound
+//! is held. `rhythm`: still pixels share no clock, so the autocorrelation of their common rate has no peak: one beyond five
+//! standard deviations is pixels that leak in step.
+
+pub mod still;
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use serde::{Deserialize, Serialize};
+use still::Stillness;
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest factor between the events of still pixels and those of the sensor's noise.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub factor: Option<f64>,
+}
+
+const FACTOR: f64 = 2.0;
+const RHYTHM: f64 = 5.0;
+/// Fewer still pixels are no floor.
+const LEAST_PIXELS: u64 = 1000;
+/// Fewer events have no rhythm.
+const LEAST_EVENTS: u64 = 400;
+/// Mean intervals in a clip from which a start at 0 no longer matters.
+const SETTLED: f64 = 5.0;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct NoiseFloor;
+
+const NAME: &str = "noise_floor";
+
+impl Check for NoiseFloor {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= LEAST_PIXELS) else {
+            let because = match subject.drift_law() {
+                Ok(_) => format!("fewer than {LEAST_PIXELS} pixels see no change"),
+                Err(because) => because.to_owned(),
+            };
+            return vec![subject.not_run(NAME, "", because)];
+        };
+        vec![rate(subject, still), rhythm(subject, still)]
+    }
+}
+
+fn rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
+    let factor = Bound::of(subject.limits.noise_floor.and_then(|l| l.factor), Bound::warning(FACTOR));
+    let settled = !still.from_zero || still.intervals >= SETTLED;
+    // Counts vary by no more than five times the root of what is expected, and of one event.
+    let slack = 5.0 * still.expected.max(1.0).sqrt();
+    let events = still.events as f64;
+    let [least, most] = [still.expected / factor.value - slack, still.expected * factor.value + slack];
+    let verdict = if events > most || (settled && events < least) { factor.beyond } else { super::Verdict::Pass };
+    let because = format!(
+        "{} still pixels have {events} events, the noise of their brightness makes {:.1}{}",
+        still.pixels,
+        still.expected,
+        if settled { "" } else { " at most: voltages start at 0" }
+    );
+    let limit = if events < still.expected { least.max(0.0) } else { most };
+    let judged = Judged { verdict, measured: Some(events), limit: Some(limit), unit: "events", because };
+    subject.finding(NAME, "rate", judged)
+}
+
+fn rhythm(subject: &Subject<'_>, still: &Stillness) -> Finding {
+    if still.events < LEAST_EVENTS {
+        let because = format!("{} events of still pixels have no rhythm to speak of", still.events);
+        return subject.not_run(NAME, "rhythm", because);
+    }
+    let limit = Bound::warning(RHYTHM);
+    let because = format!(
+        "the common rate of {} still pixels repeats itself by {:.2} standard deviations at most",
+        still.pixels, still.rhythm
+    );
+    let judged = Judged::of(limit.at_most(still.rhythm), still.rhythm, limit, "sd", because);
+    subject.finding(NAME, "rhythm", judged)
+}

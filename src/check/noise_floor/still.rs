@@ -1,0 +1,194 @@
+//! Pixels that see no change, and their events.
+
+use crate::check::drift::DriftLaw;
+use crate::check::motion::warp::FlowAt;
+use crate::frames::anchors::Anchors;
+use crate::image::Size;
+use crate::sensor::statistics::Renewal;
+
+/// A still pixel's drift stays within this share of a threshold at all instants that are known.
+const STILL: f64 = 0.1;
+/// And with it those around it, so far that nothing passes unseen between two instants, px: at least, and at most.
+const AROUND: [f64; 2] = [2.0, 24.0];
+/// Way over the whole clip below which a pixel with a depth is as good as still, px.
+const STANDS: f64 = 0.25;
+/// Bins of the common rate; each number is a time scale.
+const BINS: [usize; 3] = [64, 256, 1024];
+
+/// What still pixels did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stillness {
+    /// Number of still pixels.
+    pub pixels: u64,
+    /// Their events.
+    pub events: u64,
+    /// The events that the sensor's noise makes of their brightness in the mean.
+    pub expected: f64,
+    /// Mean intervals between events that fit into the clip.
+    pub intervals: f64,
+    /// Whether all voltages were 0 at the first frame.
+    pub from_zero: bool,
+    /// The largest autocorrelation of their common rate, in standard deviations.
+    pub rhythm: f64,
+}
+
+/// Watches the still pixels of a stream.
+#[derive(Debug)]
+pub(in crate::check) struct Watch {
+    still: Vec<bool>,
+    end_us: i64,
+    found: Stillness,
+    bins: [Vec<u32>; BINS.len()],
+}
+
+impl Watch {
+    /// Finds the still pixels; `None` where nothing says which those are.
+    pub(in crate::check) fn new(
+        size: Size,
+        end_us: i64,
+        law: &DriftLaw,
+        anchors: &Anchors,
+        flows: &[FlowAt],
+    ) -> Option<Self> {
+        if anchors.images.len() < 2 || flows.is_empty() || end_us <= 0 {
+            return None;
+        }
+        let still = still(size, end_us, law, anchors, flows);
+        let (mut expected, mut pixels) = (0.0, 0u64);
+        for i in still.iter().enumerate().filter_map(|(i, still)| still.then_some(i)) {
+            let sum: f64 = anchors.images.iter().map(|image| f64::from(image.pixels()[i].max(0.0))).sum();
+            expected += floor(law, sum / anchors.images.len() as f64).rate() * end_us as f64;
+            pixels += 1;
+        }
+        let intervals = expected / pixels.max(1) as f64;
+        let from_zero = law.from_zero;
+        let found = Stillness { pixels, events: 0, expected, intervals, from_zero, rhythm: 0.0 };
+        Some(Self { still, end_us, found, bins: BINS.map(|n| vec![0; n]) })
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the bins")]
+    pub(in crate::check) fn see(&mut self, pixel: usize, t_us: i64) {
+        if !self.still[pixel] {
+            return;
+        }
+        self.found.events += 1;
+        let share = (t_us as f64 / self.end_us as f64).clamp(0.0, 1.0);
+        for bins in &mut self.bins {
+            let at = ((share * bins.len() as f64) as usize).min(bins.len() - 1);
+            bins[at] += 1;
+        }
+    }
+
+    pub(in crate::check) fn finish(self) -> Stillness {
+        let rhythm = self.bins.iter().map(|bins| repetition(bins)).fold(0.0, f64::max);
+        Stillness { rhythm, ..self.found }
+    }
+}
+
+/// The noise of a pixel of constant luminance, per microsecond.
+fn floor(law: &DriftLaw, luminance: f64) -> Renewal {
+    let noise = law.noise(luminance, 1.0);
+    let [up, down] = law.thresholds;
+    Renewal { drift: law.drift(0.0, 1.0, luminance), variance: noise * noise, up, down }
+}
+
+/// The pixels whose brightness and that around them is the same at all instants, and that lie in front of nothing that
+/// moves.
+fn still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[FlowAt]) -> Vec<bool> {
+    let most = STILL * law.thresholds[0].min(law.thresholds[1]);
+    let seconds = end_us as f64 * 1e-6;
+    let standing = STANDS / seconds;
+    let mut fastest = 0.0f64;
+    let mut still = vec![true; size.pixels()];
+    for flow in flows {
+        for (still, [u, v]) in still.iter_mut().zip(flow.px_s.pixels()) {
+            let speed = f64::from(u * u + v * v).sqrt();
+            // NaN, where there is no depth, is below.
+            if speed > standing {
+                *still = false;
+                fastest = fastest.max(speed);
+            }
+        }
+    }
+    let first = anchors.images[0].pixels();
+    for image in &anchors.images[1..] {
+        for (i, now) in image.pixels().iter().enumerate() {
+            let way = law.drift(law.log_brightness(*now) - law.log_brightness(first[i]), 0.0, 0.0);
+            still[i] &= way.abs() <= most;
+        }
+    }
+    let between = fastest * seconds / flows.len() as f64;
+    erode(&mut still, size, between.clamp(AROUND[0], AROUND[1]));
+    still
+}
+
+/// Takes away what lies within so many px of what is not still, in the larger of the two axes.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 24")]
+fn erode(still: &mut [bool], size: Size, reach: f64) {
+    let (width, height, reach) = (size.width as usize, size.height as usize, reach.ceil() as usize);
+    let mut line = |at: &dyn Fn(usize) -> usize, length: usize| {
+        let before: Vec<bool> = (0..length).map(|k| still[at(k)]).collect();
+        // Number of moving ones among the first k.
+        let mut moving = vec![0usize; length + 1];
+        for k in 0..length {
+            moving[k + 1] = moving[k] + usize::from(!before[k]);
+        }
+        for k in 0..length {
+            let [from, to] = [k.saturating_sub(reach), (k + reach + 1).min(length)];
+            still[at(k)] = moving[to] == moving[from];
+        }
+    };
+    (0..height).for_each(|y| line(&|x| y * width + x, width));
+    (0..width).for_each(|x| line(&|y| y * width + x, height));
+}
+
+/// The largest autocorrelation of counts at any lag from two bins to half of them, in standard deviations of counts without
+/// any. Slow changes are taken out by differences, whose own correlation of -1/2 is that of neighbours alone.
+fn repetition(bins: &[u32]) -> f64 {
+    let steps: Vec<f64> = bins.windows(2).map(|w| f64::from(w[1]) - f64::from(w[0])).collect();
+    let mean = steps.iter().sum::<f64>() / steps.len() as f64;
+    let steps: Vec<f64> = steps.into_iter().map(|step| step - mean).collect();
+    let energy: f64 = steps.iter().map(|step| step * step).sum();
+    if energy <= 0.0 {
+        return 0.0;
+    }
+    let at = |lag: usize| {
+        let sum: f64 = steps.iter().zip(&steps[lag..]).map(|(a, b)| a * b).sum();
+        // Bartlett: the variance at large lags is (1 + 2 rho_1^2) / n, with rho_1 = -1/2.
+        sum / energy / (1.5 / steps.len() as f64).sqrt()
+    };
+    (2..steps.len() / 2).map(at).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::planted::Draws;
+
+    #[test]
+    fn what_repeats_itself_is_told_from_chance_and_from_a_slow_start() {
+        let mut draws = Draws(5);
+        let mut chance = |at: &dyn Fn(usize) -> usize| {
+            let mut bins = vec![0u32; 256];
+            for _ in 0..20_000 {
+                bins[at(draws.below(256))] += 1;
+            }
+            repetition(&bins)
+        };
+        assert!(chance(&|bin| bin) < 5.0);
+        // A rate that rises: two of three in the later half.
+        assert!(chance(&|bin| if bin % 3 == 0 { bin } else { 128 + bin / 2 }) < 5.0);
+        // A tenth of the events in step, every 32 bins.
+        assert!(chance(&|bin| if bin % 10 == 0 { 32 * (bin % 8) } else { bin }) > 8.0);
+    }
+
+    #[test]
+    fn still_pixels_keep_away_from_what_moves() {
+        let size = Size { width: 9, height: 7 };
+        let mut still = vec![true; 63];
+        still[3 * 9 + 4] = false;
+        erode(&mut still, size, 2.0);
+        let gone = |i: usize| (i % 9).abs_diff(4) <= 2 && (i / 9).abs_diff(3) <= 2;
+        assert!((0..63).all(|i| still[i] != gone(i)));
+    }
+}

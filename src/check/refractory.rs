@@ -1,0 +1,36 @@
+//! Events in a pixel's dead time (numerics.md section 9, pass 6). Gate, exact.
+//!
+//! A sensor with a refractory period makes no event within it after another of the same pixel. Stamps in files are whole
+//! microseconds, rounded down, so two of them may be closer than the period by less than one: what is counted are events
+//! closer than the period's whole microseconds, which no sound stream has.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject};
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct DeadTime;
+
+const NAME: &str = "refractory";
+
+impl Check for DeadTime {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let (Some(tally), Some(sensor)) = (subject.tally, subject.sensor) else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let period_us = sensor.refractory_us();
+        if period_us < 1.0 {
+            return vec![subject.not_run(NAME, "", "the sensor has no refractory period of a microsecond or more")];
+        }
+        let because = format!(
+            "{} of {} events come within {period_us} us of another one of their pixel",
+            tally.too_soon, tally.events
+        );
+        let (limit, measured) = (Bound::gate(0.0), tally.too_soon as f64);
+        vec![subject.finding(NAME, "", Judged::of(limit.at_most(measured), measured, limit, "events", because))]
+    }
+}

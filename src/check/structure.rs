@@ -1,0 +1,52 @@
+//! Whether events come from structure, not from anywhere (numerics.md section 9, pass 9). A warning; a gate where the
+//! recipe sets a limit.
+//!
+//! In each of twenty windows of the stream, `sum n (n - 1)` over pixels counts the pairs of events that share a pixel. Of
+//! events that lie anywhere it is `N (N - 1) / pixels`, whatever their number. Measured is the root of the ratio over
+//! all windows: the event structural ratio (Ding et al., E-MLB, 2023) over that of a uniform stream. Edges give 1.07 and
+//! more; dense texture comes close to 1, so this is no gate.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Smallest ratio.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+}
+
+const LEAST: f64 = 1.03;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Structure;
+
+const NAME: &str = "structure";
+
+impl Check for Structure {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        let Some(tally) = subject.tally else {
+            return vec![subject.not_run(NAME, "", "there are no events")];
+        };
+        let crowding = &tally.crowding;
+        let (measured, noise) = (crowding.ratio(), crowding.noise());
+        let limit = Bound::of(subject.limits.structure.and_then(|l| l.min), Bound::warning(LEAST));
+        // Five standard deviations of a stream without structure must lie below the limit.
+        if !(5.0 * noise < limit.value - 1.0) {
+            let because = format!("{} events are too few to tell structure from chance", tally.events);
+            return vec![subject.not_run(NAME, "", because)];
+        }
+        let because = format!(
+            "events of a window share pixels so often that their structure is {measured:.3} of that of as many anywhere"
+        );
+        vec![subject.finding(NAME, "", Judged::of(limit.at_least(measured), measured, limit, "1", because))]
+    }
+}

@@ -1,0 +1,110 @@
+//! How often events of one window share a pixel.
+
+use crate::image::Size;
+
+/// Windows that a stream is cut into.
+const WINDOWS: i64 = 20;
+
+/// Sums over the windows.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Crowding {
+    /// Ordered pairs of events that share window and pixel.
+    pub pairs: f64,
+    /// How many there were in the mean if each event lay anywhere: `N (N - 1) / pixels`.
+    pub anywhere: f64,
+    /// Variance of the pairs if each event lay anywhere: `2 N (N - 1) / pixels`, that of `N^2 / 2` pairs of which each
+    /// shares a pixel with probability `1 / pixels` and counts twice.
+    pub variance: f64,
+}
+
+impl Crowding {
+    /// The event structural ratio over that of a stream without structure; NaN without events.
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        (self.pairs / self.anywhere).sqrt()
+    }
+
+    /// Standard deviation of [`Crowding::ratio`] for a stream without structure: half of that of its square.
+    #[must_use]
+    pub fn noise(&self) -> f64 {
+        0.5 * self.variance.sqrt() / self.anywhere
+    }
+}
+
+/// Counts the pairs of a stream.
+#[derive(Debug)]
+pub(super) struct Crowds {
+    end_us: i64,
+    window: i64,
+    events: u64,
+    pairs: u64,
+    counts: Vec<u32>,
+    sums: Crowding,
+}
+
+impl Crowds {
+    pub(super) fn new(size: Size, end_us: i64) -> Self {
+        let sums = Crowding::default();
+        Self { end_us: end_us.max(1), window: 0, events: 0, pairs: 0, counts: vec![0; size.pixels()], sums }
+    }
+
+    pub(super) fn see(&mut self, pixel: usize, t_us: i64) {
+        let window = (t_us * WINDOWS / self.end_us).clamp(0, WINDOWS - 1);
+        if window != self.window {
+            self.settle();
+            self.window = window;
+        }
+        self.pairs += 2 * u64::from(self.counts[pixel]);
+        self.counts[pixel] += 1;
+        self.events += 1;
+    }
+
+    pub(super) fn finish(mut self) -> Crowding {
+        self.settle();
+        self.sums
+    }
+
+    fn settle(&mut self) {
+        let (n, pixels) = (self.events as f64, self.counts.len() as f64);
+        let anywhere = n * (n - 1.0) / pixels;
+        self.sums.pairs += self.pairs as f64;
+        self.sums.anywhere += anywhere;
+        self.sums.variance += 2.0 * anywhere;
+        (self.events, self.pairs) = (0, 0);
+        self.counts.fill(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::planted::Draws;
+
+    const SIZE: Size = Size { width: 100, height: 80 };
+
+    fn crowding(pixels: impl Iterator<Item = usize>) -> Crowding {
+        let mut crowds = Crowds::new(SIZE, 1000);
+        for (i, pixel) in pixels.enumerate() {
+            crowds.see(pixel, i as i64 * 1000 / 40_000);
+        }
+        crowds.finish()
+    }
+
+    #[test]
+    fn events_anywhere_have_no_structure_and_events_on_half_of_the_pixels_have() {
+        let mut draws = Draws(3);
+        let anywhere: Vec<usize> = (0..40_000).map(|_| draws.below(8000)).collect();
+        let found = crowding(anywhere.iter().copied());
+        let z = (found.ratio() - 1.0) / found.noise();
+        println!("ratio {:.4}, z {z:.2}", found.ratio());
+        assert!(z.abs() < 4.5);
+        // On half of the pixels pairs are twice as many.
+        let half = crowding(anywhere.iter().map(|pixel| pixel / 2));
+        assert!((half.ratio() - 2f64.sqrt()).abs() < 6.0 * found.noise() * 2f64.sqrt(), "{}", half.ratio());
+    }
+
+    #[test]
+    fn no_event_has_no_ratio() {
+        assert!(crowding(std::iter::empty()).ratio().is_nan());
+    }
+}

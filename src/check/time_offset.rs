@@ -1,0 +1,70 @@
+//! Whether events and frames share one clock (numerics.md section 9, pass 12; pipeline.md section 11, complaint 7). Gate.
+//!
+//! How late the events are follows from the pixels that are on their way at a few instants, see [`Lag`]: at most half of a
+//! frame step. It needs a sensor whose drift the frames decide, and is not told where noise hides an eighth of a step.
+
+use super::event_frame::fit::Lag;
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest offset, us.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub max_us: Option<f64>,
+}
+
+/// Largest offset, in steps between poses.
+const STEPS: f64 = 0.5;
+/// Largest standard deviation of an offset that is told, in the same.
+const UNSURE: f64 = 0.125;
+/// Fewer pixels on their way are none to speak of.
+const LEAST_PIXELS: u64 = 200;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct TimeOffset;
+
+const NAME: &str = "time_offset";
+
+impl Check for TimeOffset {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        vec![judge(subject)]
+    }
+}
+
+fn judge(subject: &Subject<'_>) -> Finding {
+    let not_run = |because: &str| subject.not_run(NAME, "", because);
+    let Some(tally) = subject.tally else { return not_run("there are no events") };
+    if let Err(because) = subject.drift_law() {
+        return not_run(because);
+    }
+    let pixels: u64 = tally.fits.iter().map(|fit| fit.lag.pixels).sum();
+    let lag = Lag::pooled(tally.fits.iter().map(|fit| fit.lag));
+    let Some([lag, deviation]) = lag.filter(|_| pixels >= LEAST_PIXELS) else {
+        return not_run(&format!(
+            "{pixels} pixels are steadily on their way by two thresholds while the picture moves a little"
+        ));
+    };
+    let step = 1e6 / subject.rate.to_f64();
+    if deviation > UNSURE * step {
+        return not_run(&format!(
+            "the offset is known to {deviation:.0} us only, by the {pixels} pixels that are on their way"
+        ));
+    }
+    let limit = Bound::of(subject.limits.time_offset.and_then(|l| l.max_us), Bound::gate(STEPS * step));
+    let verdict = limit.at_most(lag.abs());
+    let because = format!(
+        "events are {:.1} us {} than frames, by {pixels} pixels that are on their way (standard deviation {deviation:.1})",
+        lag.abs(),
+        if lag < 0.0 { "earlier" } else { "later" }
+    );
+    subject.finding(NAME, "", Judged::of(verdict, lag, limit, "us", because))
+}

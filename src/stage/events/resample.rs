@@ -1,0 +1,138 @@
+//! A few intervals of a stream at twice the frames: what the frames between would have changed (numerics.md section 9,
+//! pass 14).
+
+use super::Simulating;
+use crate::camera::Camera;
+use crate::check::drift::DriftLaw;
+use crate::check::sampling::Resampled;
+use crate::event::{Event, Polarity};
+use crate::frames::rendered::RenderedFrames;
+use crate::frames::{Frame, Frames as _};
+use crate::render::Renderer;
+use crate::sampling::path::Path;
+use crate::sensor::voltmeter::Between;
+use crate::sensor::{Model, Sensor, SensorError};
+use crate::stage::{Context, StageError};
+
+/// Intervals that are tried.
+const INTERVALS: usize = 4;
+
+impl Simulating {
+    /// What each sensor makes of the middle of the sequence, at its frames and at twice as many; `None` for a sensor whose
+    /// noise goes by frames, or that sees colour.
+    pub(super) fn resample(
+        &self,
+        path: &Path,
+        stamps_us: &[i64],
+        (camera, renderer): (Camera, Box<dyn Renderer>),
+        cx: &Context<'_>,
+    ) -> Result<Vec<Option<Resampled>>, StageError> {
+        let sensors: Vec<&Sensor> = self.sensors().map(|(_, sensor)| sensor).collect();
+        let intervals = INTERVALS.min(stamps_us.len().saturating_sub(1));
+        if intervals == 0 || !sensors.iter().any(|sensor| is_comparable(sensor)) {
+            return Ok(vec![None; sensors.len()]);
+        }
+        let from = (stamps_us.len() - 1 - intervals) / 2;
+        let (trajectory, velocities) = path.sampled(&doubled(&stamps_us[from..=from + intervals]));
+        let mut rendered = RenderedFrames::new(renderer, camera, trajectory);
+        if sensors.iter().any(|sensor| sensor.between() == Between::Hermite) {
+            rendered = rendered.with_rates(velocities);
+        }
+        let mut frames = Vec::new();
+        while let Some(frame) = rendered.next().map_err(StageError::work("render"))? {
+            cx.go_on()?;
+            frames.push(frame);
+        }
+        let of = |sensor: &&Sensor| {
+            let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
+            is_comparable(sensor).then(|| Ok(compare(intervals, both(2)?, both(1)?))).transpose()
+        };
+        let tried: Result<_, SensorError> = sensors.iter().map(of).collect();
+        tried.map_err(StageError::work("simulate events"))
+    }
+
+    fn events_of<'a>(
+        &self,
+        model: &dyn Model,
+        frames: impl Iterator<Item = &'a Frame>,
+    ) -> Result<Vec<Event>, SensorError> {
+        let (front_end, mut events, mut pixels) = (model.front_end(), Vec::new(), None);
+        for (index, frame) in frames.enumerate() {
+            let frame = Frame { index, ..frame.clone() };
+            let seen = if front_end.is_plain() { frame } else { front_end.see(&frame, None) };
+            let pixels = match &mut pixels {
+                Some(pixels) => pixels,
+                none => none.insert(model.start(seen.luminance.size(), [0, 0], self.seed)?),
+            };
+            pixels.advance(&seen, &mut events)?;
+        }
+        if let Some(mut pixels) = pixels {
+            pixels.finish(&mut events)?;
+        }
+        Ok(events)
+    }
+}
+
+/// Whether the same noise meets a sensor at any frames, and luminance is all that it sees.
+fn is_comparable(sensor: &Sensor) -> bool {
+    DriftLaw::of(sensor).is_ok() && !sensor.as_model().front_end().needs_colour()
+}
+
+/// The stamps, and those in the middle between them.
+fn doubled(stamps_us: &[i64]) -> Vec<i64> {
+    let between = stamps_us.windows(2).flat_map(|w| [w[0], i64::midpoint(w[0], w[1])]);
+    let mut all: Vec<i64> = between.chain(stamps_us.last().copied()).collect();
+    all.dedup();
+    all
+}
+
+/// Pairs the events of each pixel and polarity in their order.
+fn compare(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Resampled {
+    let key = |e: &Event| (e.y, e.x, e.polarity == Polarity::Off);
+    let counts = [&events, &at_twice].map(|events| events.len() as u64);
+    let [first, second] = [events, at_twice].map(|mut events| {
+        events.sort_by_key(|e| (key(e), e.t));
+        events
+    });
+    let (groups, mut others) = (first.chunk_by(|a, b| key(a) == key(b)), &second[..]);
+    let mut shifts_ns = Vec::new();
+    for group in groups {
+        let start = others.partition_point(|e| key(e) < key(&group[0]));
+        let alike = others[start..].iter().take_while(|e| key(e) == key(&group[0]));
+        shifts_ns.extend(group.iter().zip(alike).map(|(a, b)| a.t.0.abs_diff(b.t.0)));
+        others = &others[start..];
+    }
+    shifts_ns.sort_unstable();
+    let shift_us = shifts_ns.get(shifts_ns.len() / 2).map(|ns| *ns as f64 * 1e-3);
+    let paired = shifts_ns.len() as u64;
+    Resampled { intervals, events: counts[0], at_twice: counts[1], paired, shift_us }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Label;
+    use crate::units::Timestamp;
+
+    fn event(t_us: i64, x: u16, polarity: Polarity) -> Event {
+        Event { t: Timestamp::from_micros(t_us), x, y: 0, polarity, label: Label::Signal }
+    }
+
+    #[test]
+    fn events_are_paired_within_pixel_and_polarity() {
+        use Polarity::{Off, On};
+        let few = vec![event(10, 3, On), event(50, 3, On), event(20, 1, Off), event(30, 9, On)];
+        let more = vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
+        let found = compare(4, few, more);
+        // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 is alone. Sorted: 3, 4, 10.
+        let wanted = Resampled { intervals: 4, events: 4, at_twice: 5, paired: 3, shift_us: Some(4.0) };
+        assert_eq!(found, wanted);
+        assert_eq!(compare(1, Vec::new(), Vec::new()).shift_us, None);
+    }
+
+    #[test]
+    fn stamps_are_halved() {
+        assert_eq!(doubled(&[100, 517, 933]), [100, 308, 517, 725, 933]);
+        assert_eq!(doubled(&[5, 6]), [5, 6]);
+    }
+}
