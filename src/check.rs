@@ -412,7 +412,7 @@ mod tests {
         let mut world = World::sound();
         world.flow.as_mut().unwrap().p95 = 1.2;
         assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
-        world.limits.sampling = Some(sampling::Limits { max: Some(1.0) });
+        world.limits.sampling = Some(sampling::Limits { max: Some(1.0), ..Default::default() });
         assert_eq!(world.finding("sampling").verdict, Verdict::Fail);
     }
 
@@ -425,6 +425,138 @@ mod tests {
         assert_eq!(world.finding("affine").verdict, Verdict::Fail);
         world.doubtful_share = None;
         assert_eq!(world.finding("affine").verdict, Verdict::NotRun);
+    }
+
+    #[test]
+    fn events_in_the_dead_time_are_found() {
+        use crate::sensor::Sensor;
+        use crate::sensor::esim::Esim;
+        let mut world = World::sound();
+        let mut last = std::collections::BTreeMap::new();
+        let mut gap_us = i64::MAX;
+        for event in &world.events {
+            let t_us = event.t.floor_micros();
+            if let Some(before) = last.insert((event.x, event.y), t_us) {
+                gap_us = gap_us.min(t_us - before);
+            }
+        }
+        let mut verdict = |period_us: i64| {
+            let mut sensor = Esim::default();
+            sensor.refractory.period_us = period_us as f64;
+            world.stated = Some(Sensor::Esim(sensor));
+            world.finding("refractory").verdict
+        };
+        assert_eq!([verdict(gap_us), verdict(gap_us + 1)], [Verdict::Pass, Verdict::Fail]);
+        assert_eq!(verdict(0), Verdict::NotRun);
+    }
+
+    #[test]
+    fn hot_and_dead_pixels_are_found() {
+        let mut world = World::sound();
+        let hot = |i: i64| Event {
+            t: Timestamp::from_micros(60 * i),
+            x: 40,
+            y: 30,
+            polarity: Polarity::On,
+            label: crate::event::Label::Signal,
+        };
+        world.events.extend((0..1000).map(hot));
+        world.events.sort_by_cached_key(Event::file_order);
+        assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Warn);
+        world.sensor.hot_pixels = crate::sensor::noise::HotPixels { share: 1e-3, rate: 1e4 };
+        assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Pass, "the recipe says so");
+        world.limits.hot_pixels = Some(hot_pixels::Limits { hot: Some(0.0), dead: None });
+        assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Fail);
+        check(
+            |w| w.events.retain(|e| e.y != 30 || e.x / 3 != 9),
+            &["hot_pixels#dead", "drift_identity#events"],
+        );
+    }
+
+    #[test]
+    fn events_without_structure_are_found() {
+        let mut world = World::sound();
+        let mut draws = super::planted::Draws(1);
+        for event in &mut world.events {
+            (event.x, event.y) = (draws.below(96) as u16, draws.below(72) as u16);
+        }
+        world.events.sort_by_cached_key(Event::file_order);
+        assert_eq!(world.finding("structure").verdict, Verdict::Warn);
+    }
+
+    #[test]
+    fn events_that_do_not_move_with_the_scene_are_found() {
+        let turned = |flow: fn([f32; 2]) -> [f32; 2], verdict: Verdict| {
+            let mut world = World::sound();
+            for at in &mut world.flows {
+                at.px_s.pixels_mut().iter_mut().for_each(|v| *v = flow(*v));
+            }
+            let found = world.finding("motion#median");
+            assert_eq!(found.verdict, verdict, "{found:?}");
+        };
+        // As with poses from world to camera, or the camera axes of OpenGL.
+        turned(|[u, v]| [-u, v], Verdict::Fail);
+        turned(|[u, v]| [u, v], Verdict::Pass);
+        let mut world = World::sound();
+        world.flow.as_mut().unwrap().median = 3.0;
+        assert_eq!(world.finding("motion").verdict, Verdict::NotRun);
+    }
+
+    #[test]
+    fn an_offset_of_a_frame_is_found() {
+        for (late_us, verdict) in
+            [(417, Verdict::Fail), (-417, Verdict::Fail), (150, Verdict::Pass), (-150, Verdict::Pass)]
+        {
+            let mut world = World::sound();
+            let end = *world.trajectory.stamps_us.last().unwrap();
+            world.events.iter_mut().for_each(|e| e.t = Timestamp(e.t.0 + 1000 * late_us));
+            world.events.retain(|e| (0..=end).contains(&e.t.floor_micros()));
+            let found = world.finding("time_offset");
+            assert_eq!(found.verdict, verdict, "{late_us}: {found:?}");
+            assert!((found.measured.unwrap() - late_us as f64).abs() < 60.0, "{late_us}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
+        let mut world = World::new(Setting { pace: 0.0, ..Setting::default() });
+        world.flow = None;
+        assert_eq!(world.finding("noise_floor#rate").verdict, Verdict::Pass);
+        let mut draws = super::planted::Draws(2);
+        let mut noise = |world: &mut World, t_us: &dyn Fn(usize) -> i64| {
+            world.events = (0..2000)
+                .map(|_| Event {
+                    t: Timestamp::from_micros(t_us(draws.below(62_000))),
+                    x: draws.below(96) as u16,
+                    y: draws.below(72) as u16,
+                    polarity: Polarity::On,
+                    label: crate::event::Label::Signal,
+                })
+                .collect();
+            world.events.sort_by_cached_key(Event::file_order);
+        };
+        // The leak of 1e-7 a us makes 43 events.
+        noise(&mut world, &|t| t as i64);
+        let [rate, rhythm] =
+            ["rate", "rhythm"].map(|part| world.finding(&format!("noise_floor#{part}")).verdict);
+        assert_eq!([rate, rhythm], [Verdict::Warn, Verdict::Pass]);
+        noise(&mut world, &|t| if t % 4 == 0 { t as i64 / 8000 * 8000 } else { t as i64 });
+        assert_eq!(world.finding("noise_floor#rhythm").verdict, Verdict::Warn);
+        world.limits.noise_floor = Some(noise_floor::Limits { factor: Some(100.0) });
+        assert_eq!(world.finding("noise_floor#rate").verdict, Verdict::Pass);
+    }
+
+    #[test]
+    fn frames_too_far_apart_are_found_by_doing() {
+        let part = |part: &str, plant: fn(&mut sampling::Resampled)| {
+            let mut world = World::sound();
+            plant(world.resampled.as_mut().unwrap());
+            world.finding(&format!("sampling#{part}")).verdict
+        };
+        assert_eq!(part("count", |r| r.at_twice = 1051), Verdict::Warn);
+        assert_eq!(part("count", |r| r.at_twice = 951), Verdict::Pass);
+        assert_eq!(part("shift", |r| r.shift_us = Some(20.5)), Verdict::Warn);
+        assert_eq!(part("twice", |r| r.events = 30), Verdict::NotRun);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The `checks:` of a recipe: limits that differ from the defaults, and faults that are accepted with a reason.
 
 use super::{
-    NAMES, SCENE, affine, batching, capture, duplicates, event_frame, event_rate, hot_pixels, motion, noise_floor,
-    polarity, pose_continuity, recon_psnr, sampling, speed, structure, time_offset,
+    NAMES, SCENE, affine, batching, capture, duplicates, event_frame, event_rate, hot_pixels, motion,
+    noise_floor, polarity, pose_continuity, recon_psnr, sampling, speed, structure, time_offset,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};

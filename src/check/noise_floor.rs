@@ -64,7 +64,8 @@ fn rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
     let slack = 5.0 * still.expected.max(1.0).sqrt();
     let events = still.events as f64;
     let [least, most] = [still.expected / factor.value - slack, still.expected * factor.value + slack];
-    let verdict = if events > most || (settled && events < least) { factor.beyond } else { super::Verdict::Pass };
+    let verdict =
+        if events > most || (settled && events < least) { factor.beyond } else { super::Verdict::Pass };
     let because = format!(
         "{} still pixels have {events} events, the noise of their brightness makes {:.1}{}",
         still.pixels,

@@ -24,13 +24,21 @@ impl Check for DeadTime {
         };
         let period_us = sensor.refractory_us();
         if period_us < 1.0 {
-            return vec![subject.not_run(NAME, "", "the sensor has no refractory period of a microsecond or more")];
+            return vec![subject.not_run(
+                NAME,
+                "",
+                "the sensor has no refractory period of a microsecond or more",
+            )];
         }
         let because = format!(
             "{} of {} events come within {period_us} us of another one of their pixel",
             tally.too_soon, tally.events
         );
         let (limit, measured) = (Bound::gate(0.0), tally.too_soon as f64);
-        vec![subject.finding(NAME, "", Judged::of(limit.at_most(measured), measured, limit, "events", because))]
+        vec![subject.finding(
+            NAME,
+            "",
+            Judged::of(limit.at_most(measured), measured, limit, "events", because),
+        )]
     }
 }

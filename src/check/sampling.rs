@@ -96,8 +96,10 @@ impl Check for Sampling {
 fn count(subject: &Subject<'_>, tried: &Resampled) -> Finding {
     let limit = Bound::of(subject.limits.sampling.and_then(|l| l.count), Bound::warning(COUNT));
     let measured = (tried.at_twice as f64 / tried.events as f64 - 1.0).abs();
-    let because =
-        format!("{} intervals have {} events, and {} at twice the frames", tried.intervals, tried.events, tried.at_twice);
+    let because = format!(
+        "{} intervals have {} events, and {} at twice the frames",
+        tried.intervals, tried.events, tried.at_twice
+    );
     subject.finding(NAME, "count", Judged::of(limit.at_most(measured), measured, limit, "1", because))
 }
 
@@ -106,6 +108,7 @@ fn shift(subject: &Subject<'_>, tried: &Resampled) -> Finding {
     let Some(measured) = tried.shift_us else {
         return subject.not_run(NAME, "shift", "no event is in both");
     };
-    let because = format!("of {} events at twice the frames the median moves by {measured:.2} us", tried.paired);
+    let because =
+        format!("of {} events at twice the frames the median moves by {measured:.2} us", tried.paired);
     subject.finding(NAME, "shift", Judged::of(limit.at_most(measured), measured, limit, "us", because))
 }

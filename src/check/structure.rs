@@ -1,10 +1,10 @@
 //! Whether events come from structure, not from anywhere (numerics.md section 9, pass 9). A warning; a gate where the
 //! recipe sets a limit.
 //!
-//! In each of twenty windows of the stream, `sum n (n - 1)` over pixels counts the pairs of events that share a pixel. Of
-//! events that lie anywhere it is `N (N - 1) / pixels`, whatever their number. Measured is the root of the ratio over
-//! all windows: the event structural ratio (Ding et al., E-MLB, 2023) over that of a uniform stream. Edges give 1.07 and
-//! more; dense texture comes close to 1, so this is no gate.
+//! In each of a hundred windows of the stream, `sum n (n - 1)` over cells of 4x4 pixels counts the pairs of events that
+//! share a cell. Of events that lie anywhere it is `N (N - 1) / cells`, whatever their number. Measured is the root of the
+//! ratio over all windows: the event structural ratio (Ding et al., E-MLB, 2023) over that of a uniform stream. Dense
+//! texture comes close to 1, so this is no gate.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
@@ -45,7 +45,7 @@ impl Check for Structure {
             return vec![subject.not_run(NAME, "", because)];
         }
         let because = format!(
-            "events of a window share pixels so often that their structure is {measured:.3} of that of as many anywhere"
+            "events of a window share cells of the sensor so often that their structure is {measured:.3} of that of as many anywhere"
         );
         vec![subject.finding(NAME, "", Judged::of(limit.at_least(measured), measured, limit, "1", because))]
     }

@@ -51,7 +51,7 @@ pub struct Tally {
     pub too_soon: u64,
     /// How the events are spread over the pixels.
     pub busy: Busy,
-    /// How often events of one window share a pixel.
+    /// How often events of one window share a cell of the sensor.
     pub crowding: Crowding,
     /// What events and frames say at each anchor after the first; empty where the sensor's law does not allow it.
     pub fits: Vec<Fit>,
@@ -156,7 +156,8 @@ impl<'a> Observer<'a> {
         self.settle_until(i64::MAX);
         let tally = &mut self.tally;
         tally.peak_per_ms = tally.peak_per_ms.max(self.millisecond.1);
-        let totals: Vec<u32> = self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
+        let totals: Vec<u32> =
+            self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
         tally.active_pixels = totals.iter().filter(|n| **n > 0).count() as u64;
         tally.busy = Busy::of(totals);
         tally.crowding = self.crowds.finish();
@@ -191,7 +192,7 @@ impl<'a> Observer<'a> {
             tally.too_soon += u64::from(t_us - *last < self.dead_us);
             *last = t_us;
         }
-        self.crowds.see(pixel, t_us);
+        self.crowds.see([event.x, event.y], t_us);
         self.windows.see(event, t_us);
         if let Some(watch) = &mut self.watch {
             watch.see(pixel, t_us);
@@ -274,7 +275,12 @@ mod tests {
 
     fn tally(events: &[Event]) -> Tally {
         let size = Size { width: 4, height: 3 };
-        let mut observer = Observer::new(size, Hertz("1000".parse().unwrap()), 10_000, Against { dead_us: 400, ..Against::default() });
+        let mut observer = Observer::new(
+            size,
+            Hertz("1000".parse().unwrap()),
+            10_000,
+            Against { dead_us: 400, ..Against::default() },
+        );
         for chunk in events.chunks(2) {
             observer.append(chunk);
         }

@@ -111,7 +111,8 @@ mod tests {
         assert_eq!(choice.spans, [[1, 2, 3], [4, 5, 6], [7, 8, 9]]);
         let long: Vec<i64> = (0..=1000).map(|j| j * 1000).collect();
         let choice = Choice::of(&long, 20);
-        let wanted = [0, 100, 200, 250, 270, 290, 300, 400, 500, 520, 540, 600, 700, 750, 770, 790, 800, 900, 1000];
+        let wanted =
+            [0, 100, 200, 250, 270, 290, 300, 400, 500, 520, 540, 600, 700, 750, 770, 790, 800, 900, 1000];
         assert_eq!(choice.frames, wanted);
         assert_eq!(choice.spans, [[3, 4, 5], [8, 9, 10], [13, 14, 15]]);
         // Others may lie between the three.
@@ -124,7 +125,10 @@ mod tests {
         assert_eq!(Choice::of(&[], 5), Choice { frames: vec![], spans: vec![] });
         assert_eq!(Choice::of(&[0], 5), Choice { frames: vec![0], spans: vec![] });
         assert_eq!(Choice::of(&[0, 7], 5), Choice { frames: vec![0, 1], spans: vec![] });
-        assert_eq!(Choice::of(&[0, 7, 14, 21], 5), Choice { frames: vec![0, 1, 2, 3], spans: vec![[1, 2, 3]] });
+        assert_eq!(
+            Choice::of(&[0, 7, 14, 21], 5),
+            Choice { frames: vec![0, 1, 2, 3], spans: vec![[1, 2, 3]] }
+        );
     }
 
     #[test]

@@ -111,7 +111,8 @@ fn flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
     let (stamps, velocities) = (&motion.trajectory.stamps_us, motion.velocities());
     let at = |(t_us, depth): (&i64, &Image<f32>)| {
         let after = stamps.partition_point(|t| t < t_us).min(stamps.len() - 1);
-        let near = if after > 0 && t_us - stamps[after - 1] < stamps[after] - t_us { after - 1 } else { after };
+        let near =
+            if after > 0 && t_us - stamps[after - 1] < stamps[after] - t_us { after - 1 } else { after };
         let camera = streams.simulation.camera;
         let pose = motion.trajectory.world_from_camera[near];
         let view = View { camera, world_from_camera: pose, velocity: velocities[near] };

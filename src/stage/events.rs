@@ -298,6 +298,9 @@ fn sample_depth(
     Ok(sampled)
 }
 
-fn write(path: &std::path::Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), StageError> {
+fn write(
+    path: &std::path::Path,
+    fill: impl FnOnce(&mut File) -> std::io::Result<()>,
+) -> Result<(), StageError> {
     File::create(path).and_then(|mut file| fill(&mut file)).map_err(StageError::io(path))
 }

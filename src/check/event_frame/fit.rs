@@ -149,7 +149,8 @@ impl<'a> Balance<'a> {
         let leak_error = self.law.leak_error(step, number);
         let mut stock = Stock::new(&self.law, 6.0 * self.law.most_noise(total) + 2.0 * leak_error);
         let span = self.anchors.spans.iter().find(|[_, middle, _]| *middle == number);
-        let around = span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
+        let around =
+            span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
         let at = stamps[number];
         for i in 0..now.len() {
             // The trapezoid rule; numerics.md pass 10 asks for no more.

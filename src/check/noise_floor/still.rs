@@ -168,18 +168,18 @@ mod tests {
     #[test]
     fn what_repeats_itself_is_told_from_chance_and_from_a_slow_start() {
         let mut draws = Draws(5);
-        let mut chance = |at: &dyn Fn(usize) -> usize| {
+        let mut chance = |at: &dyn Fn(usize, usize) -> usize| {
             let mut bins = vec![0u32; 256];
             for _ in 0..20_000 {
-                bins[at(draws.below(256))] += 1;
+                bins[at(draws.below(256), draws.below(10))] += 1;
             }
             repetition(&bins)
         };
-        assert!(chance(&|bin| bin) < 5.0);
-        // A rate that rises: two of three in the later half.
-        assert!(chance(&|bin| if bin % 3 == 0 { bin } else { 128 + bin / 2 }) < 5.0);
+        assert!(chance(&|bin, _| bin) < 5.0);
+        // A rate that rises: seven of ten in the later half.
+        assert!(chance(&|bin, pick| if pick < 4 { 128 + bin / 2 } else { bin }) < 5.0);
         // A tenth of the events in step, every 32 bins.
-        assert!(chance(&|bin| if bin % 10 == 0 { 32 * (bin % 8) } else { bin }) > 8.0);
+        assert!(chance(&|bin, pick| if pick == 0 { 32 * (bin % 8) } else { bin }) > 8.0);
     }
 
     #[test]

@@ -24,7 +24,8 @@ impl Busy {
         let Some(most) = counts.iter().copied().max() else { return Self::default() };
         let n = counts.len() as f64;
         let mean = counts.iter().map(|n| f64::from(*n)).sum::<f64>() / n;
-        let variance = counts.iter().map(|n| (f64::from(*n) - mean) * (f64::from(*n) - mean)).sum::<f64>() / n;
+        let variance =
+            counts.iter().map(|n| (f64::from(*n) - mean) * (f64::from(*n) - mean)).sum::<f64>() / n;
         // All but one in a thousand have at most this; where that is none, one.
         let at = counts.len() - 1 - counts.len() / 1000;
         let (_, usual, _) = counts.select_nth_unstable(at);

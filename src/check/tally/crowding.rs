@@ -1,19 +1,21 @@
-//! How often events of one window share a pixel.
+//! How often events of one window share a cell of the sensor.
 
 use crate::image::Size;
 
-/// Windows that a stream is cut into.
-const WINDOWS: i64 = 20;
+/// Windows that a stream is cut into: short ones, in which an edge moves by little.
+const WINDOWS: i64 = 100;
+/// Pixels along the side of a cell. A pixel seldom fires twice in a short window; the pixels along an edge all do.
+const CELL: u32 = 4;
 
 /// Sums over the windows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Crowding {
-    /// Ordered pairs of events that share window and pixel.
+    /// Ordered pairs of events that share window and cell.
     pub pairs: f64,
-    /// How many there were in the mean if each event lay anywhere: `N (N - 1) / pixels`.
+    /// How many there were in the mean if each event lay anywhere: `N (N - 1) / cells`.
     pub anywhere: f64,
-    /// Variance of the pairs if each event lay anywhere: `2 N (N - 1) / pixels`, that of `N^2 / 2` pairs of which each
-    /// shares a pixel with probability `1 / pixels` and counts twice.
+    /// Variance of the pairs if each event lay anywhere: `2 N (N - 1) / cells`, that of `N^2 / 2` pairs of which each
+    /// shares a cell with probability `1 / cells` and counts twice.
     pub variance: f64,
 }
 
@@ -35,6 +37,7 @@ impl Crowding {
 #[derive(Debug)]
 pub(super) struct Crowds {
     end_us: i64,
+    columns: usize,
     window: i64,
     events: u64,
     pairs: u64,
@@ -44,18 +47,21 @@ pub(super) struct Crowds {
 
 impl Crowds {
     pub(super) fn new(size: Size, end_us: i64) -> Self {
-        let sums = Crowding::default();
-        Self { end_us: end_us.max(1), window: 0, events: 0, pairs: 0, counts: vec![0; size.pixels()], sums }
+        let [columns, rows] = [size.width, size.height].map(|side| side.div_ceil(CELL) as usize);
+        let (counts, sums) = (vec![0; columns * rows], Crowding::default());
+        Self { end_us: end_us.max(1), columns, window: 0, events: 0, pairs: 0, counts, sums }
     }
 
-    pub(super) fn see(&mut self, pixel: usize, t_us: i64) {
+    pub(super) fn see(&mut self, [x, y]: [u16; 2], t_us: i64) {
+        let [column, row] = [x, y].map(|v| (u32::from(v) / CELL) as usize);
         let window = (t_us * WINDOWS / self.end_us).clamp(0, WINDOWS - 1);
         if window != self.window {
             self.settle();
             self.window = window;
         }
-        self.pairs += 2 * u64::from(self.counts[pixel]);
-        self.counts[pixel] += 1;
+        let count = &mut self.counts[row * self.columns + column];
+        self.pairs += 2 * u64::from(*count);
+        *count += 1;
         self.events += 1;
     }
 
@@ -65,8 +71,8 @@ impl Crowds {
     }
 
     fn settle(&mut self) {
-        let (n, pixels) = (self.events as f64, self.counts.len() as f64);
-        let anywhere = n * (n - 1.0) / pixels;
+        let (n, cells) = (self.events as f64, self.counts.len() as f64);
+        let anywhere = n * (n - 1.0) / cells;
         self.sums.pairs += self.pairs as f64;
         self.sums.anywhere += anywhere;
         self.sums.variance += 2.0 * anywhere;
@@ -85,20 +91,20 @@ mod tests {
     fn crowding(pixels: impl Iterator<Item = usize>) -> Crowding {
         let mut crowds = Crowds::new(SIZE, 1000);
         for (i, pixel) in pixels.enumerate() {
-            crowds.see(pixel, i as i64 * 1000 / 40_000);
+            crowds.see([(pixel % 100) as u16, (pixel / 100) as u16], i as i64 * 1000 / 40_000);
         }
         crowds.finish()
     }
 
     #[test]
-    fn events_anywhere_have_no_structure_and_events_on_half_of_the_pixels_have() {
+    fn events_anywhere_have_no_structure_and_events_on_half_of_the_sensor_have() {
         let mut draws = Draws(3);
         let anywhere: Vec<usize> = (0..40_000).map(|_| draws.below(8000)).collect();
         let found = crowding(anywhere.iter().copied());
         let z = (found.ratio() - 1.0) / found.noise();
         println!("ratio {:.4}, z {z:.2}", found.ratio());
         assert!(z.abs() < 4.5);
-        // On half of the pixels pairs are twice as many.
+        // On the upper half pairs are twice as many.
         let half = crowding(anywhere.iter().map(|pixel| pixel / 2));
         assert!((half.ratio() - 2f64.sqrt()).abs() < 6.0 * found.noise() * 2f64.sqrt(), "{}", half.ratio());
     }

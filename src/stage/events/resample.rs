@@ -122,7 +122,8 @@ mod tests {
     fn events_are_paired_within_pixel_and_polarity() {
         use Polarity::{Off, On};
         let few = vec![event(10, 3, On), event(50, 3, On), event(20, 1, Off), event(30, 9, On)];
-        let more = vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
+        let more =
+            vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
         let found = compare(4, few, more);
         // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 is alone. Sorted: 3, 4, 10.
         let wanted = Resampled { intervals: 4, events: 4, at_twice: 5, paired: 3, shift_us: Some(4.0) };
