@@ -90,7 +90,7 @@ enum Verb {
 }
 
 /// Options of every verb.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 struct Common {
     /// Work in this folder
     #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
@@ -247,7 +247,7 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
         Verb::Why(verb) => verb.run(common, console),
         Verb::Check(verb) => verb.run(common, console),
         Verb::Release(verb) => verb.run(common, console),
-        Verb::Audit(verb) => verb.run(console),
+        Verb::Audit(verb) => verb.run(common, console),
         Verb::Diff(verb) => verb.run(console),
         Verb::Convert(verb) => verb.run(console),
         Verb::Init(verb) => verb.run(common, console),

@@ -14,6 +14,7 @@ mod index;
 pub mod left_out;
 mod loader;
 mod manifest;
+pub mod recheck;
 mod scene;
 mod transforms;
 mod tree;

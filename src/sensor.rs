@@ -72,13 +72,15 @@ impl Sensor {
         }
     }
 
-    /// Microseconds after an event in which its pixel makes no other; 0 for none.
+    /// Whole microseconds between two events of a pixel, as files stamp them, at least; 0 where there is no refractory
+    /// period.
     #[must_use]
-    pub fn refractory_us(&self) -> f64 {
+    #[expect(clippy::cast_possible_truncation, reason = "a thousand seconds at most")]
+    pub fn dead_us(&self) -> i64 {
         match self {
-            Self::Voltmeter(_) => 0.0,
-            Self::Esim(sensor) => sensor.refractory.period_us,
-            Self::V2e(sensor) => sensor.refractory.period_us,
+            Self::Voltmeter(_) => 0,
+            Self::Esim(sensor) => sensor.refractory.period_us.floor() as i64,
+            Self::V2e(sensor) => sensor.refractory.period_us.floor() as i64,
         }
     }
 

@@ -6,7 +6,7 @@
 //! more. `dead`: a pixel without any event although the frames changed by more than two thresholds, which needs a law by
 //! which frames decide the drift.
 
-use super::subject::{Bound, Judged};
+use super::subject::{Bound, Judged, NOT_SEEN};
 use super::{Check, Finding, Subject, Tally, limits};
 use serde::{Deserialize, Serialize};
 
@@ -68,6 +68,9 @@ fn hot(subject: &Subject<'_>, tally: &Tally) -> Finding {
 fn dead(subject: &Subject<'_>, tally: &Tally) -> Finding {
     if let Err(because) = subject.drift_law() {
         return subject.not_run(NAME, "dead", because);
+    }
+    if tally.fits.is_empty() {
+        return subject.not_run(NAME, "dead", NOT_SEEN);
     }
     let share = |fit: &super::event_frame::fit::Fit| fit.silent as f64 / fit.doubled[0] as f64;
     let enough = tally.fits.iter().filter(|fit| fit.doubled[0] >= LEAST_PIXELS);

@@ -61,6 +61,9 @@ impl Check for MotionCompensation {
             );
             return vec![subject.not_run(NAME, "", because)];
         }
+        if tally.sharpness.is_empty() {
+            return vec![subject.not_run(NAME, "", "no depth of a picture that moves is at hand")];
+        }
         let telling = |s: &&Sharpness| s.moved_px >= LEAST_MOVED && s.events >= LEAST_EVENTS;
         let windows: Vec<&Sharpness> = tally.sharpness.iter().filter(telling).collect();
         if windows.is_empty() {

@@ -8,7 +8,7 @@
 
 pub mod still;
 
-use super::subject::{Bound, Judged};
+use super::subject::{Bound, Judged, NOT_SEEN};
 use super::{Check, Finding, Subject, limits};
 use serde::{Deserialize, Serialize};
 use still::Stillness;
@@ -48,6 +48,7 @@ impl Check for NoiseFloor {
         };
         let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= LEAST_PIXELS) else {
             let because = match subject.drift_law() {
+                Ok(_) if tally.still.is_none() => NOT_SEEN.to_owned(),
                 Ok(_) => format!("fewer than {LEAST_PIXELS} pixels see no change"),
                 Err(because) => because.to_owned(),
             };

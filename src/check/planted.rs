@@ -138,7 +138,7 @@ impl World {
         let against = Against {
             seen: DriftLaw::of(&sensor).ok().map(|law| (law, &self.anchors)),
             flows: &self.flows,
-            dead_us: sensor.refractory_us() as i64,
+            dead_us: sensor.dead_us(),
         };
         let mut observer = Observer::new(SIZE, rate(), end, against);
         for chunk in self.events.chunks(1000) {

@@ -22,8 +22,8 @@ impl Check for DeadTime {
         let (Some(tally), Some(sensor)) = (subject.tally, subject.sensor) else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        let period_us = sensor.refractory_us();
-        if period_us < 1.0 {
+        let period_us = sensor.dead_us();
+        if period_us == 0 {
             return vec![subject.not_run(
                 NAME,
                 "",

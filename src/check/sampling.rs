@@ -62,7 +62,7 @@ impl Check for Sampling {
 
     fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(flow) = subject.flow else {
-            return vec![subject.not_run(NAME, "", "no pixel has a depth, so there is no optical flow")];
+            return vec![subject.not_run(NAME, "", "no depth is at hand, so there is no optical flow")];
         };
         let limit = Bound::of(subject.limits.sampling.and_then(|l| l.max), Bound::warning(MOST));
         let measured = f64::from(flow.p95);
@@ -82,7 +82,7 @@ impl Check for Sampling {
 
     fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let Some(tried) = subject.resampled else {
-            let because = "twice the frames were not tried: the noise of this sensor goes by frames";
+            let because = "twice the frames were not tried: a sensor whose noise goes by frames has none to compare, and a release none to try";
             return vec![subject.not_run(NAME, "twice", because)];
         };
         if tried.events < LEAST_EVENTS {

@@ -4,7 +4,7 @@
 //! frame step. It needs a sensor whose drift the frames decide, and is not told where noise hides an eighth of a step.
 
 use super::event_frame::fit::Lag;
-use super::subject::{Bound, Judged};
+use super::subject::{Bound, Judged, NOT_SEEN};
 use super::{Check, Finding, Subject, limits};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +45,9 @@ fn judge(subject: &Subject<'_>) -> Finding {
     let Some(tally) = subject.tally else { return not_run("there are no events") };
     if let Err(because) = subject.drift_law() {
         return not_run(because);
+    }
+    if tally.fits.is_empty() {
+        return not_run(NOT_SEEN);
     }
     let pixels: u64 = tally.fits.iter().map(|fit| fit.lag.pixels).sum();
     let lag = Lag::pooled(tally.fits.iter().map(|fit| fit.lag));

@@ -1,5 +1,8 @@
 //! `gs2e audit`: reads every byte of a release tree, offline.
 
+mod rebuild;
+
+use super::Common;
 use super::console::Console;
 use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
@@ -13,16 +16,22 @@ pub(super) struct Audit {
     /// Folder of the release
     #[arg(value_name = "DIR")]
     dir: PathBuf,
+    #[command(flatten)]
+    again: rebuild::Rebuild,
 }
 
 impl Audit {
-    pub(super) fn run(self, console: &Console) -> Result<Exit, Problem> {
+    pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let dir = self.dir.display();
         if !self.dir.is_dir() {
             return Err(Problem::usage("input-missing", format!("{dir} is no folder")));
         }
-        let report = audit::audit(&self.dir)
+        let mut report = audit::audit(&self.dir)
             .map_err(|e| Problem::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
+        if let Some(again) = self.again.run(&self.dir, common, console)? {
+            console.say(&format!("made again: {}", again.scenes.join(", ")));
+            report.faults.extend(again.faults);
+        }
         for fault in &report.faults {
             if console.json {
                 console.result(&to_json(fault));

@@ -1,4 +1,4 @@
-//! `gs2e check`: the verdicts of the validation passes over what is built.
+//! `gs2e check`: the verdicts of the validation passes over what is built, or over a release tree.
 
 use super::build::opening;
 use super::console::Console;
@@ -9,6 +9,7 @@ use crate::check::{Finding, NAMES, Verdict};
 use crate::plan::Plan;
 use crate::plan::assess::assess;
 use crate::recipe;
+use crate::release::recheck::{RecheckError, recheck};
 use crate::stage::{checks, scene_checks};
 use crate::store::{Access, Store};
 use std::path::PathBuf;
@@ -22,6 +23,9 @@ pub(super) struct Check {
     /// Where the recipes are
     #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT)]
     recipes: Vec<PathBuf>,
+    /// Check the files of a release tree instead, without recipes or store
+    #[arg(long, value_name = "DIR", conflicts_with = "recipes")]
+    tree: Option<PathBuf>,
     /// Count this check as failed where it was not run
     #[arg(long, value_name = "CHECK", value_parser = clap::builder::PossibleValuesParser::new(NAMES))]
     require: Vec<String>,
@@ -29,19 +33,33 @@ pub(super) struct Check {
 
 impl Check {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
-        if let Some(name) = self.scenes.iter().find(|name| recipes.iter().all(|r| r.scene != **name)) {
-            return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
-        }
-        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
-        let plan = Plan::new(recipes, &renderers.knowing(&store));
-        let findings = built_findings(&plan, &store, &self.scenes)?;
+        let findings = match &self.tree {
+            Some(tree) => recheck(tree, &self.scenes).map_err(|error| of_tree(&error))?,
+            None => self.of_built(common)?,
+        };
         show(&findings, console);
         let missed =
             |finding: &Finding| finding.verdict == Verdict::NotRun && self.require.contains(&finding.check);
         let absent = self.require.iter().filter(|name| findings.iter().all(|f| f.check != **name)).count();
         let failed = findings.iter().filter(|f| f.verdict == Verdict::Fail || missed(f)).count() + absent;
         Ok(if failed == 0 { Exit::Done } else { Exit::Fault })
+    }
+
+    fn of_built(&self, common: &Common) -> Result<Vec<Finding>, Problem> {
+        let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
+        if let Some(name) = self.scenes.iter().find(|name| recipes.iter().all(|r| r.scene != **name)) {
+            return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
+        }
+        let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
+        let plan = Plan::new(recipes, &renderers.knowing(&store));
+        built_findings(&plan, &store, &self.scenes)
+    }
+}
+
+fn of_tree(error: &RecheckError) -> Problem {
+    match error {
+        RecheckError::NoScene(_) => Problem::usage("no-scene", error.to_string()),
+        _ => Problem::failed("unreadable", error.to_string()).help("gs2e audit DIR"),
     }
 }
 

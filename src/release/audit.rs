@@ -10,6 +10,7 @@ mod claims;
 mod contents;
 mod croissant;
 mod index;
+pub mod rebuilt;
 mod sums;
 mod terms;
 mod walk;
@@ -72,6 +73,8 @@ pub enum Code {
     CheckFailedUnwaived,
     /// A file does not hold what its format prescribes.
     Unreadable,
+    /// Made again from its recipe, a scene has other bytes.
+    RebuiltDiffers,
 }
 
 impl Code {
@@ -102,6 +105,7 @@ impl Code {
             Self::SceneIncomplete => "scene-incomplete",
             Self::CheckFailedUnwaived => "check-failed-unwaived",
             Self::Unreadable => "unreadable",
+            Self::RebuiltDiffers => "rebuilt-differs",
         }
     }
 
@@ -110,6 +114,9 @@ impl Code {
             Self::Unlisted => "remove it, or keep it outside the release",
             Self::LicenceMissing | Self::LicenceInvalid | Self::LicenceForbidden => {
                 "correct `licence:` or the source in the recipe, and release again"
+            }
+            Self::RebuiltDiffers => {
+                "release it again; where every key is the same, the program or the machine is not deterministic: report it"
             }
             Self::CheckFailedUnwaived => "mend the scene, or waive the check with a reason in its recipe",
             _ => {

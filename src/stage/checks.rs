@@ -135,7 +135,7 @@ fn count(
         let against = Against {
             seen: DriftLaw::of(&stream.sensor).ok().map(|law| (law, streams.seen_by(stream))),
             flows: &flows,
-            dead_us: stream.sensor.refractory_us().floor() as i64,
+            dead_us: stream.sensor.dead_us(),
         };
         let mut observer = Observer::new(simulation.camera.size, rate, end_us, against);
         let mut reader = h5::Reader::open(file).map_err(StageError::work("read events"))?;

@@ -13,6 +13,7 @@ use crate::sampling::path::Path;
 use crate::sensor::voltmeter::Between;
 use crate::sensor::{Model, Sensor, SensorError};
 use crate::stage::{Context, StageError};
+use crate::units::Timestamp;
 
 /// Intervals that are tried.
 const INTERVALS: usize = 4;
@@ -57,8 +58,11 @@ impl Simulating {
         frames: impl Iterator<Item = &'a Frame>,
     ) -> Result<Vec<Event>, SensorError> {
         let (front_end, mut events, mut pixels) = (model.front_end(), Vec::new(), None);
+        let mut start = None;
         for (index, frame) in frames.enumerate() {
-            let frame = Frame { index, ..frame.clone() };
+            // Sensors count time from their first frame.
+            let t = Timestamp(frame.t.0 - start.get_or_insert(frame.t).0);
+            let frame = Frame { index, t, ..frame.clone() };
             let seen = if front_end.is_plain() { frame } else { front_end.see(&frame, None) };
             let pixels = match &mut pixels {
                 Some(pixels) => pixels,
@@ -112,7 +116,6 @@ fn compare(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Resamp
 mod tests {
     use super::*;
     use crate::event::Label;
-    use crate::units::Timestamp;
 
     fn event(t_us: i64, x: u16, polarity: Polarity) -> Event {
         Event { t: Timestamp::from_micros(t_us), x, y: 0, polarity, label: Label::Signal }

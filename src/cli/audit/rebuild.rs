@@ -1,0 +1,141 @@
+//! `gs2e audit --rebuild N`: some scenes of a release are made again from their recipes, in a store of their own, and
+//! every byte is compared.
+
+use crate::cli::build::{Building, Care, exit};
+use crate::cli::console::Console;
+use crate::cli::message::{Level, Message};
+use crate::cli::problem::{Exit, Problem};
+use crate::cli::renderers::{By, Chosen};
+use crate::cli::{Common, Targets};
+use crate::plan::Plan;
+use crate::recipe::{self, Recipe};
+use crate::release::audit::{Fault, rebuilt};
+use crate::release::{self, Manifest, Options};
+use crate::render::backend::Backend;
+use crate::render::gpu;
+use crate::store::{Access, Digest, Opening, Store};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Options of it.
+#[derive(Debug, clap::Args)]
+pub(super) struct Rebuild {
+    /// Make so many of the scenes again, drawn by chance, and compare every byte
+    #[arg(long, value_name = "N")]
+    rebuild: Option<usize>,
+    /// The recipes that scenes are made again from
+    #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT, requires = "rebuild")]
+    recipes: Vec<PathBuf>,
+    /// Draw other scenes
+    #[arg(long, value_name = "SEED", default_value_t = 0, requires = "rebuild")]
+    seed: u64,
+}
+
+/// What came of it.
+pub(super) struct Rebuilt {
+    /// Ids of the scenes.
+    pub(super) scenes: Vec<String>,
+    pub(super) faults: Vec<Fault>,
+}
+
+impl Rebuild {
+    /// Makes the scenes again; `None` where that is not asked for.
+    pub(super) fn run(&self, dir: &Path, common: &Common, console: &Console) -> Result<Option<Rebuilt>, Problem> {
+        let Some(count) = self.rebuild else { return Ok(None) };
+        let manifest = rebuilt::manifest(dir)
+            .map_err(|e| Problem::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display())))?;
+        let chosen = draw(&manifest, count, self.seed);
+        let recipes = self.recipes_of(&chosen)?;
+        let mut found = Rebuilt { scenes: chosen, faults: Vec::new() };
+        // What was rendered in one class is made again in it, and scenes of several classes apart.
+        let mut classes: BTreeMap<String, Vec<Recipe>> = BTreeMap::new();
+        for recipe in recipes {
+            classes.entry(class_of(&manifest, &recipe.scene)).or_default().push(recipe);
+        }
+        for (class, recipes) in classes {
+            let scenes: Vec<String> = recipes.iter().map(|recipe| recipe.scene.clone()).collect();
+            let folder = tempfile::tempdir().map_err(|e| Problem::failed("rebuild", e.to_string()))?;
+            let again = self.make(&class, recipes, folder.path(), common, console)?;
+            for scene in &scenes {
+                let compared = rebuilt::compare(dir, &again, scene);
+                found.faults.extend(compared.map_err(|e| Problem::failed("rebuild", e.to_string()))?);
+            }
+        }
+        Ok(Some(found))
+    }
+
+    fn recipes_of(&self, scenes: &[String]) -> Result<Vec<Recipe>, Problem> {
+        let mut recipes = recipe::read_all(&self.recipes)?;
+        if let Some(absent) = scenes.iter().find(|id| recipes.iter().all(|recipe| recipe.scene != **id)) {
+            let message = format!("no recipe makes the scene `{absent}` that is to be made again");
+            return Err(Problem::usage("no-scene", message).help("--recipes DIR: where the release was made from"));
+        }
+        recipes.retain(|recipe| scenes.contains(&recipe.scene));
+        Ok(recipes)
+    }
+
+    /// Builds and releases these scenes below `folder`; the path of the release.
+    fn make(
+        &self,
+        class: &str,
+        recipes: Vec<Recipe>,
+        folder: &Path,
+        common: &Common,
+        console: &Console,
+    ) -> Result<PathBuf, Problem> {
+        let common = &Common { store: folder.join("store"), ..common.clone() };
+        let chosen = &Chosen::new(By::One(backend(class, common)?), common.omit());
+        let (info, terms) = (recipe::read_release(&self.recipes)?, recipe::read_sources(&self.recipes)?);
+        let store = Store::open(&common.store, Opening::from(Access::Write), &mut |_| {})?;
+        let (targets, care) = (&Targets { recipes: self.recipes.clone() }, &Care::default());
+        let plan = Plan::new(recipes, &chosen.knowing(&store));
+        let building = Building { settled: 0, targets, chosen, common, care, console };
+        let (plan, summary) = building.build(plan, &store)?;
+        match exit(&summary) {
+            Exit::Done => {}
+            Exit::Interrupted => {
+                let message = Message::new(Level::Error, "interrupted", "nothing was compared".to_owned());
+                return Err(Problem::of(Exit::Interrupted, message));
+            }
+            _ => return Err(Problem::failed("rebuild", "a scene cannot be made again".to_owned())),
+        }
+        let to = folder.join("release");
+        let options = Options { copy: false, replace: false };
+        release::write(&to, &plan, &summary, &store, (&info, &terms), options)
+            .map_err(|e| Problem::failed("rebuild", e.to_string()))?;
+        Ok(to)
+    }
+}
+
+/// So many scenes, or all: those whose ids hash lowest with the seed, so that nobody chooses them and anybody can check.
+fn draw(manifest: &Manifest, count: usize, seed: u64) -> Vec<String> {
+    let mut ids: Vec<String> = manifest.scenes.iter().map(|scene| scene.id.clone()).collect();
+    ids.sort_by_key(|id| Digest::of(format!("{seed} {id}").as_bytes()));
+    ids.truncate(count);
+    ids.sort();
+    ids
+}
+
+/// The class that a scene was rendered in; empty where nothing was.
+fn class_of(manifest: &Manifest, scene: &str) -> String {
+    let steps = manifest.scenes.iter().filter(|listed| listed.id == scene).flat_map(|listed| &listed.steps);
+    let mut classes = steps.filter_map(|step| step.made_of.as_ref()?.class.clone());
+    classes.find(|class| class.contains('/')).unwrap_or_default()
+}
+
+/// The back end of a class, if this machine has it.
+fn backend(class: &str, common: &Common) -> Result<Backend, Problem> {
+    let backend = match class {
+        class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
+        class if Backend::is_gpu(class) => {
+            let device = common.device(&gpu::Choice::Any);
+            Backend::Gpu(device.map_err(|e| Problem::failed("no-adapter", format!("{class} rendered it: {e}")))?)
+        }
+        _ => Backend::Reference,
+    };
+    if backend.takes_gpu() && backend.class() != class {
+        let message = format!("{class} rendered it, and here is {}: bytes cannot be compared", backend.class());
+        return Err(Problem::failed("no-adapter", message));
+    }
+    Ok(backend)
+}

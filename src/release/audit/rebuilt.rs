@@ -1,0 +1,96 @@
+//! Scenes of a release against the same scenes made again from their recipes, byte for byte.
+
+use super::{Code, Fault};
+use crate::release::manifest::{Ingredients, Manifest, ManifestScene};
+use crate::release::{ManifestStep, checksum};
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+
+/// Reads the manifest of a release.
+///
+/// # Errors
+/// When it is absent or of another form.
+pub fn manifest(dir: &Path) -> io::Result<Manifest> {
+    let bytes = std::fs::read(dir.join(super::super::manifest::NAME))?;
+    serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
+}
+
+/// The files of one scene in two releases, of which the second was made now: those that differ, or are in one only.
+///
+/// # Errors
+/// When a manifest cannot be read, or the scene is not in it. A file that cannot be read is a fault.
+pub fn compare(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> {
+    let [stated, made] = [manifest(dir)?, manifest(again)?];
+    let (stated, made) = (of_scene(&stated, scene)?, of_scene(&made, scene)?);
+    let because = cause(stated, made);
+    let fault = |path: &str, what: &str| {
+        Fault::of_file(Code::RebuiltDiffers, path, format!("{what}{because}")).in_scene(scene)
+    };
+    let sizes = |scene: &ManifestScene| -> BTreeMap<String, u64> {
+        scene.files.iter().map(|file| (file.path.clone(), file.size)).collect()
+    };
+    let (listed, there) = (sizes(stated), sizes(made));
+    let mut faults = Vec::new();
+    for path in listed.keys().filter(|path| !there.contains_key(*path)) {
+        faults.push(fault(path, "made again, the scene has no such file"));
+    }
+    for path in there.keys().filter(|path| !listed.contains_key(*path)) {
+        faults.push(fault(path, "made again, the scene has this file too"));
+    }
+    for path in listed.keys().filter(|path| there.contains_key(*path)) {
+        let both = [dir, again].map(|dir| checksum::both(&dir.join(path)));
+        match both {
+            [Ok(a), Ok(b)] if a == b => {}
+            [Ok(_), Ok(_)] => faults.push(fault(path, "made again, it has other bytes")),
+            _ => faults.push(fault(path, "it cannot be read")),
+        }
+    }
+    Ok(faults)
+}
+
+fn of_scene<'a>(manifest: &'a Manifest, scene: &str) -> io::Result<&'a ManifestScene> {
+    let found = manifest.scenes.iter().find(|listed| listed.id == scene);
+    found.ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, format!("the manifest has no scene `{scene}`")))
+}
+
+/// What the first step of another key was made of that differs; empty where all keys are the same, so that the
+/// difference is in the making.
+fn cause(stated: &ManifestScene, made: &ManifestScene) -> String {
+    let other = |step: &&ManifestStep| {
+        let again = made.steps.iter().find(|other| other.step == step.step);
+        again.is_none_or(|again| again.key != step.key)
+    };
+    let Some(step) = stated.steps.iter().find(other) else {
+        return ", although every step has the same key".into();
+    };
+    let again = made.steps.iter().find(|other| other.step == step.step);
+    match (again, &step.made_of) {
+        (None, _) => format!("; the recipe has no step {} now", step.step),
+        (Some(again), Some(then)) => match &again.made_of {
+            Some(now) => format!("; its step {} is made of {}", step.step, differing(then, now)),
+            None => String::new(),
+        },
+        (Some(_), None) => format!("; its step {} has another key", step.step),
+    }
+}
+
+fn differing(then: &Ingredients, now: &Ingredients) -> String {
+    let mut parts = Vec::new();
+    if then.revision != now.revision {
+        parts.push(format!("revision {} of its stage, then {}", now.revision, then.revision));
+    }
+    if then.class != now.class {
+        let name = |class: &Option<String>| class.clone().unwrap_or_else(|| "none".into());
+        parts.push(format!("class {}, then {}", name(&now.class), name(&then.class)));
+    }
+    if then.params != now.params {
+        parts.push("other parameters".into());
+    }
+    for (role, digest) in &now.inputs {
+        if then.inputs.get(role) != Some(digest) {
+            parts.push(format!("another {role}"));
+        }
+    }
+    if parts.is_empty() { "something else".into() } else { parts.join(", ") }
+}

@@ -1,0 +1,143 @@
+//! The validation passes over a release tree: what its own files say, without the store that they were made in.
+//!
+//! Passes that need what a release does not hold (what the sensor saw between the frames, depth, the account of the
+//! simulation) say so; the others judge the released bytes by the limits of the recipe in `scene.json`.
+
+use super::{Manifest, SceneFile};
+use crate::artifact::Stream;
+use crate::check::tally::{Against, Observer};
+use crate::check::{Finding, Subject, Tally, judge};
+use crate::event::{EventSource, h5};
+use crate::image::Size;
+use crate::recipe::{Faults, Recipe, read_all};
+use crate::trajectory::Trajectory;
+use crate::trajectory::report::Report;
+use crate::units::{Hertz, Ratio};
+use serde::de::DeserializeOwned;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+/// Why a tree cannot be checked.
+#[derive(Debug, thiserror::Error)]
+pub enum RecheckError {
+    /// A file is absent or not of its form.
+    #[error("{}: {because}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        because: String,
+    },
+    /// There is no such scene.
+    #[error("the release has no scene `{0}`")]
+    NoScene(String),
+    /// The recipe in a `scene.json` is none.
+    #[error("the recipe in the scene.json of {scene} cannot be read: {faults}")]
+    Recipe {
+        /// Scene id.
+        scene: String,
+        /// What is wrong with it.
+        faults: Faults,
+    },
+}
+
+fn unreadable(path: &Path, because: impl ToString) -> RecheckError {
+    RecheckError::Unreadable { path: path.to_owned(), because: because.to_string() }
+}
+
+/// Runs the passes over the named scenes of the release in `dir`, or over all where none is named.
+///
+/// # Errors
+/// When there is no such scene, or a file of it cannot be read. Events that cannot be read are for the audit to name; here
+/// they are an error too.
+pub fn recheck(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
+    let manifest: Manifest = json(&dir.join(super::manifest::NAME))?;
+    if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
+        return Err(RecheckError::NoScene(absent.clone()));
+    }
+    let mut findings = Vec::new();
+    for listed in manifest.scenes.iter().filter(|scene| scenes.is_empty() || scenes.contains(&scene.id)) {
+        findings.extend(of_scene(&dir.join(&listed.id))?);
+    }
+    Ok(findings)
+}
+
+fn of_scene(folder: &Path) -> Result<Vec<Finding>, RecheckError> {
+    let scene: SceneFile = json(&folder.join("scene.json"))?;
+    let recipe = recipe_of(&scene)?;
+    let size = Size { width: scene.camera.width, height: scene.camera.height };
+    let mut findings = Vec::new();
+    for part in &scene.trajectories {
+        let folder = folder.join(&part.name);
+        findings.extend(of_trajectory(&folder, &format!("{}/{}", scene.id, part.name), (&recipe, size))?);
+    }
+    Ok(findings)
+}
+
+fn of_trajectory(
+    folder: &Path,
+    name: &str,
+    (recipe, size): (&Recipe, Size),
+) -> Result<Vec<Finding>, RecheckError> {
+    let path = folder.join("poses.txt");
+    let file = File::open(&path).map_err(|e| unreadable(&path, e))?;
+    let trajectory = Trajectory::read_poses(BufReader::new(file)).map_err(|e| unreadable(&path, e))?;
+    let path = folder.join("speed.json");
+    let report: Report = json(&path)?;
+    let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable(&path, e))?);
+    let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
+    let mut counted = Vec::new();
+    for (stream, sensor) in recipe.sensors.iter() {
+        let path = folder.join(Stream::released(stream));
+        if path.exists() {
+            let against = Against { dead_us: sensor.dead_us(), ..Against::default() };
+            let tally = count(&path, Observer::new(size, rate, end_us, against)).map_err(|e| unreadable(&path, e))?;
+            let name = stream.map_or_else(|| name.to_owned(), |stream| format!("{name}/{stream}"));
+            counted.push((name, sensor, tally));
+        }
+    }
+    let whole = Subject {
+        name,
+        rate,
+        trajectory: &trajectory,
+        speed: Some(&report),
+        sensor: None,
+        account: None,
+        tally: None,
+        resampled: None,
+        flow: None,
+        doubtful_share: None,
+        limits: &recipe.checks.of_trajectory(),
+    };
+    let of = |(name, sensor, tally)| Subject { name, sensor: Some(sensor), tally: Some(tally), ..whole };
+    let streams: Vec<Subject<'_>> = counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
+    Ok(judge(&whole, &streams))
+}
+
+fn count(path: &Path, mut observer: Observer<'_>) -> Result<Tally, String> {
+    let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
+    let mut chunk = Vec::new();
+    while reader.next_chunk(&mut chunk).map_err(|e| e.to_string())? {
+        observer.append(&chunk);
+    }
+    Ok(observer.finish())
+}
+
+/// The recipe that a scene carries: JSON is YAML.
+fn recipe_of(scene: &SceneFile) -> Result<Recipe, RecheckError> {
+    let write = || -> io::Result<tempfile::NamedTempFile> {
+        let file = tempfile::Builder::new().prefix("recipe").suffix(".yaml").tempfile()?;
+        serde_json::to_writer(&file, &scene.recipe)?;
+        Ok(file)
+    };
+    let file = write().map_err(|e| unreadable(&std::env::temp_dir(), e))?;
+    let failed = |faults| RecheckError::Recipe { scene: scene.id.clone(), faults };
+    let mut read = read_all(&[file.path().to_owned()]).map_err(failed)?;
+    Ok(read.pop().expect("one recipe was read"))
+}
+
+fn json<T: DeserializeOwned>(path: &Path) -> Result<T, RecheckError> {
+    let file = File::open(path).map_err(|e| unreadable(path, e))?;
+    serde_json::from_reader(BufReader::new(file)).map_err(|e| unreadable(path, e))
+}
