@@ -556,6 +556,8 @@ mod tests {
         assert_eq!(part("count", |r| r.at_twice = 1051), Verdict::Warn);
         assert_eq!(part("count", |r| r.at_twice = 951), Verdict::Pass);
         assert_eq!(part("shift", |r| r.shift_us = Some(20.5)), Verdict::Warn);
+        let asked = |r: &mut sampling::Resampled| (r.shift_us, r.tolerance) = (Some(20.5), Some(0.05));
+        assert_eq!(part("shift", asked), Verdict::Pass);
         assert_eq!(part("twice", |r| r.events = 30), Verdict::NotRun);
     }
 

@@ -1,5 +1,6 @@
 //! What is timed: one file a part. Inputs are made before the clock runs, and those that are files lie in memory then.
 
+mod audit;
 mod event;
 mod hash;
 mod render;
@@ -11,17 +12,18 @@ use crate::measure::{Amount, Workload};
 use std::path::{Path, PathBuf};
 
 /// The parts that can be named on the command line.
-pub(crate) const PARTS: [&str; 6] = ["scene", "trajectory", "render", "sensor", "event", "hash"];
+pub(crate) const PARTS: [&str; 7] = ["scene", "trajectory", "render", "sensor", "event", "hash", "audit"];
 
 /// The workloads of the wanted parts.
 pub(crate) fn all(wanted: &dyn Fn(&str) -> bool) -> Vec<Workload> {
-    let makers: [fn() -> Vec<Workload>; 6] = [
+    let makers: [fn() -> Vec<Workload>; 7] = [
         scene::workloads,
         trajectory::workloads,
         render::workloads,
         sensor::workloads,
         event::workloads,
         hash::workloads,
+        audit::workloads,
     ];
     PARTS.iter().zip(makers).filter(|(part, _)| wanted(part)).flat_map(|(_, maker)| maker()).collect()
 }

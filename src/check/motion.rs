@@ -31,7 +31,7 @@ const MEDIAN: f64 = 1.2;
 /// Share of windows that are sharper than events in place.
 const WINDOWS: f64 = 0.95;
 /// Way of the picture through a window below which moving the events changes little, px.
-const LEAST_MOVED: f64 = 1.5;
+const LEAST_MOVED: f64 = 3.0;
 /// Fewer events in a window make no picture.
 const LEAST_EVENTS: u64 = 1000;
 /// Way between frames beyond which events do not move with the picture, px.

@@ -113,6 +113,7 @@ impl World {
                 at_twice: 1004,
                 paired: 990,
                 shift_us: Some(3.0),
+                tolerance: None,
             }),
             report: report(setting.frames),
             account: account(&events),

@@ -4,7 +4,8 @@
 //! Events between two frames come from a brightness that is interpolated between them, which is true to the scene
 //! while the picture moves by at most about a pixel. The paper's own setting moves tens; that is why it only warns.
 //! And the proof by doing: a few intervals are simulated again at twice the frames with the same noise; the number of events
-//! changes by less than 5 %, and their times, event by event, by less than 20 us in the median.
+//! changes by less than 5 %, and their times, event by event, by less than 20 us in the median. Where the recipe states a
+//! tolerance, which is an error in the voltage and not in time, the shift is told and not judged by default.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
@@ -39,6 +40,8 @@ pub struct Resampled {
     pub paired: u64,
     /// Median time between the two of a pair, us; `None` where there is none.
     pub shift_us: Option<f64>,
+    /// The error that the recipe allows between frames, thresholds, where it states one.
+    pub tolerance: Option<f64>,
 }
 
 /// Default limit, px per frame.

@@ -2,6 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+mod sound;
+
 use crate::release::small::{gs2e, said};
 use serde_json::Value;
 use std::fs;
@@ -31,11 +33,11 @@ fn recipe(index: usize, setting: &Setting) -> String {
 }
 
 /// The records of `gs2e check` over recipes in a fresh folder.
-fn records(settings: &[Setting]) -> Vec<Value> {
+fn checked(recipes: impl Iterator<Item = String>) -> Vec<Value> {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("recipes")).unwrap();
-    for (i, setting) in settings.iter().enumerate() {
-        fs::write(folder.path().join(format!("recipes/{i}.yaml")), recipe(i, setting)).unwrap();
+    for (i, recipe) in recipes.enumerate() {
+        fs::write(folder.path().join(format!("recipes/{i}.yaml")), recipe).unwrap();
     }
     let built = gs2e(folder.path(), &["build"]);
     assert!(built.status.success(), "{}", said(&built));
@@ -77,7 +79,7 @@ fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
         Setting { sensor: "preset: dvs346", arc: 0.5, factor: 6, speed: even, shown: None },
         Setting { sensor: "preset: dvs346", arc: 180.0, factor: 3, speed: law, shown: Some([1.0, 1.0]) },
     ];
-    let records = records(&settings);
+    let records = checked(settings.iter().enumerate().map(|(i, setting)| recipe(i, setting)));
     let text = |record: &Value, key: &str| record[key].as_str().unwrap().to_owned();
     for (i, setting) in settings.iter().enumerate() {
         let subject = format!("varied/{i}/base");

@@ -35,7 +35,7 @@ pub struct Fit {
     pub possible: u64,
     /// Pixels that drifted by more than two thresholds, and those of them whose events have the same sign.
     pub doubled: [u64; 2],
-    /// Of the former, those that have no event at all.
+    /// Of the former, those that have no event at all although no noise can be the reason.
     pub silent: u64,
     /// How late the events are, where a span of frames shows it.
     pub lag: Lag,
@@ -114,6 +114,8 @@ pub(in crate::check) struct Balance<'a> {
     anchors: &'a Anchors,
     first_logs: Vec<f64>,
     exposure: Vec<f64>,
+    /// Of each pixel's voltage by noise, where the noisier end of each interval stands for all of it.
+    variance: Vec<f64>,
     fits: Vec<Fit>,
     /// `dv - s` of each pixel at the last instant, in thresholds.
     residuals: Vec<f32>,
@@ -125,8 +127,9 @@ impl<'a> Balance<'a> {
         assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
         let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
         let first_logs = first.pixels().iter().map(|l| law.log_brightness(*l)).collect();
-        let (exposure, residuals) = (vec![0.0; size.pixels()], vec![0.0; size.pixels()]);
-        Some(Self { law, anchors, first_logs, exposure, fits: Vec::new(), residuals })
+        let none = || vec![0.0; size.pixels()];
+        let (fits, residuals) = (Vec::new(), vec![0.0; size.pixels()]);
+        Some(Self { law, anchors, first_logs, exposure: none(), variance: none(), fits, residuals })
     }
 
     /// Stamp of the next anchor, after the last of which there is none.
@@ -156,7 +159,9 @@ impl<'a> Balance<'a> {
             // The trapezoid rule; numerics.md pass 10 asks for no more.
             self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
             let logs = self.law.log_brightness(now[i]) - self.first_logs[i];
-            let blur = self.law.noise(f64::from(now[i]), total) + leak_error;
+            let noise = [before[i], now[i]].map(|l| self.law.noise(f64::from(l), step));
+            self.variance[i] += noise[0].max(noise[1]) * noise[0].max(noise[1]);
+            let blur = self.variance[i].sqrt() + leak_error;
             let dv = self.law.drift(logs, total, self.exposure[i]);
             let left = stock.add(dv, [counts.on[i], counts.off[i]], blur);
             if let Some([(from, earlier), (to, later)]) = around {
@@ -222,7 +227,7 @@ impl Stock {
         if dv.abs() > 2.0 * threshold {
             self.doubled[0] += 1;
             self.doubled[1] += u64::from(s * dv > 0.0);
-            self.silent += u64::from(on + off == 0);
+            self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual);
         }
         if self.from_zero && dv.abs() > threshold / 2.0 && blur < MOST_BLUR * a.min(b) {
             self.near[side].push(ratios(dv.abs(), s.copysign(s * dv), threshold, steps));

@@ -44,9 +44,12 @@ impl Simulating {
             cx.go_on()?;
             frames.push(frame);
         }
+        let tolerance = self.tolerance.map(|asked| asked.rms);
         let of = |sensor: &&Sensor| {
             let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
-            is_comparable(sensor).then(|| Ok(compare(intervals, both(2)?, both(1)?))).transpose()
+            is_comparable(sensor)
+                .then(|| Ok(Resampled { tolerance, ..compare(intervals, both(2)?, both(1)?) }))
+                .transpose()
         };
         let tried: Result<_, SensorError> = sensors.iter().map(of).collect();
         tried.map_err(StageError::work("simulate events"))
@@ -109,7 +112,7 @@ fn compare(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Resamp
     shifts_ns.sort_unstable();
     let shift_us = shifts_ns.get(shifts_ns.len() / 2).map(|ns| *ns as f64 * 1e-3);
     let paired = shifts_ns.len() as u64;
-    Resampled { intervals, events: counts[0], at_twice: counts[1], paired, shift_us }
+    Resampled { intervals, events: counts[0], at_twice: counts[1], paired, shift_us, tolerance: None }
 }
 
 #[cfg(test)]
@@ -129,7 +132,14 @@ mod tests {
             vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
         let found = compare(4, few, more);
         // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 is alone. Sorted: 3, 4, 10.
-        let wanted = Resampled { intervals: 4, events: 4, at_twice: 5, paired: 3, shift_us: Some(4.0) };
+        let wanted = Resampled {
+            intervals: 4,
+            events: 4,
+            at_twice: 5,
+            paired: 3,
+            shift_us: Some(4.0),
+            tolerance: None,
+        };
         assert_eq!(found, wanted);
         assert_eq!(compare(1, Vec::new(), Vec::new()).shift_us, None);
     }

@@ -1,0 +1,101 @@
+//! The audit of a release, beside what reads the same bytes: the disk, and `b3sum`.
+//!
+//! The first of the audit's two passes reads and hashes every byte, by SHA-256 and BLAKE3 at once; the second opens events,
+//! poses and pictures. From the disk: every page of the tree is given back to the system before each run.
+
+use super::amount;
+use crate::measure::{Amount, Run, Workload, timed};
+use gs2e::release::audit::{audit, read};
+use std::fs::File;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::rc::Rc;
+
+/// A release of the demo, removed when the last workload is dropped.
+struct Given {
+    /// Held, not read: it removes the folder.
+    _folder: tempfile::TempDir,
+    tree: PathBuf,
+    files: Vec<PathBuf>,
+    bytes: usize,
+}
+
+pub(super) fn workloads() -> Vec<Workload> {
+    let given = Rc::new(release());
+    let size = format!("{} files, {:.0} MB", given.files.len(), given.bytes as f64 * 1e-6);
+    let work = |what: &str, rival, evicted, run: fn(&Given)| {
+        let (given, what) = (given.clone(), format!("{what} ({size})"));
+        let run = move || {
+            if evicted {
+                evict(&given.files);
+            }
+            done(&given, run)
+        };
+        Workload { part: "audit", what, rival, run: Box::new(run) }
+    };
+    let whole = |given: &Given| assert_eq!(audit(&given.tree).expect("it can be read").faults, []);
+    let mut all = vec![
+        work("first pass, from the disk", false, true, first_pass),
+        work("plain reading by one thread, from the disk", true, true, plain),
+        work("first pass, from the page cache", false, false, first_pass),
+    ];
+    if Command::new("b3sum").arg("--version").stdout(Stdio::null()).status().is_ok() {
+        all.push(work("b3sum of all files, its start included", true, false, b3sum));
+    } else {
+        eprintln!("not run: b3sum is absent");
+    }
+    all.push(work("both passes, from the page cache", false, false, whole));
+    all
+}
+
+fn release() -> Given {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let tree = folder.path().join("out");
+    let recipe = Path::new(env!("CARGO_MANIFEST_DIR")).join("recipes/demo.yaml");
+    let store = folder.path().join("store");
+    let words = ["gs2e", "-q", "release", "--copy", "--backend", "cpu", "--to"].map(Into::into);
+    let paths = [tree.clone().into_os_string(), "--store".into(), store.into_os_string(), recipe.into_os_string()];
+    let ended = gs2e::cli::run(words.into_iter().chain(paths));
+    assert!(ended == ExitCode::SUCCESS, "the demo can be released");
+    let entries = walkdir::WalkDir::new(&tree).into_iter().map(|entry| entry.expect("it can be listed"));
+    let files: Vec<PathBuf> = entries.filter(|e| e.file_type().is_file()).map(|e| e.into_path()).collect();
+    let size = |path: &PathBuf| path.metadata().map_or(0, |about| about.len());
+    let bytes = usize::try_from(files.iter().map(size).sum::<u64>()).expect("a demo fits into memory");
+    Given { _folder: folder, tree, files, bytes }
+}
+
+fn done(given: &Given, run: fn(&Given)) -> Run {
+    timed(|| -> Vec<Amount> {
+        run(given);
+        vec![amount(given.bytes, "MB")]
+    })
+}
+
+fn first_pass(given: &Given) {
+    let bytes = read(&given.tree).expect("it can be read");
+    assert_eq!(bytes, given.bytes as u64);
+}
+
+fn plain(given: &Given) {
+    let mut piece = vec![0; 1 << 20];
+    for path in &given.files {
+        let mut file = File::open(path).expect("it is there");
+        while file.read(&mut piece).expect("it can be read") > 0 {}
+    }
+}
+
+fn b3sum(given: &Given) {
+    let mut command = Command::new("b3sum");
+    let ended = command.args(&given.files).stdin(Stdio::null()).stdout(Stdio::null()).status();
+    assert!(ended.is_ok_and(|ended| ended.success()), "b3sum reads them");
+}
+
+/// Has the system forget the pages of these files, once they are on the disk.
+fn evict(files: &[PathBuf]) {
+    for path in files {
+        let file = File::open(path).expect("it is there");
+        file.sync_all().expect("it can be synced");
+        rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::DontNeed).expect("the system takes advice");
+    }
+}

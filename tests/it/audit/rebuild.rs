@@ -1,0 +1,112 @@
+//! `gs2e audit --rebuild` makes scenes again from their recipes; `gs2e check --tree` judges the released files.
+
+use super::{BASE, resum};
+use crate::release::small::{RECIPE, copy, gs2e, reseal, said};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// Two scenes, the second of another seed.
+fn recipes() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let recipes = folder.path().join("recipes");
+    fs::create_dir(&recipes).unwrap();
+    fs::write(recipes.join("one.yaml"), RECIPE).unwrap();
+    fs::write(
+        recipes.join("two.yaml"),
+        RECIPE.replace("small/one", "small/two").replace("seed: 7", "seed: 8"),
+    )
+    .unwrap();
+    let output = gs2e(folder.path(), &["release", "--copy", "--to", "out"]);
+    assert!(output.status.success(), "{}", said(&output));
+    folder
+}
+
+/// Exit code and the codes and files of the faults.
+fn rebuilt(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<String>) {
+    let output = gs2e(folder, &[&["audit", "out", "--json"], arguments].concat());
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    let records = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let faults = records.filter(|record| record["code"].is_string());
+    let name = |fault: Value| {
+        format!("{} {}", fault["code"].as_str().unwrap(), fault["file"].as_str().unwrap_or("-"))
+    };
+    (output.status.code(), faults.map(name).collect())
+}
+
+#[test]
+fn scenes_made_again_are_the_same_bytes_and_what_is_not_is_found() {
+    let folder = recipes();
+    // The store of the release is not what they are made from.
+    fs::remove_dir_all(folder.path().join(".gs2e")).unwrap();
+    assert_eq!(rebuilt(folder.path(), &["--rebuild", "2"]), (Some(0), vec![]));
+    assert!(!folder.path().join(".gs2e").exists(), "what is made again leaves nothing behind");
+
+    // One that tampers and covers it up is found by making the scene again, and by nothing else.
+    let sharp = folder.path().join("out/small/two/base/sharp/000004.png");
+    let other = fs::read(folder.path().join("out/small/two/base/sharp/000008.png")).unwrap();
+    fs::write(&sharp, other).unwrap();
+    reseal(&folder.path().join("out"));
+    assert_eq!(rebuilt(folder.path(), &[]), (Some(0), vec![]));
+    let wanted = vec!["rebuilt-differs small/two/base/sharp/000004.png".to_owned()];
+    assert_eq!(rebuilt(folder.path(), &["--rebuild", "9"]), (Some(3), wanted));
+
+    // A recipe that says something else now says so.
+    let recipe = folder.path().join("recipes/one.yaml");
+    fs::write(&recipe, RECIPE.replace("seed: 7", "seed: 9")).unwrap();
+    let output = gs2e(folder.path(), &["audit", "out", "--rebuild", "2"]);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(said(&output).contains("its step base/events is made of other parameters"), "{}", said(&output));
+
+    fs::remove_file(recipe).unwrap();
+    let output = gs2e(folder.path(), &["audit", "out", "--rebuild", "2"]);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("no recipe makes the scene `small/one`"), "{}", said(&output));
+}
+
+/// The records of `check --tree` by check and what follows the trajectory in the subject.
+fn checked(folder: &Path, arguments: &[&str]) -> (Option<i32>, Vec<Value>) {
+    let output = gs2e(folder, &[&["check", "--json", "--tree", "."], arguments].concat());
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    (output.status.code(), text.lines().map(|line| serde_json::from_str(line).unwrap()).collect())
+}
+
+#[test]
+fn a_tree_is_checked_by_what_it_holds() {
+    let folder = copy();
+    let (code, records) = checked(folder.path(), &[]);
+    assert_eq!(code, Some(0));
+    let verdict = |check: &str, part: &str| {
+        let subject = format!("{BASE}{part}");
+        let found = records.iter().find(|r| r["check"] == check && r["subject"] == *subject);
+        found.unwrap_or_else(|| panic!("{check} {subject}"))["verdict"].as_str().unwrap().to_owned()
+    };
+    for (check, part) in
+        [("schema", "#order"), ("stamps", "#events"), ("pose_continuity", "#rotation"), ("speed", "#arc")]
+    {
+        assert_eq!(verdict(check, part), "pass", "{check}");
+    }
+    // What a release does not hold is said, and may be required.
+    assert_eq!(verdict("event_frame", ""), "not-run");
+    assert_eq!(checked(folder.path(), &["--require", "event_frame"]).0, Some(3));
+    assert_eq!(checked(folder.path(), &["small/two"]).0, Some(2));
+}
+
+#[test]
+fn a_tree_of_altered_poses_fails() {
+    let folder = copy();
+    let poses = folder.path().join(BASE).join("poses.txt");
+    let text = fs::read_to_string(&poses).unwrap();
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let mut words: Vec<String> = lines[9].split(' ').map(str::to_owned).collect();
+    words[1] = (words[1].parse::<f64>().unwrap() + 0.5).to_string();
+    lines[9] = words.join(" ");
+    fs::write(&poses, lines.join("\n") + "\n").unwrap();
+    resum(folder.path());
+    let (code, records) = checked(folder.path(), &[]);
+    assert_eq!(code, Some(3));
+    let failed: Vec<&str> =
+        records.iter().filter(|r| r["verdict"] == "fail").map(|r| r["check"].as_str().unwrap()).collect();
+    assert_eq!(failed, ["pose_continuity"], "{records:#?}");
+}
