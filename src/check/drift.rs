@@ -29,6 +29,9 @@ impl DriftLaw {
             }
         };
         let from_zero = *initial == Initial::Zero;
+        if !sensor.hot_pixels().is_absent() {
+            return Err("hot pixels make events that no drift asked for");
+        }
         if *law == Law::Official {
             return Err("under `law: official` the drift depends on every frame between two anchors");
         }

@@ -61,6 +61,9 @@ impl Check for MotionCompensation {
             );
             return vec![subject.not_run(NAME, "", because)];
         }
+        if subject.sensor.is_some_and(|sensor| !sensor.hot_pixels().is_absent()) {
+            return vec![subject.not_run(NAME, "", "the hot pixels of the recipe outweigh what moves")];
+        }
         if tally.sharpness.is_empty() {
             return vec![subject.not_run(NAME, "", "no depth of a picture that moves is at hand")];
         }

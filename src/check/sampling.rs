@@ -7,8 +7,12 @@
 //! changes by less than 5 %, and their times, event by event, by less than 20 us in the median. Where the recipe states a
 //! tolerance, which is an error in the voltage and not in time, the shift is told and not judged by default.
 
+mod resampled;
+
+pub use resampled::Resampled;
+
 use super::subject::{Bound, Judged};
-use super::{Check, Finding, Subject, limits};
+use super::{Check, Finding, Subject, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; what is absent has its default.
@@ -24,24 +28,6 @@ pub struct Limits {
     /// Largest median shift of an event at twice the frames, us.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub shift_us: Option<f64>,
-}
-
-/// A few intervals of a stream, and the same at twice the frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Resampled {
-    /// Number of intervals.
-    pub intervals: usize,
-    /// Events in them.
-    pub events: u64,
-    /// Events at twice the frames.
-    pub at_twice: u64,
-    /// Events of the same pixel and polarity in both, paired in order.
-    pub paired: u64,
-    /// Median time between the two of a pair, us; `None` where there is none.
-    pub shift_us: Option<f64>,
-    /// The error that the recipe allows between frames, thresholds, where it states one.
-    pub tolerance: Option<f64>,
 }
 
 /// Default limit, px per frame.
@@ -107,11 +93,21 @@ fn count(subject: &Subject<'_>, tried: &Resampled) -> Finding {
 }
 
 fn shift(subject: &Subject<'_>, tried: &Resampled) -> Finding {
-    let limit = Bound::of(subject.limits.sampling.and_then(|l| l.shift_us), Bound::warning(SHIFT_US));
     let Some(measured) = tried.shift_us else {
         return subject.not_run(NAME, "shift", "no event is in both");
     };
     let because =
         format!("of {} events at twice the frames the median moves by {measured:.2} us", tried.paired);
+    let asked = subject.limits.sampling.and_then(|l| l.shift_us);
+    if let (Some(tolerance), None) = (tried.tolerance, asked) {
+        let because = format!("{because}; the recipe allows an error of {tolerance} thresholds");
+        let (verdict, measured) = (Verdict::Pass, Some(measured));
+        return subject.finding(
+            NAME,
+            "shift",
+            Judged { verdict, measured, limit: None, unit: "us", because },
+        );
+    }
+    let limit = Bound::of(asked, Bound::warning(SHIFT_US));
     subject.finding(NAME, "shift", Judged::of(limit.at_most(measured), measured, limit, "us", because))
 }

@@ -133,7 +133,7 @@ fn recipe_of(scene: &SceneFile) -> Result<Recipe, RecheckError> {
         serde_json::to_writer(&file, &scene.recipe)?;
         Ok(file)
     };
-    let file = write().map_err(|e| unreadable(&std::env::temp_dir(), e))?;
+    let file = write().map_err(|e| unreadable(Path::new("a temporary file"), e))?;
     let failed = |faults| RecheckError::Recipe { scene: scene.id.clone(), faults };
     let mut read = read_all(&[file.path().to_owned()]).map_err(failed)?;
     Ok(read.pop().expect("one recipe was read"))

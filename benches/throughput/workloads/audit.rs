@@ -55,7 +55,8 @@ fn release() -> Given {
     let recipe = Path::new(env!("CARGO_MANIFEST_DIR")).join("recipes/demo.yaml");
     let store = folder.path().join("store");
     let words = ["gs2e", "-q", "release", "--copy", "--backend", "cpu", "--to"].map(Into::into);
-    let paths = [tree.clone().into_os_string(), "--store".into(), store.into_os_string(), recipe.into_os_string()];
+    let paths =
+        [tree.clone().into_os_string(), "--store".into(), store.into_os_string(), recipe.into_os_string()];
     let ended = gs2e::cli::run(words.into_iter().chain(paths));
     assert!(ended == ExitCode::SUCCESS, "the demo can be released");
     let entries = walkdir::WalkDir::new(&tree).into_iter().map(|entry| entry.expect("it can be listed"));

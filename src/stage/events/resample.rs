@@ -5,7 +5,7 @@ use super::Simulating;
 use crate::camera::Camera;
 use crate::check::drift::DriftLaw;
 use crate::check::sampling::Resampled;
-use crate::event::{Event, Polarity};
+use crate::event::Event;
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{Frame, Frames as _};
 use crate::render::Renderer;
@@ -48,7 +48,7 @@ impl Simulating {
         let of = |sensor: &&Sensor| {
             let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
             is_comparable(sensor)
-                .then(|| Ok(Resampled { tolerance, ..compare(intervals, both(2)?, both(1)?) }))
+                .then(|| Ok(Resampled { tolerance, ..Resampled::of(intervals, both(2)?, both(1)?) }))
                 .transpose()
         };
         let tried: Result<_, SensorError> = sensors.iter().map(of).collect();
@@ -93,56 +93,9 @@ fn doubled(stamps_us: &[i64]) -> Vec<i64> {
     all
 }
 
-/// Pairs the events of each pixel and polarity in their order.
-fn compare(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Resampled {
-    let key = |e: &Event| (e.y, e.x, e.polarity == Polarity::Off);
-    let counts = [&events, &at_twice].map(|events| events.len() as u64);
-    let [first, second] = [events, at_twice].map(|mut events| {
-        events.sort_by_key(|e| (key(e), e.t));
-        events
-    });
-    let (groups, mut others) = (first.chunk_by(|a, b| key(a) == key(b)), &second[..]);
-    let mut shifts_ns = Vec::new();
-    for group in groups {
-        let start = others.partition_point(|e| key(e) < key(&group[0]));
-        let alike = others[start..].iter().take_while(|e| key(e) == key(&group[0]));
-        shifts_ns.extend(group.iter().zip(alike).map(|(a, b)| a.t.0.abs_diff(b.t.0)));
-        others = &others[start..];
-    }
-    shifts_ns.sort_unstable();
-    let shift_us = shifts_ns.get(shifts_ns.len() / 2).map(|ns| *ns as f64 * 1e-3);
-    let paired = shifts_ns.len() as u64;
-    Resampled { intervals, events: counts[0], at_twice: counts[1], paired, shift_us, tolerance: None }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Label;
-
-    fn event(t_us: i64, x: u16, polarity: Polarity) -> Event {
-        Event { t: Timestamp::from_micros(t_us), x, y: 0, polarity, label: Label::Signal }
-    }
-
-    #[test]
-    fn events_are_paired_within_pixel_and_polarity() {
-        use Polarity::{Off, On};
-        let few = vec![event(10, 3, On), event(50, 3, On), event(20, 1, Off), event(30, 9, On)];
-        let more =
-            vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
-        let found = compare(4, few, more);
-        // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 is alone. Sorted: 3, 4, 10.
-        let wanted = Resampled {
-            intervals: 4,
-            events: 4,
-            at_twice: 5,
-            paired: 3,
-            shift_us: Some(4.0),
-            tolerance: None,
-        };
-        assert_eq!(found, wanted);
-        assert_eq!(compare(1, Vec::new(), Vec::new()).shift_us, None);
-    }
 
     #[test]
     fn stamps_are_halved() {

@@ -1,0 +1,78 @@
+//! A few intervals of a stream at its frames and at twice as many, event by event.
+
+use crate::event::{Event, Polarity};
+use serde::{Deserialize, Serialize};
+
+/// A few intervals of a stream, and the same at twice the frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resampled {
+    /// Number of intervals.
+    pub intervals: usize,
+    /// Events in them.
+    pub events: u64,
+    /// Events at twice the frames.
+    pub at_twice: u64,
+    /// Events of the same pixel and polarity in both, paired in order.
+    pub paired: u64,
+    /// Median time between the two of a pair, us; `None` where there is none.
+    pub shift_us: Option<f64>,
+    /// The error that the recipe allows between frames, thresholds, where it states one.
+    pub tolerance: Option<f64>,
+}
+
+impl Resampled {
+    /// Pairs the events of each pixel and polarity in their order.
+    #[must_use]
+    pub fn of(intervals: usize, events: Vec<Event>, at_twice: Vec<Event>) -> Self {
+        let key = |e: &Event| (e.y, e.x, e.polarity == Polarity::Off);
+        let counts = [&events, &at_twice].map(|events| events.len() as u64);
+        let [first, second] = [events, at_twice].map(|mut events| {
+            events.sort_by_key(|e| (key(e), e.t));
+            events
+        });
+        let (groups, mut others) = (first.chunk_by(|a, b| key(a) == key(b)), &second[..]);
+        let mut shifts_ns = Vec::new();
+        for group in groups {
+            let start = others.partition_point(|e| key(e) < key(&group[0]));
+            let alike = others[start..].iter().take_while(|e| key(e) == key(&group[0]));
+            shifts_ns.extend(group.iter().zip(alike).map(|(a, b)| a.t.0.abs_diff(b.t.0)));
+            others = &others[start..];
+        }
+        shifts_ns.sort_unstable();
+        let shift_us = shifts_ns.get(shifts_ns.len() / 2).map(|ns| *ns as f64 * 1e-3);
+        let paired = shifts_ns.len() as u64;
+        Self { intervals, events: counts[0], at_twice: counts[1], paired, shift_us, tolerance: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Label;
+    use crate::units::Timestamp;
+
+    fn event(t_us: i64, x: u16, polarity: Polarity) -> Event {
+        Event { t: Timestamp::from_micros(t_us), x, y: 0, polarity, label: Label::Signal }
+    }
+
+    #[test]
+    fn events_are_paired_within_pixel_and_polarity() {
+        use Polarity::{Off, On};
+        let few = vec![event(10, 3, On), event(50, 3, On), event(20, 1, Off), event(30, 9, On)];
+        let more =
+            vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
+        let found = Resampled::of(4, few, more);
+        // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 is alone. Sorted: 3, 4, 10.
+        let wanted = Resampled {
+            intervals: 4,
+            events: 4,
+            at_twice: 5,
+            paired: 3,
+            shift_us: Some(4.0),
+            tolerance: None,
+        };
+        assert_eq!(found, wanted);
+        assert_eq!(Resampled::of(1, Vec::new(), Vec::new()).shift_us, None);
+    }
+}
