@@ -35,7 +35,7 @@ pub enum Code {
     Unlisted,
     /// A path that would lead out of the tree, or that tools cannot carry.
     UnsafePath,
-    /// `SHA256SUMS`, `manifest.json` and the bytes do not agree on a file.
+    /// `SHA256SUMS`, `B3SUMS`, `manifest.json` and the bytes do not agree on a file.
     SumsDisagree,
     /// Files that say the same thing say different things.
     ClaimsDisagree,
@@ -185,7 +185,7 @@ pub struct Report {
 }
 
 const COVERS: [&str; 9] = [
-    "every byte against SHA256SUMS and manifest.json",
+    "every byte against SHA256SUMS, B3SUMS and manifest.json",
     "nothing missing, nothing unlisted",
     "paths",
     "scene.json against manifest.json and the recipe in it",
@@ -209,7 +209,8 @@ pub fn audit(dir: &Path) -> io::Result<Report> {
     if let Some(sums) = sums::read(dir, &mut faults) {
         let tree = Tree { dir, intact: bytes::intact(&bytes, &sums) };
         let manifest: Option<Manifest> = claims::parse(&tree, super::manifest::NAME, &mut faults);
-        bytes::compare(&bytes, &sums, manifest.as_ref(), &mut faults);
+        let b3 = sums::read_b3(&tree, &sums, &mut faults);
+        bytes::compare(&bytes, &bytes::Stated::new(&sums, b3.as_ref(), manifest.as_ref()), &mut faults);
         if let Some(manifest) = &manifest {
             faults.extend(audit_scenes(&tree, manifest));
             faults = faults.into_iter().map(|fault| fault.placed(manifest)).collect();

@@ -104,7 +104,8 @@ const FILES: &str = "\
 | `croissant.json` | this release in Croissant 1.1 |
 | `gs2e.py` | a loader, over numpy and h5py alone |
 | `manifest.json` | every step with its key, every file with size and BLAKE3 |
-| `SHA256SUMS` | `sha256sum --strict -c SHA256SUMS` |
+| `B3SUMS` | the same files by BLAKE3: `b3sum --check B3SUMS` |
+| `SHA256SUMS` | every file: `sha256sum --strict -c SHA256SUMS` |
 ";
 
 const LOADING: &str = "\

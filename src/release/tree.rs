@@ -81,24 +81,34 @@ pub(super) fn write(
         let folder = partial.join(folder);
         fs::create_dir_all(&folder).map_err(failed(&folder))?;
     }
-    let written: Vec<(&str, checksum::Hashes)> = tree
+    let mut written: BTreeMap<&str, checksum::Hashes> = tree
         .files
         .par_iter()
         .map(|(path, content)| {
             Ok((path.as_str(), place(&partial.join(path), path, content, store, options)?))
         })
         .collect::<Result<_, ReleaseError>>()?;
-    let text = checksum::text(written.iter().map(|(path, hashes)| (*path, hashes.sha256.as_str())));
     sync(&partial)?;
-    let sums = partial.join(checksum::NAME);
-    write_synced(&sums, text.as_bytes()).map_err(failed(&sums))?;
+    seal(&partial, &mut written)?;
     let report = audit::audit(&partial).map_err(failed(&partial))?;
     if !report.faults.is_empty() {
         return Err(ReleaseError::Audit(report.faults));
     }
     put_in_place(&partial, to, existing)?;
-    let bytes = written.iter().map(|(_, hashes)| hashes.size).sum::<u64>() + text.len() as u64;
-    Ok((written.len() + 1, bytes))
+    Ok((written.len(), written.values().map(|hashes| hashes.size).sum()))
+}
+
+/// Writes the sums, `B3SUMS` first as `SHA256SUMS` covers it, and adds them to what was written.
+fn seal(partial: &Path, written: &mut BTreeMap<&str, checksum::Hashes>) -> Result<(), ReleaseError> {
+    let sums: [(&str, fn(&checksum::Hashes) -> String); 2] =
+        [(checksum::B3_NAME, |of| of.blake3.to_string()), (checksum::NAME, |of| of.sha256.clone())];
+    for (name, sum) in sums {
+        let text = checksum::text(written.iter().map(|(path, hashes)| (*path, sum(hashes))));
+        let path = partial.join(name);
+        write_synced(&path, text.as_bytes()).map_err(failed(&path))?;
+        written.insert(name, checksum::Hashes::of(text.as_bytes()));
+    }
+    Ok(())
 }
 
 /// The path beside `to` with a suffix: on the same file system, so that a rename is enough.

@@ -130,6 +130,50 @@ fn sums_have_one_form_and_agree() {
 }
 
 #[test]
+fn the_other_sums_are_held_to_the_same() {
+    let stamps = format!("{BASE}/timestamps_us.txt");
+    let path = stamps.as_str();
+    // Whoever changes B3SUMS and covers that up in SHA256SUMS: form, lines and digests are still held against the bytes.
+    let sums = |change: &dyn Fn(String) -> String, wanted: &[&str]| {
+        let covered = |f: &Path| {
+            let text = fs::read_to_string(f.join("B3SUMS")).unwrap();
+            fs::write(f.join("B3SUMS"), change(text)).unwrap();
+            resum(f);
+        };
+        check(covered, wanted);
+    };
+    let disagree = format!("sums-disagree {stamps}");
+    sums(&|text| text, &[]);
+    sums(&|text| text + "\n", &["altered B3SUMS"]);
+    sums(
+        &|text| {
+            text.lines().filter(|line| !line.ends_with(path)).map(|line| line.to_owned() + "\n").collect()
+        },
+        &[&disagree],
+    );
+    let line = |text: &str| text.lines().find(|line| line.ends_with(path)).unwrap().to_owned();
+    let other = |text: String| text.replace(&line(&text), &format!("{}  {path}", "0".repeat(64)));
+    sums(&other, &[&disagree]);
+    let upper = |text: String| text.replace(&line(&text)[..64], &line(&text)[..64].to_uppercase());
+    sums(&upper, &["altered B3SUMS", &disagree]);
+    sums(&|text| text + &format!("{}  z/outside\n", "0".repeat(64)), &["sums-disagree z/outside"]);
+    sums(
+        &|text| text + &format!("{}  ../outside\n", "0".repeat(64)),
+        &["altered B3SUMS", "unsafe-path ../outside"],
+    );
+    // Without the cover it is a file like any other.
+    check(|f| fs::remove_file(f.join("B3SUMS")).unwrap(), &["missing B3SUMS"]);
+    check(|f| fs::write(f.join("B3SUMS"), "").unwrap(), &["altered B3SUMS"]);
+    check(
+        |f| {
+            fs::remove_file(f.join("B3SUMS")).unwrap();
+            resum(f);
+        },
+        &["missing B3SUMS"],
+    );
+}
+
+#[test]
 fn unlawful_terms_are_found() {
     let scene = |f: &Path, key: &str, value: &str| {
         edit(f, SCENE, |v| *v.pointer_mut(key).unwrap() = value.into());
