@@ -21,7 +21,10 @@ mod schema;
 mod text;
 mod tree;
 
-pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_sources};
+pub use beside::{
+    Redistribution, ReleaseInfo, SourceTerms, Takedown, read_release, read_sources, read_takedown,
+    takedown_of,
+};
 pub use edits::{Edit, edits};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::{RecipeFile, find_all, read_all, read_files};

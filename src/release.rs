@@ -27,7 +27,7 @@ use crate::artifact::Stream;
 use crate::check::{Finding, Verdict};
 use crate::licence::{Passing, is_metadata};
 use crate::plan::Plan;
-use crate::recipe::{ReleaseInfo, SourceTerms};
+use crate::recipe::{ReleaseInfo, SourceTerms, Takedown};
 use crate::run::Summary;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
@@ -47,6 +47,19 @@ pub struct Options {
     pub replace: bool,
     /// Copy files even where they could be linked.
     pub copy: bool,
+}
+
+/// What lies beside the recipes and concerns the release as a whole.
+#[derive(Debug, Clone, Default)]
+pub struct Beside {
+    /// What it is called.
+    pub info: ReleaseInfo,
+    /// What may be passed on.
+    pub terms: SourceTerms,
+    /// What is passed on no longer.
+    pub takedown: Takedown,
+    /// Number of scenes that the plan lacks because of that.
+    pub taken_down: usize,
 }
 
 /// What was written.
@@ -71,6 +84,9 @@ pub enum ReleaseError {
     /// Checks failed.
     #[error("{} checks failed", .0.len())]
     Checks(Vec<Finding>),
+    /// There is no scene.
+    #[error("no scene is left to be released")]
+    Nothing,
     /// The target folder is something else.
     #[error("{} {because}", path.display())]
     Foreign {
@@ -111,24 +127,28 @@ pub fn write(
     plan: &Plan,
     summary: &Summary,
     store: &Store,
-    (info, terms): (&ReleaseInfo, &SourceTerms),
+    beside: &Beside,
     options: Options,
 ) -> Result<Written, ReleaseError> {
-    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, (store, terms)));
+    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, (store, &beside.terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
     let findings = scenes.iter().flat_map(BuiltScene::findings);
     let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
     if !failed.is_empty() {
         return Err(ReleaseError::Checks(failed));
     }
-    let tree = compose(&scenes, store, info)?;
-    let (files, bytes) = tree::write(to, &tree, store, options)?;
+    if scenes.is_empty() {
+        return Err(ReleaseError::Nothing);
+    }
+    let tree = compose(&scenes, store, beside)?;
+    let (files, bytes) = tree::write(to, &tree, (store, &beside.takedown), options)?;
     let warnings: BTreeSet<&String> = scenes.iter().flat_map(|s| &s.licence.warnings).collect();
     Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.into_iter().cloned().collect() })
 }
 
 /// Lists the tree, but for the sums.
-fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Result<Tree, ReleaseError> {
+fn compose(scenes: &[BuiltScene<'_>], store: &Store, beside: &Beside) -> Result<Tree, ReleaseError> {
+    let info = &beside.info;
     let mut tree = Tree::default();
     let (mut listed, mut described) = (Vec::new(), Vec::new());
     for scene in scenes {
@@ -140,7 +160,7 @@ fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Resu
     }
     let licence = crate::licence::compose_all(scenes.iter().map(|s| &s.licence));
     let mut top = Tree::default();
-    top.add("README.md".into(), Content::Bytes(card::compose(scenes, info, &licence).into_bytes()));
+    top.add("README.md".into(), Content::Bytes(card::compose(scenes, beside, &licence).into_bytes()));
     for id in &licence.ids {
         let text = crate::licence::text(id, &holders(scenes));
         top.add(format!("LICENSES/{id}.txt"), Content::Bytes(text.into_bytes()));
@@ -157,6 +177,7 @@ fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Resu
         version: info.version.clone(),
         tool: TOOL.into(),
         licence: licence.expression,
+        taken_down: beside.taken_down,
         scenes: listed,
         files: top.listing(),
     };

@@ -257,6 +257,11 @@ fn read(file: &Path) -> Result<(String, Sighting), Fault> {
     Ok((text, seen))
 }
 
+/// The text of a file beside the recipes that is none of YAML.
+pub(super) fn read_text(file: &Path) -> Result<String, Fault> {
+    read(file).map(|(body, _)| body)
+}
+
 /// What the system says, without its error number.
 pub(super) fn words(error: &std::io::Error) -> String {
     let text = error.to_string();

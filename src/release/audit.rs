@@ -12,11 +12,13 @@ mod croissant;
 mod index;
 pub mod rebuilt;
 mod sums;
+mod takedown;
 mod terms;
 mod walk;
 
 use super::manifest::Manifest;
 use super::scene::SceneFile;
+use crate::recipe::Takedown;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -51,6 +53,8 @@ pub enum Code {
     LicenceTextMissing,
     /// A text in `LICENSES/` is of no licence in use.
     LicenceUnused,
+    /// A scene is there that is on the takedown list.
+    Takedown,
     /// The card states other terms than the scenes do.
     CardLicence,
     /// A field that `croissant.json` must have is absent, or says what it cannot say.
@@ -94,6 +98,7 @@ impl Code {
             Self::LicenceForbidden => "licence-forbidden",
             Self::LicenceTextMissing => "licence-text-missing",
             Self::LicenceUnused => "licence-unused",
+            Self::Takedown => "takedown",
             Self::CardLicence => "card-licence",
             Self::CroissantField => "croissant-field",
             Self::CroissantUnknown => "croissant-unknown",
@@ -117,6 +122,9 @@ impl Code {
             }
             Self::RebuiltDiffers => {
                 "release it again; where every key is the same, the program or the machine is not deterministic: report it"
+            }
+            Self::Takedown => {
+                "release again with the list beside the recipes, and withdraw what was passed on"
             }
             Self::CheckFailedUnwaived => "mend the scene, or waive the check with a reason in its recipe",
             _ => {
@@ -181,7 +189,7 @@ pub struct Report {
     /// Their bytes.
     pub bytes: u64,
     /// All that was looked at.
-    pub covers: [&'static str; 9],
+    pub covers: Vec<&'static str>,
 }
 
 const COVERS: [&str; 9] = [
@@ -203,6 +211,14 @@ const COVERS: [&str; 9] = [
 /// # Errors
 /// When the folder cannot be listed. A file that cannot be read is a fault.
 pub fn audit(dir: &Path) -> io::Result<Report> {
+    audit_against(dir, None)
+}
+
+/// Audits the release in `dir`, and whether it holds a scene of a takedown list.
+///
+/// # Errors
+/// As [`audit`].
+pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Report> {
     let tree = walk::walk(dir)?;
     let bytes = bytes::hash(dir, &tree.files);
     let mut faults = tree.oddities;
@@ -212,14 +228,15 @@ pub fn audit(dir: &Path) -> io::Result<Report> {
         let b3 = sums::read_b3(&tree, &sums, &mut faults);
         bytes::compare(&bytes, &bytes::Stated::new(&sums, b3.as_ref(), manifest.as_ref()), &mut faults);
         if let Some(manifest) = &manifest {
-            faults.extend(audit_scenes(&tree, manifest));
+            faults.extend(audit_scenes(&tree, manifest, takedown));
             faults = faults.into_iter().map(|fault| fault.placed(manifest)).collect();
         }
     }
     faults.sort();
     faults.dedup();
     let read = bytes.values().flatten();
-    Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers: COVERS })
+    let covers = COVERS.into_iter().chain(takedown.map(|_| "scenes against the takedown list")).collect();
+    Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers })
 }
 
 /// The part of a tree that can be trusted to be what was released.
@@ -240,10 +257,11 @@ impl Tree<'_> {
     }
 }
 
-fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
+fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown>) -> Vec<Fault> {
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in &manifest.scenes {
         let path = format!("{}/scene.json", listed.id);
+        let known = scenes.len();
         if !tree.has(&path) {
             faults.push(Fault::of_scene(
                 Code::SceneIncomplete,
@@ -256,6 +274,7 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
             faults.extend(contents::scene(tree, &scene));
             scenes.push(scene);
         }
+        faults.extend(takedown.and_then(|list| takedown::scene(list, listed, scenes.get(known))));
     }
     let index = index::read(tree, &mut faults);
     let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());

@@ -1,6 +1,7 @@
 //! `README.md` of a release, the dataset card: what it is, how to read it, how it was made, under which terms. Every
 //! number in it is computed.
 
+use super::Beside;
 use super::built::{BuiltScene, BuiltTrajectory};
 use crate::artifact::Stream;
 use crate::check::Verdict;
@@ -11,10 +12,11 @@ use crate::sensor::voltmeter::Between;
 use std::fmt::Write as _;
 
 /// Composes the card.
-pub(super) fn compose(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> String {
+pub(super) fn compose(scenes: &[BuiltScene<'_>], beside: &Beside, licence: &Composed) -> String {
+    let info = &beside.info;
     let mut text = head(scenes, info, licence);
     for section in [
-        introduction(scenes, info),
+        introduction(scenes, beside),
         FILES.to_owned(),
         LOADING.to_owned(),
         conventions(scenes),
@@ -64,7 +66,8 @@ fn head(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> St
     text
 }
 
-fn introduction(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> String {
+fn introduction(scenes: &[BuiltScene<'_>], beside: &Beside) -> String {
+    let info = &beside.info;
     let mut text = format!("# {} {}\n\n", info.name, info.version);
     if !info.description.is_empty() {
         let _ = writeln!(text, "{}\n", info.description);
@@ -79,6 +82,9 @@ fn introduction(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> String {
          path.",
         events(scenes)
     );
+    if beside.taken_down > 0 {
+        let _ = writeln!(text, "\nLeft out, as their removal was asked for: {} scene(s).", beside.taken_down);
+    }
     text
 }
 

@@ -28,10 +28,17 @@ pub struct Manifest {
     pub tool: String,
     /// SPDX expression of the whole: the sorted AND of its scenes.
     pub licence: String,
+    /// Number of scenes that were left out because a takedown list names them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub taken_down: usize,
     /// The scenes, sorted by id.
     pub scenes: Vec<ManifestScene>,
     /// Files that belong to no scene, sorted by path; this file and the sums are not listed.
     pub files: Vec<ManifestFile>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl Manifest {

@@ -1,7 +1,10 @@
 //! A tree of files on its way to disk: written aside, synced, audited, and put in place by one rename.
+//!
+//! The audit is told the takedown list, so that no release is put in place that holds what it lists.
 
 use super::manifest::ManifestFile;
 use super::{Options, ReleaseError, audit, checksum, manifest};
+use crate::recipe::Takedown;
 use crate::store::{Digest, Store};
 use rayon::prelude::*;
 use rustix::fs::{CWD, RenameFlags};
@@ -67,7 +70,7 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> ReleaseError {
 pub(super) fn write(
     to: &Path,
     tree: &Tree,
-    store: &Store,
+    (store, takedown): (&Store, &Takedown),
     options: Options,
 ) -> Result<(usize, u64), ReleaseError> {
     let existing = existing(to, options)?;
@@ -90,7 +93,7 @@ pub(super) fn write(
         .collect::<Result<_, ReleaseError>>()?;
     sync(&partial)?;
     seal(&partial, &mut written)?;
-    let report = audit::audit(&partial).map_err(failed(&partial))?;
+    let report = audit::audit_against(&partial, Some(takedown)).map_err(failed(&partial))?;
     if !report.faults.is_empty() {
         return Err(ReleaseError::Audit(report.faults));
     }

@@ -57,6 +57,7 @@ mod store;
 mod stress;
 mod study;
 mod support;
+mod takedown;
 mod tidy;
 mod tolerance;
 mod trajectories;
