@@ -22,8 +22,8 @@ mod text;
 mod tree;
 
 pub use beside::{
-    Redistribution, ReleaseInfo, SourceTerms, Takedown, read_release, read_sources, read_takedown,
-    takedown_of,
+    By, Redistribution, ReleaseInfo, SourceTerms, Splits, Takedown, read_release, read_sources,
+    read_takedown, takedown_of,
 };
 pub use edits::{Edit, edits};
 pub use fault::{Fault, Faults, LISTED};
@@ -32,6 +32,7 @@ pub use fragment::{Fragment, read_fragment, read_sensor};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
+use crate::licence::Grant;
 use crate::reconstruct::Command;
 use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
@@ -63,6 +64,8 @@ pub struct Recipe {
     pub seed: u64,
     /// Where poses come from.
     pub source: Source,
+    /// What it shows, where other recipes show the same and no split may part them.
+    pub group: Option<String>,
     /// Where the Gaussians come from; `None` for procedural sources, which bring their own, and where nothing is rendered.
     pub reconstruct: Option<Reconstruct>,
     /// The camera, where it differs from the source's own.
@@ -223,4 +226,6 @@ pub struct LicenceChoice {
     pub expression: String,
     /// Who holds the rights.
     pub holder: String,
+    /// What the upstream granted, with the evidence.
+    pub grant: Option<Grant>,
 }

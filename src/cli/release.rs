@@ -133,6 +133,8 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
         ReleaseError::Foreign { .. } => {
             Problem::usage("foreign-folder", message).help("choose another folder, or say --replace")
         }
+        ReleaseError::Leaks(_) => Problem::fault("split-leak", format!("{message}; nothing was released"))
+            .help("have the recipes of what belongs together name one `group:`, with splits by object"),
         ReleaseError::Nothing => Problem::usage("nothing-to-release", message)
             .help("every scene is on the takedown list; a release that is there is left as it is, and may hold them"),
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),

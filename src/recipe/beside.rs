@@ -3,10 +3,12 @@
 
 mod release;
 mod sources;
+mod splits;
 mod takedown;
 
 pub use release::ReleaseInfo;
 pub use sources::{Redistribution, SourceTerms};
+pub use splits::{By, Splits};
 pub use takedown::{Takedown, read_takedown, takedown_of};
 
 use super::fault::{Fault, Faults};

@@ -209,6 +209,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
         scene: resolved.scene,
         seed: resolved.seed,
         source: resolved.source,
+        group: resolved.group,
         reconstruct: resolved.reconstruct,
         camera: resolved.camera,
         trajectories: resolved.trajectories,

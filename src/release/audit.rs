@@ -11,6 +11,7 @@ mod contents;
 mod croissant;
 mod index;
 pub mod rebuilt;
+mod splits;
 mod sums;
 mod takedown;
 mod terms;
@@ -55,6 +56,8 @@ pub enum Code {
     LicenceUnused,
     /// A scene is there that is on the takedown list.
     Takedown,
+    /// A scene is in another split than the rule of the release puts it in, or two splits have something in common.
+    SplitLeak,
     /// The card states other terms than the scenes do.
     CardLicence,
     /// A field that `croissant.json` must have is absent, or says what it cannot say.
@@ -99,6 +102,7 @@ impl Code {
             Self::LicenceTextMissing => "licence-text-missing",
             Self::LicenceUnused => "licence-unused",
             Self::Takedown => "takedown",
+            Self::SplitLeak => "split-leak",
             Self::CardLicence => "card-licence",
             Self::CroissantField => "croissant-field",
             Self::CroissantUnknown => "croissant-unknown",
@@ -192,14 +196,15 @@ pub struct Report {
     pub covers: Vec<&'static str>,
 }
 
-const COVERS: [&str; 9] = [
+const COVERS: [&str; 10] = [
     "every byte against SHA256SUMS, B3SUMS and manifest.json",
     "nothing missing, nothing unlisted",
     "paths",
     "scene.json against manifest.json and the recipe in it",
     "index.parquet against scene.json, speed.json and checks.json",
     "croissant.json: its fields, and what it says of files, columns and terms",
-    "licence expressions, their texts, and what sources demand",
+    "licence expressions, their texts and evidence, what sources demand; REUSE.toml and DATASHEET.md against them",
+    "splits: each scene where the rule puts it, no group, photo or Gaussians in two of them",
     "failed checks",
     "events, poses, stamps, transforms and pictures open and agree",
 ];
@@ -285,8 +290,10 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown
         index: index.as_ref(),
         scenes: &scenes,
     }));
+    faults.extend(splits::audit(manifest, &scenes));
     faults.extend(terms::texts(manifest, tree));
     faults.extend(terms::card(tree, manifest));
+    faults.extend(terms::files(tree, manifest, &scenes));
     faults
 }
 

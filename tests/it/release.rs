@@ -14,8 +14,12 @@ fn the_tree_is_that_of_the_contract() {
     let files = read(release());
     let mut wanted: Vec<String> = [
         "B3SUMS",
+        "DATASHEET.md",
+        "LICENSES/Apache-2.0.txt",
         "LICENSES/CC0-1.0.txt",
+        "LICENSES/MIT.txt",
         "README.md",
+        "REUSE.toml",
         "SHA256SUMS",
         "croissant.json",
         "gs2e.py",
