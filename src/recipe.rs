@@ -32,7 +32,7 @@ pub use fragment::{Fragment, read_fragment, read_sensor};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::licence::Grant;
+use crate::licence::{Grant, ledger};
 use crate::reconstruct::Command;
 use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
@@ -142,6 +142,18 @@ impl Source {
             Self::Procedural(_) => "procedural",
             Self::Captured(captured, _) => captured.kind.name(),
             Self::None => "none",
+        }
+    }
+
+    /// What its upstream is, by the kind of source, and what that calls it.
+    #[must_use]
+    pub fn origin(&self) -> (&'static str, Option<&str>) {
+        match self {
+            Self::Captured(captured, upstream) => {
+                let kind = ledger::origin(captured.kind.name(), upstream.url.as_deref());
+                (kind, upstream.id.as_deref())
+            }
+            Self::Procedural(_) | Self::None => (self.kind(), None),
         }
     }
 

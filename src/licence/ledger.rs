@@ -221,6 +221,16 @@ pub fn dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
     sources().find(by_kind).or_else(|| sources().find(by_address))
 }
 
+/// The kind of source that a capture is of, by its name: what its address says, else what it is read as.
+#[must_use]
+pub fn origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
+    let asset = SourceKind::by_name(kind).and_then(|kind| dataset(kind, url));
+    match asset.map(|asset| asset.role) {
+        Some(Role::Source(Some(kind))) => kind.name(),
+        _ => kind,
+    }
+}
+
 /// The program of this name.
 #[must_use]
 pub fn tool(name: &str) -> Option<&'static Asset> {
@@ -302,6 +312,8 @@ mod tests {
         t(SourceKind::Colmap, Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet"), Some("MVImgNet"));
         t(SourceKind::Nerfstudio, Some("https://jonbarron.info/mipnerf360/"), Some("Mip-NeRF 360"));
         t(SourceKind::Colmap, Some("https://example.org/lab"), None);
+        assert_eq!(origin("colmap", Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet")), "mvimgnet");
+        assert_eq!(origin("colmap", Some("https://jonbarron.info/mipnerf360/")), "colmap");
         // A program is no dataset.
         t(SourceKind::Colmap, Some("https://github.com/graphdeco-inria/gaussian-splatting"), None);
         assert_eq!(tool("3DGS").map(|asset| asset.name), Some("3D Gaussian Splatting"));

@@ -30,7 +30,7 @@ pub struct Survey {
 pub struct Settled {
     /// Its id.
     pub scene: String,
-    /// Kind of its source, and what its upstream calls it.
+    /// Kind of its upstream, and what that calls it.
     source: (String, Option<String>),
     /// Names of its trajectories.
     trajectories: Vec<String>,
@@ -148,11 +148,8 @@ pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();
         let trajectories = recipe.trajectories.iter().map(|t| t.name.clone()).collect();
-        let upstream_id = match &recipe.source {
-            recipe::Source::Captured(_, upstream) => upstream.id.clone(),
-            recipe::Source::Procedural(_) | recipe::Source::None => None,
-        };
-        let source = (recipe.source.kind().to_owned(), upstream_id);
+        let (kind, upstream_id) = recipe.source.origin();
+        let source = (kind.to_owned(), upstream_id.map(str::to_owned));
         let settled = Settled { scene: recipe.scene.clone(), source, trajectories, steps };
         store.remember(&recipe.file.name(), *tag, &seen, &blobs, settled);
     }

@@ -103,9 +103,11 @@ pub(super) fn write(
 
 /// Writes the sums, `B3SUMS` first as `SHA256SUMS` covers it, and adds them to what was written.
 fn seal(partial: &Path, written: &mut BTreeMap<&str, checksum::Hashes>) -> Result<(), ReleaseError> {
-    let sums: [(&str, fn(&checksum::Hashes) -> String); 2] =
-        [(checksum::B3_NAME, |of| of.blake3.to_string()), (checksum::NAME, |of| of.sha256.clone())];
-    for (name, sum) in sums {
+    for name in [checksum::B3_NAME, checksum::NAME] {
+        let sum = |of: &checksum::Hashes| match name {
+            checksum::B3_NAME => of.blake3.to_string(),
+            _ => of.sha256.clone(),
+        };
         let text = checksum::text(written.iter().map(|(path, hashes)| (*path, sum(hashes))));
         let path = partial.join(name);
         write_synced(&path, text.as_bytes()).map_err(failed(&path))?;

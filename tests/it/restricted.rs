@@ -126,6 +126,34 @@ fn other_terms_than_the_upstreams_take_evidence() {
 }
 
 #[test]
+fn a_known_program_has_its_own_terms() {
+    let recipe = |licence: &str| {
+        format!(
+            "version: 1\nscene: mine\nsource: {{ colmap: {{ path: capture }} }}\nreconstruct:\n  command: {{ program: \
+             gaussian-splatting, arguments: [\"{{capture}}\", \"{{out}}\"], version: \"1\", licence: {licence} }}\n\
+             trajectories: [{{ name: base, refine: {{}} }}]\n"
+        )
+    };
+    let place = Workspace::new();
+    for (licence, wanted) in [
+        ("MIT", "3D Gaussian Splatting is under LicenseRef-Inria-MPII-3DGS (licence-forbidden)"),
+        ("CC BY MIT", "is no SPDX expression"),
+        // The recipe is sound; what it trains on is not there.
+        ("LicenseRef-Inria-MPII-3DGS", "capture"),
+    ] {
+        place.write("recipe.yaml", recipe(licence));
+        let ended = place.gs2e("build recipe.yaml");
+        assert!(ended.code > 0 && ended.stderr.contains(wanted), "{licence}: {}", ended.stderr);
+        assert_eq!(
+            ended.stderr.contains("recipe.yaml:5:"),
+            wanted != "capture",
+            "{licence}: {}",
+            ended.stderr
+        );
+    }
+}
+
+#[test]
 fn evidence_is_released_with_the_scene_and_audited() {
     let place = stating(&format!("{UPSTREAM}, {EVIDENCE} }}"));
     place.ok("release --to tree --copy recipes");

@@ -6,7 +6,7 @@ use crate::recipe::find::{self, TAKEDOWN};
 use crate::recipe::load::read_text;
 use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::text::{Place, Text};
-use crate::recipe::{Recipe, RecipeFile, Source, forms};
+use crate::recipe::{Recipe, RecipeFile, forms};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -35,11 +35,8 @@ impl Takedown {
     /// Whether a recipe's scene is listed.
     #[must_use]
     pub fn lists(&self, recipe: &Recipe) -> bool {
-        let upstream_id = match &recipe.source {
-            Source::Captured(_, upstream) => upstream.id.as_deref(),
-            Source::Procedural(_) | Source::None => None,
-        };
-        self.since(&recipe.scene, recipe.source.kind(), upstream_id).is_some()
+        let (kind, upstream_id) = recipe.source.origin();
+        self.since(&recipe.scene, kind, upstream_id).is_some()
     }
 
     /// The recipes of scenes that are not listed, and the number of the others.

@@ -63,6 +63,19 @@ impl Resolver<'_> {
         Some(Some(Grant { expression, granted_by: granted_by?, url: url??, date: date?? }))
     }
 
+    /// The terms of a program; of one that is known they are its own.
+    pub(super) fn tool_terms(&self, program: &str, text: &str, place: Place) -> Option<String> {
+        let stated = self.spdx(text, place)?;
+        let name = program.rsplit('/').next().unwrap_or(program);
+        let Some(asset) = ledger::tool(name) else { return Some(stated) };
+        let parsed = Expression::parse(&stated).ok();
+        let lacks = asset.ids.iter().find(|id| !parsed.as_ref().is_some_and(|terms| terms.demands(id)));
+        let Some(id) = lacks else { return Some(stated) };
+        let message = format!("is {}, and {} is under {id} (licence-forbidden)", quoted(&stated), asset.name);
+        let help = asset.evidence.iter().map(|evidence| format!("read {}: {}", evidence.url, evidence.says));
+        self.refuse(Problem::of_field(message).help(help.collect::<Vec<_>>().join("; ")).at(place))
+    }
+
     pub(super) fn spdx(&self, text: &str, place: Place) -> Option<String> {
         let Err(error) = spdx::Expression::parse(text) else { return Some(text.to_owned()) };
         let problem = Problem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
