@@ -101,8 +101,8 @@ fn parts(scene: &SceneFile, upstream: Option<&Asset>, whole: &Expression) -> Vec
         let asset = upstream.filter(|asset| asset.name == part.asset);
         let evidence = asset.iter().flat_map(|asset| asset.evidence).map(|evidence| evidence.url);
         let known = match asset {
-            None => part.asset == OWNER,
-            Some(asset) => part.verified == asset.verified && part.obligations == asset.obligations,
+            None => part.asset == OWNER && part.verified.is_none(),
+            Some(asset) => part.verified == Some(asset.verified) && part.obligations == asset.obligations,
         };
         if !known || !evidence.eq(part.evidence.iter().map(String::as_str)) {
             let message =

@@ -43,9 +43,11 @@ pub struct LicensedPart {
     pub attribution: String,
     /// What is asked of whoever receives it, as far as it is known.
     pub obligations: Vec<Obligation>,
-    /// Whether the terms were read in full at their holder's; of the owner's part the recipe is the source.
-    pub verified: bool,
-    /// Where the dataset's terms were read.
+    /// Of a dataset: whether its terms were read in full at their holder's. The owner's part is what the recipe says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verified: Option<bool>,
+    /// Of a dataset: where its terms were read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub evidence: Vec<String>,
     /// Why the terms are other than those that the dataset has for everybody, where they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,7 +63,7 @@ impl LicensedPart {
             expression: part.expression.clone(),
             attribution: part.attribution.clone(),
             obligations: part.obligations.clone(),
-            verified: part.asset.is_none_or(|asset| asset.verified),
+            verified: part.asset.map(|asset| asset.verified),
             evidence: evidence.map(|evidence| evidence.url.to_owned()).collect(),
             grant: part.grant.clone(),
         }
