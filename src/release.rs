@@ -32,7 +32,7 @@ use crate::artifact::Stream;
 use crate::check::{Finding, Verdict};
 use crate::licence::{Passing, is_metadata};
 use crate::plan::Plan;
-use crate::recipe::{ReleaseInfo, SourceTerms, Takedown};
+use crate::recipe::{self, Faults, ReleaseInfo, SourceTerms, Takedown};
 use crate::run::Summary;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
@@ -66,6 +66,21 @@ pub struct Beside {
     pub takedown: Takedown,
     /// Number of scenes that the plan lacks because of that.
     pub taken_down: usize,
+}
+
+impl Beside {
+    /// Reads what lies beside the recipes of these paths; no scene counts as left out yet.
+    ///
+    /// # Errors
+    /// Every fault of one of the files.
+    pub fn read(paths: &[PathBuf]) -> Result<Self, Faults> {
+        Ok(Self {
+            info: recipe::read_release(paths)?,
+            terms: recipe::read_sources(paths)?,
+            takedown: recipe::read_takedown(paths)?,
+            taken_down: 0,
+        })
+    }
 }
 
 /// What was written.

@@ -30,7 +30,8 @@ impl Audit {
         if !self.dir.is_dir() {
             return Err(Problem::usage("input-missing", format!("{dir} is no folder")));
         }
-        let takedown = self.takedown.as_ref().map(|file| Takedown::read(std::slice::from_ref(file))).transpose()?;
+        let takedown =
+            self.takedown.as_ref().map(|file| Takedown::read(std::slice::from_ref(file))).transpose()?;
         let mut report = audit::audit_against(&self.dir, takedown.as_ref())
             .map_err(|e| Problem::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
         if let Some(again) = self.again.run(&self.dir, common, console)? {

@@ -40,12 +40,10 @@ impl Release {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
-        let info = recipe::read_release(&self.targets.recipes)?;
-        let terms = recipe::read_sources(&self.targets.recipes)?;
-        let takedown = recipe::read_takedown(&self.targets.recipes)?;
-        let (recipes, taken_down) = takedown.keep(recipes);
+        let mut beside = Beside::read(&self.targets.recipes)?;
+        let (recipes, taken_down) = beside.takedown.keep(recipes);
+        beside.taken_down = taken_down;
         super::takedown::tell(taken_down, console);
-        let beside = Beside { info, terms, takedown, taken_down };
         let started = Instant::now();
         let store = open(common, &self.care, console)?;
         self.keep_ours(common)?;
