@@ -29,6 +29,7 @@ mod screening;
 mod simulate;
 mod stress;
 mod study;
+mod takedown;
 mod trajectory;
 mod why;
 

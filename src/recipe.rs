@@ -21,7 +21,10 @@ mod schema;
 mod text;
 mod tree;
 
-pub use beside::{Redistribution, ReleaseInfo, SourceTerms, read_release, read_sources};
+pub use beside::{
+    By, Redistribution, ReleaseInfo, SourceTerms, Splits, Takedown, read_release, read_sources,
+    read_takedown, takedown_of,
+};
 pub use edits::{Edit, edits};
 pub use fault::{Fault, Faults, LISTED};
 pub use find::{RecipeFile, find_all, read_all, read_files};
@@ -29,6 +32,7 @@ pub use fragment::{Fragment, read_fragment, read_sensor};
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
+use crate::licence::{Grant, ledger};
 use crate::reconstruct::Command;
 use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
@@ -60,6 +64,8 @@ pub struct Recipe {
     pub seed: u64,
     /// Where poses come from.
     pub source: Source,
+    /// What it shows, where other recipes show the same and no split may part them.
+    pub group: Option<String>,
     /// Where the Gaussians come from; `None` for procedural sources, which bring their own, and where nothing is rendered.
     pub reconstruct: Option<Reconstruct>,
     /// The camera, where it differs from the source's own.
@@ -136,6 +142,18 @@ impl Source {
             Self::Procedural(_) => "procedural",
             Self::Captured(captured, _) => captured.kind.name(),
             Self::None => "none",
+        }
+    }
+
+    /// What its upstream is, by the kind of source, and what that calls it.
+    #[must_use]
+    pub fn origin(&self) -> (&'static str, Option<&str>) {
+        match self {
+            Self::Captured(captured, upstream) => {
+                let kind = ledger::origin(captured.kind.name(), upstream.url.as_deref());
+                (kind, upstream.id.as_deref())
+            }
+            Self::Procedural(_) | Self::None => (self.kind(), None),
         }
     }
 
@@ -220,4 +238,6 @@ pub struct LicenceChoice {
     pub expression: String,
     /// Who holds the rights.
     pub holder: String,
+    /// What the upstream granted, with the evidence.
+    pub grant: Option<Grant>,
 }

@@ -9,30 +9,36 @@ mod built;
 mod card;
 mod checksum;
 mod croissant;
+mod datasheet;
 pub mod diff;
+mod facts;
 mod index;
 pub mod left_out;
 mod loader;
 mod manifest;
 pub mod recheck;
+mod reuse;
 mod scene;
+mod split;
 mod transforms;
 mod tree;
 
 pub use built::GatherError;
 pub use manifest::{Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep};
 pub use scene::SceneFile;
+pub use split::Leak;
 
 use crate::artifact::Stream;
 use crate::check::{Finding, Verdict};
 use crate::licence::{Passing, is_metadata};
 use crate::plan::Plan;
-use crate::recipe::{ReleaseInfo, SourceTerms};
+use crate::recipe::{self, Faults, ReleaseInfo, SourceTerms, Takedown};
 use crate::run::Summary;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
 use built::{BuiltScene, BuiltTrajectory};
 use croissant::Described;
+use facts::Facts;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use tree::{Content, Tree};
@@ -47,6 +53,34 @@ pub struct Options {
     pub replace: bool,
     /// Copy files even where they could be linked.
     pub copy: bool,
+}
+
+/// What lies beside the recipes and concerns the release as a whole.
+#[derive(Debug, Clone, Default)]
+pub struct Beside {
+    /// What it is called.
+    pub info: ReleaseInfo,
+    /// What may be passed on.
+    pub terms: SourceTerms,
+    /// What is passed on no longer.
+    pub takedown: Takedown,
+    /// Number of scenes that the plan lacks because of that.
+    pub taken_down: usize,
+}
+
+impl Beside {
+    /// Reads what lies beside the recipes of these paths; no scene counts as left out yet.
+    ///
+    /// # Errors
+    /// Every fault of one of the files.
+    pub fn read(paths: &[PathBuf]) -> Result<Self, Faults> {
+        Ok(Self {
+            info: recipe::read_release(paths)?,
+            terms: recipe::read_sources(paths)?,
+            takedown: recipe::read_takedown(paths)?,
+            taken_down: 0,
+        })
+    }
 }
 
 /// What was written.
@@ -71,6 +105,12 @@ pub enum ReleaseError {
     /// Checks failed.
     #[error("{} checks failed", .0.len())]
     Checks(Vec<Finding>),
+    /// Splits have something in common.
+    #[error("splits are not apart: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+    Leaks(Vec<Leak>),
+    /// There is no scene.
+    #[error("no scene is left to be released")]
+    Nothing,
     /// The target folder is something else.
     #[error("{} {because}", path.display())]
     Foreign {
@@ -111,38 +151,50 @@ pub fn write(
     plan: &Plan,
     summary: &Summary,
     store: &Store,
-    (info, terms): (&ReleaseInfo, &SourceTerms),
+    beside: &Beside,
     options: Options,
 ) -> Result<Written, ReleaseError> {
-    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, (store, terms)));
+    let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, (store, &beside.terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
     let findings = scenes.iter().flat_map(BuiltScene::findings);
     let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
     if !failed.is_empty() {
         return Err(ReleaseError::Checks(failed));
     }
-    let tree = compose(&scenes, store, info)?;
-    let (files, bytes) = tree::write(to, &tree, store, options)?;
-    let warnings: BTreeSet<&String> = scenes.iter().flat_map(|s| &s.licence.warnings).collect();
-    Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.into_iter().cloned().collect() })
+    if scenes.is_empty() {
+        return Err(ReleaseError::Nothing);
+    }
+    let (tree, described) = compose(&scenes, store, beside)?;
+    let (files, bytes) = tree::write(to, &tree, (store, &beside.takedown), options)?;
+    let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
+    let warnings: BTreeSet<String> = warnings.chain(empty_splits(&described, &beside.info)).collect();
+    Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.into_iter().collect() })
 }
 
-/// Lists the tree, but for the sums.
-fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Result<Tree, ReleaseError> {
+/// Lists the tree, but for the sums; with it what its `scene.json` say.
+fn compose(
+    scenes: &[BuiltScene<'_>],
+    store: &Store,
+    beside: &Beside,
+) -> Result<(Tree, Vec<SceneFile>), ReleaseError> {
+    let info = &beside.info;
     let mut tree = Tree::default();
-    let (mut listed, mut described) = (Vec::new(), Vec::new());
-    for scene in scenes {
-        let file = describe(scene)?;
-        let files = scene_files(scene, &file, store);
+    let described = describe_all(scenes, info)?;
+    let mut listed = Vec::new();
+    for (scene, file) in scenes.iter().zip(&described) {
+        let files = scene_files(scene, file, store);
         listed.push(manifest::scene(scene, files.listing()));
-        described.push(file);
         tree.extend(files);
     }
     let licence = crate::licence::compose_all(scenes.iter().map(|s| &s.licence));
     let mut top = Tree::default();
-    top.add("README.md".into(), Content::Bytes(card::compose(scenes, info, &licence).into_bytes()));
-    for id in &licence.ids {
-        let text = crate::licence::text(id, &holders(scenes));
+    let facts = Facts { scenes, described: &described, beside, licence: &licence };
+    top.add("README.md".into(), Content::Bytes(card::compose(&facts).into_bytes()));
+    top.add(datasheet::NAME.into(), Content::Bytes(datasheet::compose(&facts).into_bytes()));
+    let reuse = reuse::compose(&described, &licence.expression);
+    top.add(reuse::NAME.into(), Content::Bytes(reuse.into_bytes()));
+    for id in licence.ids.iter().cloned().chain(loader::ids()).collect::<BTreeSet<_>>() {
+        let text = crate::licence::text(&id, &holders(scenes));
         top.add(format!("LICENSES/{id}.txt"), Content::Bytes(text.into_bytes()));
     }
     top.add(loader::NAME.into(), Content::Bytes(loader::TEXT.into()));
@@ -157,12 +209,14 @@ fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Resu
         version: info.version.clone(),
         tool: TOOL.into(),
         licence: licence.expression,
+        taken_down: beside.taken_down,
+        splits: info.splits.clone(),
         scenes: listed,
         files: top.listing(),
     };
     tree.extend(top);
     tree.add(manifest::NAME.into(), Content::json(&manifest));
-    Ok(tree)
+    Ok((tree, described))
 }
 
 /// The holders of the owners' parts, sorted.
@@ -172,6 +226,25 @@ fn holders(scenes: &[BuiltScene<'_>]) -> Vec<String> {
     holders.sort();
     holders.dedup();
     holders
+}
+
+/// Describes the scenes, and deals them into splits where there are any.
+fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneFile>, ReleaseError> {
+    let mut described: Vec<SceneFile> = scenes.iter().map(describe).collect::<Result<_, _>>()?;
+    if let Some(splits) = &info.splits {
+        for file in &mut described {
+            file.split = Some(split::part(file, splits));
+        }
+    }
+    let leaks = split::leaks(&described);
+    if leaks.is_empty() { Ok(described) } else { Err(ReleaseError::Leaks(leaks)) }
+}
+
+/// Splits that no scene is in.
+fn empty_splits(described: &[SceneFile], info: &ReleaseInfo) -> Vec<String> {
+    let names = info.splits.iter().flat_map(|splits| splits.shares.keys());
+    let has = |name: &str| described.iter().any(|file| file.split.as_ref().is_some_and(|s| s.name == name));
+    names.filter(|name| !has(name)).map(|name| format!("no scene is in the split {name}")).collect()
 }
 
 fn describe(scene: &BuiltScene<'_>) -> Result<SceneFile, ReleaseError> {

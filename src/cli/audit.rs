@@ -6,6 +6,7 @@ use super::Common;
 use super::console::Console;
 use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
+use crate::recipe::Takedown;
 use crate::release::audit::{self, Fault};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -16,6 +17,9 @@ pub(super) struct Audit {
     /// Folder of the release
     #[arg(value_name = "DIR")]
     dir: PathBuf,
+    /// A takedown list, as it lies beside recipes: a scene that it lists must not be there
+    #[arg(long, value_name = "FILE")]
+    takedown: Option<PathBuf>,
     #[command(flatten)]
     again: rebuild::Rebuild,
 }
@@ -26,7 +30,9 @@ impl Audit {
         if !self.dir.is_dir() {
             return Err(Problem::usage("input-missing", format!("{dir} is no folder")));
         }
-        let mut report = audit::audit(&self.dir)
+        let takedown =
+            self.takedown.as_ref().map(|file| Takedown::read(std::slice::from_ref(file))).transpose()?;
+        let mut report = audit::audit_against(&self.dir, takedown.as_ref())
             .map_err(|e| Problem::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
         if let Some(again) = self.again.run(&self.dir, common, console)? {
             console.say(&format!("made again: {}", again.scenes.join(", ")));

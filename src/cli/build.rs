@@ -6,7 +6,7 @@ use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use super::progress::{Progress, Told};
 use super::renderers::Chosen;
-use super::{Common, Targets, clock, commands, failure, left_out, machine, on_interrupt, plan};
+use super::{Common, Targets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
@@ -80,7 +80,8 @@ impl Build {
         } else {
             survey(paths, &renderers, &store, &tag(&chosen))
         };
-        let Survey { settled, plan } = surveyed?;
+        let Survey { settled, plan, taken_down } = surveyed?;
+        takedown::tell(taken_down, console);
         tell_settled(&settled, &store, console);
         let settled = settled.iter().map(|scene| scene.steps.len()).sum();
         let mut summary = if plan.steps().is_empty() {

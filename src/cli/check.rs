@@ -35,7 +35,7 @@ impl Check {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let findings = match &self.tree {
             Some(tree) => recheck(tree, &self.scenes).map_err(|error| of_tree(&error))?,
-            None => self.of_built(common)?,
+            None => self.of_built(common, console)?,
         };
         show(&findings, console);
         let missed =
@@ -45,11 +45,13 @@ impl Check {
         Ok(if failed == 0 { Exit::Done } else { Exit::Fault })
     }
 
-    fn of_built(&self, common: &Common) -> Result<Vec<Finding>, Problem> {
+    fn of_built(&self, common: &Common, console: &Console) -> Result<Vec<Finding>, Problem> {
         let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
         if let Some(name) = self.scenes.iter().find(|name| recipes.iter().all(|r| r.scene != **name)) {
             return Err(Problem::usage("no-scene", format!("no recipe makes a scene `{name}`")));
         }
+        let (recipes, taken_down) = recipe::read_takedown(&self.recipes)?.keep(recipes);
+        super::takedown::tell(taken_down, &console.for_people());
         let store = Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         built_findings(&plan, &store, &self.scenes)

@@ -17,7 +17,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Kept are what the recipes named ask for now, what a step of theirs that is not up to date last \
-    made, and what a release was made from, as long as its folder is there. Name every recipe whose results shall stay."
+    made, and what a release was made from, as long as its folder is there; scenes of a takedown.txt count as not named. Name every recipe whose results shall stay."
 )]
 pub(super) struct Gc {
     #[command(flatten)]
@@ -33,6 +33,9 @@ pub(super) struct Gc {
 impl Gc {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let (recipes, renderers) = (recipe::read_all(&self.targets.recipes)?, common.renderers()?);
+        // What was made of a scene that is taken down goes too.
+        let (recipes, taken_down) = recipe::read_takedown(&self.targets.recipes)?.keep(recipes);
+        super::takedown::tell(taken_down, console);
         // A look needs no lock and makes no store.
         let store = if self.dry_run || !common.store.exists() {
             Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?

@@ -52,10 +52,11 @@ impl Show {
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let chosen = common.renderers()?;
         let surveyed = survey(&self.targets.recipes, &chosen.knowing(&store), &store, &tag(&chosen));
-        let Survey { settled, plan } = surveyed?;
+        let Survey { settled, plan, taken_down } = surveyed?;
         let assessed = assess(&plan, &store)?;
         // What goes to programs is one array.
         super::build::tell_notices(&store, &console.for_people());
+        super::takedown::tell(taken_down, &console.for_people());
         if self.estimate {
             estimate(&plan, &assessed, &store, common, console)?;
             return Ok(Exit::Done);

@@ -7,7 +7,7 @@ use super::{Common, Targets, check};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::recipe;
-use crate::release::{self, GatherError, Options, ReleaseError};
+use crate::release::{self, Beside, GatherError, Options, ReleaseError};
 use crate::run::Summary;
 use crate::store::space::is_full;
 use crate::store::{Root, Store};
@@ -40,8 +40,10 @@ impl Release {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
-        let info = recipe::read_release(&self.targets.recipes)?;
-        let terms = recipe::read_sources(&self.targets.recipes)?;
+        let mut beside = Beside::read(&self.targets.recipes)?;
+        let (recipes, taken_down) = beside.takedown.keep(recipes);
+        beside.taken_down = taken_down;
+        super::takedown::tell(taken_down, console);
         let started = Instant::now();
         let store = open(common, &self.care, console)?;
         self.keep_ours(common)?;
@@ -58,7 +60,7 @@ impl Release {
             return Ok(built);
         }
         let options = Options { replace: self.replace, copy: self.copy };
-        let written = release::write(&self.to, &plan, &summary, &store, (&info, &terms), options);
+        let written = release::write(&self.to, &plan, &summary, &store, &beside, options);
         store.flush()?;
         let written = written.map_err(|error| problem(error, console))?;
         self.keep_its_steps(&summary, &store)?;
@@ -129,6 +131,10 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
         ReleaseError::Foreign { .. } => {
             Problem::usage("foreign-folder", message).help("choose another folder, or say --replace")
         }
+        ReleaseError::Leaks(_) => Problem::fault("split-leak", format!("{message}; nothing was released"))
+            .help("have the recipes of what belongs together name one `group:`, with splits by object"),
+        ReleaseError::Nothing => Problem::usage("nothing-to-release", message)
+            .help("every scene is on the takedown list; a release that is there is left as it is, and may hold them"),
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),
         ReleaseError::Store(error) => error.into(),
         _ if is_full(&error) => Problem::failed("disk-full", format!("no space: {message}")).help(FULL),

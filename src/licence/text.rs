@@ -4,9 +4,10 @@
 pub(super) const UNSTATED: &str = "LicenseRef-Unstated";
 
 /// Terms without an id of the SPDX list, and what is shipped as their text.
-const OWN: [(&str, &str); 3] = [
+const OWN: [(&str, &str); 4] = [
     (UNSTATED, include_str!("texts/LicenseRef-Unstated.txt")),
     ("LicenseRef-DL3DV-10K-ToU", include_str!("texts/LicenseRef-DL3DV-10K-ToU.txt")),
+    ("LicenseRef-TanksAndTemples", include_str!("texts/LicenseRef-TanksAndTemples.txt")),
     ("LicenseRef-MVImgNet-ToU", include_str!("texts/LicenseRef-MVImgNet-ToU.txt")),
 ];
 
@@ -53,6 +54,7 @@ mod tests {
         t("Classpath-exception-2.0", "special exception");
         t(UNSTATED, "No licence is stated");
         t("LicenseRef-DL3DV-10K-ToU", "DL3DV");
+        t("LicenseRef-TanksAndTemples", "Tanks and Temples");
         t("LicenseRef-Ours", "not part of this release");
     }
 

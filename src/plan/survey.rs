@@ -21,6 +21,8 @@ pub struct Survey {
     pub settled: Vec<Settled>,
     /// The steps of the others.
     pub plan: Plan,
+    /// Number of scenes that are left out, as a `takedown.txt` lists them.
+    pub taken_down: usize,
 }
 
 /// A scene of which everything is up to date.
@@ -28,6 +30,8 @@ pub struct Survey {
 pub struct Settled {
     /// Its id.
     pub scene: String,
+    /// Kind of its upstream, and what that calls it.
+    source: (String, Option<String>),
     /// Names of its trajectories.
     trajectories: Vec<String>,
     /// Its steps, in the order of the plan.
@@ -66,7 +70,8 @@ impl From<Faults> for SurveyError {
 /// key: what another one found does not count.
 ///
 /// # Errors
-/// Every fault of the recipes, as [`recipe::read_all`]; or when the store cannot be read.
+/// Every fault of the recipes, as [`recipe::read_all`], and of lists of what is taken down; or when the store cannot be
+/// read.
 pub fn survey(
     paths: &[PathBuf],
     renderers: &dyn Renderers,
@@ -89,7 +94,12 @@ pub fn survey(
         return unsettled(paths, renderers);
     }
     settled.sort_by(|a, b| a.scene.cmp(&b.scene));
-    Ok(Survey { settled, plan: Plan::new(recipes, renderers) })
+    let takedown = recipe::takedown_of(paths, &files)?;
+    let (recipes, unread) = takedown.keep(recipes);
+    let all = settled.len();
+    settled.retain(|s| takedown.since(&s.scene, &s.source.0, s.source.1.as_deref()).is_none());
+    let taken_down = unread + all - settled.len();
+    Ok(Survey { settled, plan: Plan::new(recipes, renderers), taken_down })
 }
 
 /// Reads and plans every scene, whatever is remembered.
@@ -97,7 +107,9 @@ pub fn survey(
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`].
 pub fn unsettled(paths: &[PathBuf], renderers: &dyn Renderers) -> Result<Survey, SurveyError> {
-    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipe::read_all(paths)?, renderers) })
+    let recipes = recipe::read_all(paths)?;
+    let (recipes, taken_down) = recipe::read_takedown(paths)?.keep(recipes);
+    Ok(Survey { settled: Vec::new(), plan: Plan::new(recipes, renderers), taken_down })
 }
 
 /// Whether two scenes could claim one folder: an id that is there twice, or that lies in a trajectory of another.
@@ -136,7 +148,9 @@ pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();
         let trajectories = recipe.trajectories.iter().map(|t| t.name.clone()).collect();
-        let settled = Settled { scene: recipe.scene.clone(), trajectories, steps };
+        let (kind, upstream_id) = recipe.source.origin();
+        let source = (kind.to_owned(), upstream_id.map(str::to_owned));
+        let settled = Settled { scene: recipe.scene.clone(), source, trajectories, steps };
         store.remember(&recipe.file.name(), *tag, &seen, &blobs, settled);
     }
 }

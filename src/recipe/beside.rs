@@ -1,10 +1,15 @@
-//! What lies beside the recipes: `release.yaml`, what the release is called; `sources.yaml`, what may be passed on.
+//! What lies beside the recipes: `release.yaml`, what the release is called; `sources.yaml`, what may be passed on;
+//! `takedown.txt`, what is passed on no longer.
 
 mod release;
 mod sources;
+mod splits;
+mod takedown;
 
 pub use release::ReleaseInfo;
 pub use sources::{Redistribution, SourceTerms};
+pub use splits::{By, Splits};
+pub use takedown::{Takedown, read_takedown, takedown_of};
 
 use super::fault::{Fault, Faults};
 use super::find::{self, RELEASE, SOURCES};

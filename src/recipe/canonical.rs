@@ -6,6 +6,7 @@ mod trajectory;
 use super::field::Field;
 use super::resolve::Resolved;
 use super::{Output, Reconstruct, Source, Upstream, schema};
+use crate::licence::Grant;
 use crate::render::Antialiased;
 use crate::sensor::noise::HotPixels;
 use crate::sensor::voltmeter::{Preset, Voltmeter};
@@ -55,8 +56,16 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
         }
         add("camera", sides);
     }
+    if let Some(group) = &recipe.group {
+        add("group", json!(group));
+    }
     if let Some(licence) = &recipe.licence {
-        add("licence", json!({ "expression": licence.expression, "holder": licence.holder }));
+        let mut said = json!({ "expression": licence.expression, "holder": licence.holder });
+        if let Some(Grant { expression, granted_by, url, date }) = &licence.grant {
+            said["upstream"] = json!(expression);
+            said["evidence"] = json!({ "granted_by": granted_by, "url": url, "date": date });
+        }
+        add("licence", said);
     }
     out
 }

@@ -16,6 +16,8 @@ pub(super) const DEFAULTS: &str = "defaults.yaml";
 pub(super) const RELEASE: &str = "release.yaml";
 /// What may be passed on, beside the recipes.
 pub(super) const SOURCES: &str = "sources.yaml";
+/// What is no longer made or passed on, beside the recipes.
+pub(super) const TAKEDOWN: &str = "takedown.txt";
 
 /// A recipe file that was found, not yet read.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,8 +88,9 @@ fn read_after(files: &[RecipeFile], mut faults: Vec<Fault>) -> Result<Vec<Recipe
 fn find(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
     let (mut found, mut faults) = (Found::default(), Vec::new());
     for path in paths {
-        let no_recipe =
-            [DEFAULTS, RELEASE, SOURCES].iter().any(|name| path.file_name().is_some_and(|n| n == *name));
+        let no_recipe = [DEFAULTS, RELEASE, SOURCES, TAKEDOWN]
+            .iter()
+            .any(|name| path.file_name().is_some_and(|n| n == *name));
         if path.is_dir() {
             walk(path, &mut found, &mut faults);
         } else if no_recipe {

@@ -209,6 +209,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
         scene: resolved.scene,
         seed: resolved.seed,
         source: resolved.source,
+        group: resolved.group,
         reconstruct: resolved.reconstruct,
         camera: resolved.camera,
         trajectories: resolved.trajectories,
@@ -255,6 +256,11 @@ fn read(file: &Path) -> Result<(String, Sighting), Fault> {
         problem.at(Place { file: 0, start, end: start + 1 }).fault(&vec![Arc::new(text)], None)
     })?;
     Ok((text, seen))
+}
+
+/// The text of a file beside the recipes that is none of YAML.
+pub(super) fn read_text(file: &Path) -> Result<String, Fault> {
+    read(file).map(|(body, _)| body)
 }
 
 /// What the system says, without its error number.

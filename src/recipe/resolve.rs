@@ -46,6 +46,7 @@ pub(super) struct Resolved {
     pub scene: String,
     pub seed: u64,
     pub source: Source,
+    pub group: Option<String>,
     pub reconstruct: Option<Reconstruct>,
     pub camera: Option<CameraChoice>,
     pub trajectories: Vec<TrajectoryRecipe>,
@@ -68,6 +69,7 @@ impl Resolver<'_> {
         let scene = self.scene(&raw.scene);
         let seed = self.or(&raw.seed, 0);
         let source = self.source(&raw.source);
+        let group = self.group(&raw.group);
         let camera = self.camera(&raw.camera, source.as_ref());
         let rate = self.rate(&raw.sampling);
         let law = self.summation(&raw.sampling);
@@ -84,11 +86,12 @@ impl Resolver<'_> {
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let sharp_every = self.sharp_every(&raw.sharp);
         let checks = self.or(&raw.checks, Limits::default());
-        let licence = self.licence(&raw.licence);
+        let licence = self.licence(&raw.licence, source.as_ref());
         Some(Resolved {
             scene: scene?,
             seed: seed?,
             source: source?,
+            group: group?,
             reconstruct: reconstruct?,
             camera: camera?,
             trajectories: trajectories?,
@@ -114,6 +117,11 @@ impl Resolver<'_> {
         let help = "write scene: my/scene, its id and its folder in the release";
         let (id, place) = self.required(field, "scene", self.root, help)?;
         self.named(id, place, names::scene_id(id), names::SCENE_HELP)
+    }
+
+    fn group(&self, field: &Field<String>) -> Option<Option<String>> {
+        let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
+        self.filled(text, place).map(Some)
     }
 
     /// A name, where nothing speaks against it.

@@ -35,6 +35,8 @@ pub(super) struct Recipe {
     pub seed: Field<u64>,
     /// Where poses come from; required.
     pub source: Field<Source>,
+    /// What it shows, where other recipes show the same.
+    pub group: Field<String>,
     /// Where the Gaussians come from.
     pub reconstruct: Field<Reconstruct>,
     /// Default: the source's own camera.
@@ -272,6 +274,19 @@ pub(super) struct Licence {
     pub expression: Field<String>,
     /// Required.
     pub holder: Field<String>,
-    /// Why the owner may say so.
-    pub evidence: Field<Later>,
+    /// SPDX: what the upstream granted instead of what it states for everybody.
+    pub upstream: Field<String>,
+    /// Of that; required with it.
+    pub evidence: Field<Evidence>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Evidence {
+    /// Who granted it, and what. Required.
+    pub granted_by: Field<String>,
+    /// Where that can be read. Required.
+    pub url: Field<String>,
+    /// `YYYY-MM-DD`. Required.
+    pub date: Field<String>,
 }

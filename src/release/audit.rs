@@ -11,12 +11,15 @@ mod contents;
 mod croissant;
 mod index;
 pub mod rebuilt;
+mod splits;
 mod sums;
+mod takedown;
 mod terms;
 mod walk;
 
 use super::manifest::Manifest;
 use super::scene::SceneFile;
+use crate::recipe::Takedown;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -35,7 +38,7 @@ pub enum Code {
     Unlisted,
     /// A path that would lead out of the tree, or that tools cannot carry.
     UnsafePath,
-    /// `SHA256SUMS`, `manifest.json` and the bytes do not agree on a file.
+    /// `SHA256SUMS`, `B3SUMS`, `manifest.json` and the bytes do not agree on a file.
     SumsDisagree,
     /// Files that say the same thing say different things.
     ClaimsDisagree,
@@ -51,6 +54,10 @@ pub enum Code {
     LicenceTextMissing,
     /// A text in `LICENSES/` is of no licence in use.
     LicenceUnused,
+    /// A scene is there that is on the takedown list.
+    Takedown,
+    /// A scene is in another split than the rule of the release puts it in, or two splits have something in common.
+    SplitLeak,
     /// The card states other terms than the scenes do.
     CardLicence,
     /// A field that `croissant.json` must have is absent, or says what it cannot say.
@@ -94,6 +101,8 @@ impl Code {
             Self::LicenceForbidden => "licence-forbidden",
             Self::LicenceTextMissing => "licence-text-missing",
             Self::LicenceUnused => "licence-unused",
+            Self::Takedown => "takedown",
+            Self::SplitLeak => "split-leak",
             Self::CardLicence => "card-licence",
             Self::CroissantField => "croissant-field",
             Self::CroissantUnknown => "croissant-unknown",
@@ -117,6 +126,9 @@ impl Code {
             }
             Self::RebuiltDiffers => {
                 "release it again; where every key is the same, the program or the machine is not deterministic: report it"
+            }
+            Self::Takedown => {
+                "release again with the list beside the recipes, and withdraw what was passed on"
             }
             Self::CheckFailedUnwaived => "mend the scene, or waive the check with a reason in its recipe",
             _ => {
@@ -181,17 +193,18 @@ pub struct Report {
     /// Their bytes.
     pub bytes: u64,
     /// All that was looked at.
-    pub covers: [&'static str; 9],
+    pub covers: Vec<&'static str>,
 }
 
-const COVERS: [&str; 9] = [
-    "every byte against SHA256SUMS and manifest.json",
+const COVERS: [&str; 10] = [
+    "every byte against SHA256SUMS, B3SUMS and manifest.json",
     "nothing missing, nothing unlisted",
     "paths",
     "scene.json against manifest.json and the recipe in it",
     "index.parquet against scene.json, speed.json and checks.json",
     "croissant.json: its fields, and what it says of files, columns and terms",
-    "licence expressions, their texts, and what sources demand",
+    "licence expressions, their texts and evidence, what sources demand; REUSE.toml and DATASHEET.md against them",
+    "splits: each scene where the rule puts it, no group, photo or Gaussians in two of them",
     "failed checks",
     "events, poses, stamps, transforms and pictures open and agree",
 ];
@@ -203,22 +216,32 @@ const COVERS: [&str; 9] = [
 /// # Errors
 /// When the folder cannot be listed. A file that cannot be read is a fault.
 pub fn audit(dir: &Path) -> io::Result<Report> {
+    audit_against(dir, None)
+}
+
+/// Audits the release in `dir`, and whether it holds a scene of a takedown list.
+///
+/// # Errors
+/// As [`audit`].
+pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Report> {
     let tree = walk::walk(dir)?;
     let bytes = bytes::hash(dir, &tree.files);
     let mut faults = tree.oddities;
     if let Some(sums) = sums::read(dir, &mut faults) {
         let tree = Tree { dir, intact: bytes::intact(&bytes, &sums) };
         let manifest: Option<Manifest> = claims::parse(&tree, super::manifest::NAME, &mut faults);
-        bytes::compare(&bytes, &sums, manifest.as_ref(), &mut faults);
+        let b3 = sums::read_b3(&tree, &sums, &mut faults);
+        bytes::compare(&bytes, &bytes::Stated::new(&sums, b3.as_ref(), manifest.as_ref()), &mut faults);
         if let Some(manifest) = &manifest {
-            faults.extend(audit_scenes(&tree, manifest));
+            faults.extend(audit_scenes(&tree, manifest, takedown));
             faults = faults.into_iter().map(|fault| fault.placed(manifest)).collect();
         }
     }
     faults.sort();
     faults.dedup();
     let read = bytes.values().flatten();
-    Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers: COVERS })
+    let covers = COVERS.into_iter().chain(takedown.map(|_| "scenes against the takedown list")).collect();
+    Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers })
 }
 
 /// The part of a tree that can be trusted to be what was released.
@@ -239,10 +262,11 @@ impl Tree<'_> {
     }
 }
 
-fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
+fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown>) -> Vec<Fault> {
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in &manifest.scenes {
         let path = format!("{}/scene.json", listed.id);
+        let known = scenes.len();
         if !tree.has(&path) {
             faults.push(Fault::of_scene(
                 Code::SceneIncomplete,
@@ -255,6 +279,7 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
             faults.extend(contents::scene(tree, &scene));
             scenes.push(scene);
         }
+        faults.extend(takedown.and_then(|list| takedown::scene(list, listed, scenes.get(known))));
     }
     let index = index::read(tree, &mut faults);
     let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
@@ -265,8 +290,10 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest) -> Vec<Fault> {
         index: index.as_ref(),
         scenes: &scenes,
     }));
+    faults.extend(splits::audit(manifest, &scenes));
     faults.extend(terms::texts(manifest, tree));
     faults.extend(terms::card(tree, manifest));
+    faults.extend(terms::files(tree, manifest, &scenes));
     faults
 }
 

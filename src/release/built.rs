@@ -4,10 +4,10 @@ use super::left_out::{self, Row};
 use crate::artifact::{Artifact, ArtifactError, EventStreams, Files, Motion, Simulation, Stream, Verdicts};
 use crate::camera::{self, Camera};
 use crate::check::Finding;
-use crate::licence::Composed;
+use crate::licence::{Composed, Stated};
 use crate::plan::Plan;
 use crate::plan::assess::{Product, describe};
-use crate::recipe::{Recipe, SourceTerms};
+use crate::recipe::{Recipe, Source, SourceTerms};
 use crate::render::fidelity::Fidelity;
 use crate::run::Summary;
 use crate::scene::{Gaussians, Screening};
@@ -199,9 +199,18 @@ pub(super) fn gather<'a>(
     let photographed = photographed(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
-    let owner = recipe.licence.as_ref().map(|l| l.expression.as_str());
     let kind = recipe.source.kind();
-    let licence = crate::licence::compose(kind, owner, terms.get(kind).map(|stated| stated.because.as_str()));
+    let url = match &recipe.source {
+        Source::Captured(_, upstream) => upstream.url.as_deref(),
+        Source::Procedural(_) | Source::None => None,
+    };
+    let licence = crate::licence::compose(&Stated {
+        kind,
+        url,
+        owner: recipe.licence.as_ref().map(|l| (l.expression.as_str(), l.holder.as_str())),
+        grant: recipe.licence.as_ref().and_then(|l| l.grant.as_ref()),
+        redistribution: terms.get(kind).map(|stated| stated.because.as_str()),
+    });
     Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
 }
 

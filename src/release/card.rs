@@ -2,30 +2,36 @@
 //! number in it is computed.
 
 use super::built::{BuiltScene, BuiltTrajectory};
+use super::facts::{Counts, Facts, plain};
 use crate::artifact::Stream;
 use crate::check::Verdict;
-use crate::licence::{Composed, Passing};
-use crate::recipe::ReleaseInfo;
+use crate::licence::{Obligation, Passing};
+use crate::recipe::{By, ReleaseInfo};
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::Between;
 use std::fmt::Write as _;
 
 /// Composes the card.
-pub(super) fn compose(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> String {
-    let mut text = head(scenes, info, licence);
+pub(super) fn compose(facts: &Facts<'_>) -> String {
+    let (scenes, info) = (facts.scenes, &facts.beside.info);
+    let mut text = head(facts);
     for section in [
-        introduction(scenes, info),
+        introduction(facts),
         FILES.to_owned(),
         LOADING.to_owned(),
         conventions(scenes),
         making(scenes),
         checks(scenes),
+        splits(facts),
         format!("## Limits\n\n{LIMITS}\n"),
-        licences(scenes, licence),
+        licences(facts),
+        removal(info),
         citation(info),
     ] {
-        text.push('\n');
-        text.push_str(&section);
+        if !section.is_empty() {
+            text.push('\n');
+            text.push_str(&section);
+        }
     }
     text
 }
@@ -34,12 +40,9 @@ fn trajectories<'s>(scenes: &'s [BuiltScene<'_>]) -> impl Iterator<Item = &'s Bu
     scenes.iter().flat_map(|scene| &scene.trajectories)
 }
 
-fn events(scenes: &[BuiltScene<'_>]) -> u64 {
-    trajectories(scenes).flat_map(BuiltTrajectory::streams).map(|s| s.account.events).sum()
-}
-
 /// The card's head, as dataset hubs read it.
-fn head(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> String {
+fn head(facts: &Facts<'_>) -> String {
+    let (info, licence) = (&facts.beside.info, facts.licence);
     let mut text = String::from("---\nlanguage: en\n");
     let quoted = |s: &str| serde_json::Value::from(s).to_string();
     // A hub knows few licences by name; an expression is told as another licence with a link.
@@ -49,41 +52,94 @@ fn head(scenes: &[BuiltScene<'_>], info: &ReleaseInfo, licence: &Composed) -> St
         quoted(&licence.expression)
     );
     let _ = writeln!(text, "pretty_name: {}", quoted(&info.name));
-    let rows = trajectories(scenes).count();
+    let rows = facts.counts().trajectories;
     let size = [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K")];
     let size = size.iter().find(|(limit, _)| rows < *limit).map_or("100K<n<1M", |(_, name)| name);
     let _ = writeln!(text, "size_categories: [{}]", quoted(size));
     text.push_str("tags: [event-camera, 3d-gaussian-splatting, synthetic]\n");
     let _ = writeln!(text, "configs: [{{ config_name: index, data_files: {} }}]", super::index::NAME);
     if licence.gated {
-        text.push_str(
-            "extra_gated_prompt: Access needs your acceptance of the upstream terms in LICENSES.\n",
-        );
+        text.push_str(&gate(facts));
     }
     text.push_str("---\n");
     text
 }
 
-fn introduction(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> String {
-    let mut text = format!("# {} {}\n\n", info.name, info.version);
-    if !info.description.is_empty() {
-        let _ = writeln!(text, "{}\n", info.description);
-    }
-    let (count, paths) = (scenes.len(), trajectories(scenes).count());
-    let frames: usize =
-        trajectories(scenes).map(|t| t.sharp.iter().flatten().filter(|o| is_png(&o.name)).count()).sum();
-    let _ = writeln!(
-        text,
-        "Synthetic event-camera streams with exact poses: {count} scene(s), {paths} trajectory(ies), {} events, \
-         {frames} sharp frames. Each stream was simulated from renderings of a 3D Gaussian splat along a dense camera \
-         path.",
-        events(scenes)
+/// What receivers are asked before they get anything, as hubs read it: who they are, and each obligation of the terms.
+fn gate(facts: &Facts<'_>) -> String {
+    let mut text = String::from(
+        "extra_gated_heading: \"Terms of the upstream datasets\"\n\
+         extra_gated_prompt: \"Access needs your acceptance of the upstream terms in LICENSES.\"\n\
+         extra_gated_fields:\n  Name: text\n  Affiliation: text\n  \
+         \"I have read and accept the terms in LICENSES\": checkbox\n",
     );
+    let asked = [
+        (Obligation::NonCommercial, "I make no commercial use of it"),
+        (Obligation::NoRedistribution, "I pass nothing of it on to others"),
+        (Obligation::DeletionOnRequest, "I delete what concerns a person when I am asked to"),
+    ];
+    let obligations = facts.obligations();
+    for (_, promise) in asked.iter().filter(|(obligation, _)| obligations.contains(obligation)) {
+        let _ = writeln!(text, "  \"{promise}\": checkbox");
+    }
     text
 }
 
-fn is_png(name: &str) -> bool {
-    name.ends_with(".png")
+fn introduction(facts: &Facts<'_>) -> String {
+    let info = &facts.beside.info;
+    let mut text = format!("# {} {}\n\n", plain(&info.name), plain(&info.version));
+    if !info.description.is_empty() {
+        let _ = writeln!(text, "{}\n", plain(&info.description));
+    }
+    let Counts { scenes, trajectories, events, frames, withheld, .. } = facts.counts();
+    let _ = writeln!(
+        text,
+        "Synthetic event-camera streams with exact poses: {scenes} scene(s), {trajectories} trajectory(ies), {events} \
+         events, {frames} sharp frames. Each stream was simulated from renderings of a 3D Gaussian splat along a dense \
+         camera path. `DATASHEET.md` has more."
+    );
+    if withheld > 0 {
+        let _ = writeln!(
+            text,
+            "\nOf {withheld} scene(s) there are recipe, poses and reports alone: see the licences."
+        );
+    }
+    if facts.beside.taken_down > 0 {
+        let _ = writeln!(
+            text,
+            "\nLeft out, as their removal was asked for: {} scene(s).",
+            facts.beside.taken_down
+        );
+    }
+    text
+}
+
+/// How many scenes are in which split; empty where there are none.
+fn splits(facts: &Facts<'_>) -> String {
+    let Some(rule) = &facts.beside.info.splits else { return String::new() };
+    let by = match rule.by {
+        By::Capture => "capture",
+        By::Object => "object",
+    };
+    let counts: Vec<String> =
+        facts.splits().iter().map(|(name, count)| format!("`{name}` {count}")).collect();
+    format!(
+        "## Splits\n\nBy {by}, never by trajectory; number of scenes: {}. `split` in `index.parquet` and in each \
+         `scene.json` says which. No photo and no Gaussians are in two of them.\n",
+        counts.join(", ")
+    )
+}
+
+/// Whom to ask.
+fn removal(info: &ReleaseInfo) -> String {
+    let whom = match &info.contact {
+        Some(contact) => format!("Write to {}", plain(contact)),
+        None if info.url == ReleaseInfo::default().url => "No contact is stated".to_owned(),
+        None => format!("No contact is stated; the publisher's page is {}", plain(&info.url)),
+    };
+    format!(
+        "## Removal of scenes\n\n{whom}. A scene that is taken down is left out of every later version.\n"
+    )
 }
 
 const FILES: &str = "\
@@ -102,9 +158,12 @@ const FILES: &str = "\
 | `checks.json` | verdicts of the validation passes |
 | `index.parquet` | a row a trajectory, to choose by |
 | `croissant.json` | this release in Croissant 1.1 |
+| `DATASHEET.md` | the questions of \"Datasheets for Datasets\", answered |
+| `REUSE.toml`, `LICENSES/` | holders and terms of every file, for `reuse lint`; the texts |
 | `gs2e.py` | a loader, over numpy and h5py alone |
 | `manifest.json` | every step with its key, every file with size and BLAKE3 |
-| `SHA256SUMS` | `sha256sum --strict -c SHA256SUMS` |
+| `B3SUMS` | the same files by BLAKE3: `b3sum --check B3SUMS` |
+| `SHA256SUMS` | every file: `sha256sum --strict -c SHA256SUMS` |
 ";
 
 const LOADING: &str = "\
@@ -251,14 +310,11 @@ fn checks(scenes: &[BuiltScene<'_>]) -> String {
         count(Verdict::NotRun)
     );
     for finding in findings.iter().filter(|f| f.verdict != Verdict::Pass) {
-        let _ = writeln!(
-            text,
-            "- {} `{}` {}: {}",
-            finding.verdict.name(),
-            finding.check,
-            finding.subject,
-            finding.because
-        );
+        // Why a fault is accepted is a user's text.
+        let waived = finding.verdict == Verdict::Waived;
+        let because = if waived { plain(&finding.because) } else { finding.because.clone() };
+        let _ =
+            writeln!(text, "- {} `{}` {}: {because}", finding.verdict.name(), finding.check, finding.subject);
     }
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {
         text.push_str("- nothing\n");
@@ -280,28 +336,57 @@ pub(super) const LIMITS: &str = "\
 Scenes are static and seen by a moving camera. The splats' own artefacts (floaters, popping where depth order changes, \
 a floor of alpha at 1/255) are part of the brightness that the sensor sees, and so of the events. Brightness beyond the \
 range of the training photos is not known. The sensor model has no bandwidth limit, no refractory time and no mismatch \
-between pixels.";
+between pixels, where a recipe does not ask for them. Poses are exact for what was rendered; of a capture they are as \
+good as its reconstruction. Lengths are in the unit of each source, which is arbitrary for captures, and which way is up \
+is not known. Events between poses rest on brightness that was interpolated: how far the image moves from pose to pose is \
+in `checks.json` (`sampling`). Photos are named and hashed, and are not in the release.";
 
-fn licences(scenes: &[BuiltScene<'_>], licence: &Composed) -> String {
+fn licences(facts: &Facts<'_>) -> String {
     let mut text =
-        format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", licence.expression);
-    for scene in scenes {
-        let holder = scene.recipe.licence.as_ref().map_or("not stated", |l| l.holder.as_str());
+        format!("## Licence\n\nThe whole: `{}`. Texts are in `LICENSES/`.\n\n", facts.licence.expression);
+    for scene in facts.scenes {
+        let holder = scene.recipe.licence.as_ref().map_or_else(|| "not stated".into(), |l| plain(&l.holder));
         let passing = match &scene.licence.passing {
             Passing::Free => String::new(),
-            Passing::Allowed(because) => format!("; passed on, because: {because}"),
+            Passing::Allowed(because) => format!("; passed on, because: {}", plain(because)),
             Passing::Withheld => "; recipe, poses and reports alone".to_owned(),
         };
         let (id, terms) = (&scene.recipe.scene, &scene.licence.expression);
         let _ = writeln!(text, "- {id}: `{terms}`, holder: {holder}{passing}");
     }
+    for grant in facts.grants() {
+        let _ = writeln!(text, "- {grant}");
+    }
+    let named: Vec<String> = facts.attributions().into_iter().map(plain).collect();
+    if !named.is_empty() {
+        let _ = writeln!(text, "\nTo be named: {}.", named.join("; "));
+    }
+    let ledger = facts.ledger();
+    if !ledger.is_empty() {
+        let trained = if facts.trained().is_some() { TRAINED } else { "" };
+        let _ = writeln!(text, "\n{PROGRAMS}{trained}\n\n{ledger}");
+        text.truncate(text.trim_end().len());
+        text.push('\n');
+    }
     text
 }
+
+/// What the table of terms is.
+const PROGRAMS: &str =
+    "What is known of the terms. Those of datasets bind; those of programs bind no scene by themselves.";
+
+/// What it leaves open where scenes were trained.
+const TRAINED: &str = " Whether the licence of 3D Gaussian Splatting reaches what is rendered from scenes that were \
+    trained with it is not said by its text.";
 
 fn citation(info: &ReleaseInfo) -> String {
     let mut text = String::from("## Citation\n\n");
     if !info.cite_as.is_empty() {
-        let _ = writeln!(text, "{}\n", info.cite_as);
+        // As code: nothing in it is markup.
+        for line in info.cite_as.lines() {
+            let _ = writeln!(text, "    {}", line.trim_end());
+        }
+        text.push('\n');
     }
     text.push_str(
         "The pipeline follows GS2E (arXiv 2505.15287); the sensor law follows DVS-Voltmeter (Lin et al., ECCV 2022).\n",

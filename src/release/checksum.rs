@@ -1,4 +1,5 @@
-//! `SHA256SUMS`: every file of the tree but itself, in the form that `sha256sum --strict -c` reads.
+//! `SHA256SUMS` and `B3SUMS`: every file of the tree, in the form that `sha256sum --strict -c` and `b3sum --check` read.
+//! The second lists neither itself nor the first; the first lists all but itself, the second among it.
 
 use crate::store::Digest;
 use sha2::{Digest as _, Sha256};
@@ -7,8 +8,11 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Name of the file.
+/// Name of the file of SHA-256 sums.
 pub(super) const NAME: &str = "SHA256SUMS";
+
+/// Name of the file of BLAKE3 sums.
+pub(super) const B3_NAME: &str = "B3SUMS";
 
 /// Lower-case hexadecimal.
 fn hex(bytes: &[u8]) -> String {
@@ -36,6 +40,13 @@ pub(super) struct Hashes {
     pub(super) size: u64,
 }
 
+impl Hashes {
+    /// Both hashes of some bytes.
+    pub(super) fn of(bytes: &[u8]) -> Self {
+        Self { sha256: sha256(bytes), blake3: Digest::of(bytes), size: bytes.len() as u64 }
+    }
+}
+
 /// Both hashes of a file, in one pass over its bytes.
 pub(super) fn both(path: &Path) -> io::Result<Hashes> {
     let mut file = File::open(path)?;
@@ -55,8 +66,8 @@ pub(super) fn both(path: &Path) -> io::Result<Hashes> {
     Ok(Hashes { sha256: hex(&sha256.finalize()), blake3, size })
 }
 
-/// The text of the file, from paths and sums sorted by path.
-pub(super) fn text<'a>(sums: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+/// The text of either file, from paths and sums sorted by path.
+pub(super) fn text<'a>(sums: impl Iterator<Item = (&'a str, String)>) -> String {
     sums.fold(String::new(), |mut text, (path, sum)| {
         writeln!(text, "{sum}  {path}").expect("a String takes any text");
         text

@@ -6,14 +6,14 @@ mod glob;
 mod records;
 
 pub(super) use glob::matches;
-pub(super) use records::data_type;
+pub(super) use records::{SPLITS, data_type};
 
 use super::card;
 use super::checksum;
 use super::index;
 use super::scene::SceneFile;
 use crate::licence::SourceKind;
-use crate::recipe::ReleaseInfo;
+use crate::recipe::{ReleaseInfo, Splits};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
@@ -108,12 +108,17 @@ pub(super) fn compose(of: &Described<'_>) -> Value {
         "prov:wasDerivedFrom": sources(of.scenes),
         "prov:wasGeneratedBy": [{ "@type": "prov:Activity", "name": super::TOOL, "description": COLLECTION }],
         "distribution": distribution(of),
-        "recordSet": [records::index(), records::scenes(SCENE_FILES)],
+        "recordSet": record_sets(info.splits.as_ref()),
     });
     for (name, text) in RESPONSIBLE.into_iter().zip(responsible(of.scenes)) {
         file[name] = text;
     }
     file
+}
+
+fn record_sets(splits: Option<&Splits>) -> Vec<Value> {
+    let sets = [records::index(splits), records::scenes(SCENE_FILES)];
+    sets.into_iter().chain(splits.map(records::splits)).collect()
 }
 
 /// A licence of the SPDX list by its address, as Croissant recommends; another expression as it stands.
@@ -125,15 +130,15 @@ pub(super) fn licence(expression: &str) -> String {
     }
 }
 
-const COLLECTION: &str = "Events are simulated: a 3D Gaussian splat is rendered along a dense camera path, and a model \
+pub(super) const COLLECTION: &str = "Events are simulated: a 3D Gaussian splat is rendered along a dense camera path, and a model \
     of an event sensor sees the renderings as brightness over time. The build is deterministic; every step, with its \
     parameters and the digests of its inputs, is in manifest.json.";
 
-const USES: &str = "Training and measuring methods that take events: reconstruction of scenes and of intensity, poses, \
+pub(super) const USES: &str = "Training and measuring methods that take events: reconstruction of scenes and of intensity, poses, \
     deblurring, interpolation of frames. It does not stand in for recordings of a sensor where a method is to be used \
     on those.";
 
-const BIASES: &str = "Scenes do not move, and are seen by one moving camera along smooth paths. Light is that of the \
+pub(super) const BIASES: &str = "Scenes do not move, and are seen by one moving camera along smooth paths. Light is that of the \
     captures. Sensors are models with stated parameters, whose noise is that of the model.";
 
 const IMPACT: &str = "None is known beyond that of its sources and of methods trained on it. Licences of the sources \
@@ -142,11 +147,7 @@ const IMPACT: &str = "None is known beyond that of its sources and of methods tr
 /// The texts of [`RESPONSIBLE`], in its order.
 fn responsible(scenes: &[SceneFile]) -> [Value; RESPONSIBLE.len()] {
     let made_up = |scene: &SceneFile| scene.source.kind == SourceKind::Procedural.name();
-    let personal = if scenes.iter().all(made_up) {
-        "None: its scenes are made up by the program."
-    } else {
-        "Not examined: renderings of captured scenes may show what their photos show, faces and writing among it."
-    };
+    let personal = personal(scenes.iter().all(made_up));
     [
         COLLECTION.into(),
         card::LIMITS.into(),
@@ -156,6 +157,15 @@ fn responsible(scenes: &[SceneFile]) -> [Value; RESPONSIBLE.len()] {
         IMPACT.into(),
         true.into(),
     ]
+}
+
+/// What is known of persons in scenes that are all made up, or not.
+pub(super) fn personal(made_up: bool) -> &'static str {
+    if made_up {
+        "None: its scenes are made up by the program."
+    } else {
+        "Not examined: renderings of captured scenes may show what their photos show, faces and writing among it."
+    }
 }
 
 /// What the scenes were derived from: each upstream dataset, else each kind of source, once.

@@ -113,7 +113,9 @@ pub(super) const COLUMNS: [Column; 35] = [
     column("upstream_id", Kind::Text, "the upstream dataset's own id of the scene", |r| {
         r.scene.source.upstream_id.as_deref().into()
     }),
-    column("split", Kind::Text, "split that the scene belongs to", |_| Value::Null),
+    column("split", Kind::Text, "split that the scene belongs to", |r| {
+        r.scene.split.as_ref().map(|split| split.name.as_str()).into()
+    }),
     column("licence", Kind::Text, "SPDX expression of the scene", |r| {
         r.scene.licence.expression.as_str().into()
     }),

@@ -4,6 +4,7 @@
 use super::built::{BuiltScene, BuiltStep};
 use super::left_out::Row;
 use crate::check::{Finding, Verdict};
+use crate::recipe::Splits;
 use crate::render::Work;
 use crate::store::Digest;
 use crate::store::description::Line;
@@ -28,10 +29,20 @@ pub struct Manifest {
     pub tool: String,
     /// SPDX expression of the whole: the sorted AND of its scenes.
     pub licence: String,
+    /// Number of scenes that were left out because a takedown list names them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub taken_down: usize,
+    /// How scenes are dealt into splits, where they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splits: Option<Splits>,
     /// The scenes, sorted by id.
     pub scenes: Vec<ManifestScene>,
     /// Files that belong to no scene, sorted by path; this file and the sums are not listed.
     pub files: Vec<ManifestFile>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl Manifest {

@@ -1,7 +1,10 @@
 //! `scene.json`, schema version 1: what a scene is, where it comes from and how it was made. Photos are named and
 //! hashed, never copied; nothing here is a guess: what is not known is `null`.
 
+mod licence;
 mod trajectory;
+
+pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use super::built::BuiltScene;
 use crate::camera::Camera;
@@ -50,10 +53,23 @@ pub struct SceneFile {
     pub recipe: Value,
     /// SHA-256 of that recipe as compact JSON.
     pub recipe_sha256: String,
+    /// The split that it belongs to, where the release has splits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub split: Option<SplitPart>,
     /// The trajectories, in recipe order.
     pub trajectories: Vec<TrajectoryPart>,
     /// The axes of the paper's appendix D.
     pub attributes: Attributes,
+}
+
+/// The split of a scene.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SplitPart {
+    /// Its name.
+    pub name: String,
+    /// What keeps the scene together with others: the key that was dealt.
+    pub group: String,
 }
 
 /// Where the poses come from.
@@ -178,50 +194,6 @@ pub struct ReconstructionPart {
     pub ssim: Option<f64>,
     /// LPIPS against photos.
     pub lpips: Option<f64>,
-}
-
-/// Under which terms the scene is passed on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LicencePart {
-    /// SPDX expression.
-    pub expression: String,
-    /// Terms of parts of the scene.
-    pub parts: Vec<LicensedPart>,
-    /// The tools that it was made with; their licences do not enter the expression.
-    pub tools: Vec<LicensedTool>,
-    /// Whether receivers must accept the upstream terms first.
-    pub gated: bool,
-    /// Why the releaser may pass on what upstream does not let everyone pass on.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub redistribution: Option<String>,
-    /// Whether what shows the scene (events, pictures) is left out of the release, as upstream forbids to pass it on.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub withheld: bool,
-    /// Who is to be named.
-    pub attribution: String,
-}
-
-/// Terms of a part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LicensedPart {
-    /// Files, as a glob below the scene's folder.
-    pub path: String,
-    /// SPDX expression.
-    pub expression: String,
-}
-
-/// A tool.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LicensedTool {
-    /// Its name.
-    pub name: String,
-    /// Its version.
-    pub version: String,
-    /// Its licence.
-    pub licence: String,
 }
 
 /// A trajectory.
@@ -362,11 +334,12 @@ pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
         camera: camera(scene),
         conventions: Conventions::of(&recipe.merged),
         reconstruction: reconstruction(scene)?,
-        licence: licence(scene),
+        licence: licence::part(scene),
         seed: recipe.seed,
         seeds: seeds(scene),
         recipe: recipe.merged.clone(),
         recipe_sha256: super::checksum::sha256(&compact),
+        split: None,
         trajectories: scene.trajectories.iter().map(|t| trajectory::part(recipe, t)).collect(),
         attributes: attributes(scene),
     })
@@ -451,28 +424,6 @@ fn command(recipe: &Recipe) -> Option<&Command> {
     match &recipe.reconstruct {
         Some(Reconstruct::Command(command)) => Some(command),
         Some(Reconstruct::Given(_) | Reconstruct::Newest(_)) | None => None,
-    }
-}
-
-fn licence(scene: &BuiltScene<'_>) -> LicencePart {
-    let tool = |name: &str, version: &str, licence: &str| LicensedTool {
-        name: name.into(),
-        version: version.into(),
-        licence: licence.into(),
-    };
-    let trainer = command(scene.recipe);
-    let trainer = trainer.map(|own| tool(&own.name(), &own.version, &own.licence));
-    LicencePart {
-        expression: scene.licence.expression.clone(),
-        parts: Vec::new(),
-        tools: [tool("gs2e", env!("CARGO_PKG_VERSION"), "MIT OR Apache-2.0")]
-            .into_iter()
-            .chain(trainer)
-            .collect(),
-        gated: scene.licence.gated,
-        redistribution: scene.licence.passing.because().map(str::to_owned),
-        withheld: scene.licence.passing == Passing::Withheld,
-        attribution: scene.recipe.licence.as_ref().map_or(String::new(), |l| l.holder.clone()),
     }
 }
 

@@ -1,7 +1,10 @@
 //! A tree of files on its way to disk: written aside, synced, audited, and put in place by one rename.
+//!
+//! The audit is told the takedown list, so that no release is put in place that holds what it lists.
 
 use super::manifest::ManifestFile;
 use super::{Options, ReleaseError, audit, checksum, manifest};
+use crate::recipe::Takedown;
 use crate::store::{Digest, Store};
 use rayon::prelude::*;
 use rustix::fs::{CWD, RenameFlags};
@@ -67,7 +70,7 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> ReleaseError {
 pub(super) fn write(
     to: &Path,
     tree: &Tree,
-    store: &Store,
+    (store, takedown): (&Store, &Takedown),
     options: Options,
 ) -> Result<(usize, u64), ReleaseError> {
     let existing = existing(to, options)?;
@@ -81,24 +84,36 @@ pub(super) fn write(
         let folder = partial.join(folder);
         fs::create_dir_all(&folder).map_err(failed(&folder))?;
     }
-    let written: Vec<(&str, checksum::Hashes)> = tree
+    let mut written: BTreeMap<&str, checksum::Hashes> = tree
         .files
         .par_iter()
         .map(|(path, content)| {
             Ok((path.as_str(), place(&partial.join(path), path, content, store, options)?))
         })
         .collect::<Result<_, ReleaseError>>()?;
-    let text = checksum::text(written.iter().map(|(path, hashes)| (*path, hashes.sha256.as_str())));
     sync(&partial)?;
-    let sums = partial.join(checksum::NAME);
-    write_synced(&sums, text.as_bytes()).map_err(failed(&sums))?;
-    let report = audit::audit(&partial).map_err(failed(&partial))?;
+    seal(&partial, &mut written)?;
+    let report = audit::audit_against(&partial, Some(takedown)).map_err(failed(&partial))?;
     if !report.faults.is_empty() {
         return Err(ReleaseError::Audit(report.faults));
     }
     put_in_place(&partial, to, existing)?;
-    let bytes = written.iter().map(|(_, hashes)| hashes.size).sum::<u64>() + text.len() as u64;
-    Ok((written.len() + 1, bytes))
+    Ok((written.len(), written.values().map(|hashes| hashes.size).sum()))
+}
+
+/// Writes the sums, `B3SUMS` first as `SHA256SUMS` covers it, and adds them to what was written.
+fn seal(partial: &Path, written: &mut BTreeMap<&str, checksum::Hashes>) -> Result<(), ReleaseError> {
+    for name in [checksum::B3_NAME, checksum::NAME] {
+        let sum = |of: &checksum::Hashes| match name {
+            checksum::B3_NAME => of.blake3.to_string(),
+            _ => of.sha256.clone(),
+        };
+        let text = checksum::text(written.iter().map(|(path, hashes)| (*path, sum(hashes))));
+        let path = partial.join(name);
+        write_synced(&path, text.as_bytes()).map_err(failed(&path))?;
+        written.insert(name, checksum::Hashes::of(text.as_bytes()));
+    }
+    Ok(())
 }
 
 /// The path beside `to` with a suffix: on the same file system, so that a rename is enough.

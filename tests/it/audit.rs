@@ -131,38 +131,103 @@ fn sums_have_one_form_and_agree() {
 }
 
 #[test]
+fn the_other_sums_are_held_to_the_same() {
+    let stamps = format!("{BASE}/timestamps_us.txt");
+    let path = stamps.as_str();
+    // Whoever changes B3SUMS and covers that up in SHA256SUMS: form, lines and digests are still held against the bytes.
+    let sums = |change: &dyn Fn(String) -> String, wanted: &[&str]| {
+        let covered = |f: &Path| {
+            let text = fs::read_to_string(f.join("B3SUMS")).unwrap();
+            fs::write(f.join("B3SUMS"), change(text)).unwrap();
+            resum(f);
+        };
+        check(covered, wanted);
+    };
+    let disagree = format!("sums-disagree {stamps}");
+    sums(&|text| text, &[]);
+    sums(&|text| text + "\n", &["altered B3SUMS"]);
+    sums(
+        &|text| {
+            text.lines().filter(|line| !line.ends_with(path)).map(|line| line.to_owned() + "\n").collect()
+        },
+        &[&disagree],
+    );
+    let line = |text: &str| text.lines().find(|line| line.ends_with(path)).unwrap().to_owned();
+    let other = |text: String| text.replace(&line(&text), &format!("{}  {path}", "0".repeat(64)));
+    sums(&other, &[&disagree]);
+    let upper = |text: String| text.replace(&line(&text)[..64], &line(&text)[..64].to_uppercase());
+    sums(&upper, &["altered B3SUMS", &disagree]);
+    sums(&|text| text + &format!("{}  z/outside\n", "0".repeat(64)), &["sums-disagree z/outside"]);
+    sums(
+        &|text| text + &format!("{}  ../outside\n", "0".repeat(64)),
+        &["altered B3SUMS", "unsafe-path ../outside"],
+    );
+    // Without the cover it is a file like any other.
+    check(|f| fs::remove_file(f.join("B3SUMS")).unwrap(), &["missing B3SUMS"]);
+    check(|f| fs::write(f.join("B3SUMS"), "").unwrap(), &["altered B3SUMS"]);
+    check(
+        |f| {
+            fs::remove_file(f.join("B3SUMS")).unwrap();
+            resum(f);
+        },
+        &["missing B3SUMS"],
+    );
+}
+
+#[test]
 fn unlawful_terms_are_found() {
     let scene = |f: &Path, key: &str, value: &str| {
         edit(f, SCENE, |v| *v.pointer_mut(key).unwrap() = value.into());
     };
     let both = |f: &Path, value: &str| {
         scene(f, "/licence/expression", value);
+        scene(f, "/licence/parts/0/expression", value);
         edit(f, "manifest.json", |v| {
             v["licence"] = value.into();
             v["scenes"][0]["licence"] = value.into();
         });
-        let card = fs::read_to_string(f.join("README.md")).unwrap();
-        fs::write(
-            f.join("README.md"),
-            card.replace("license_name: \"CC0-1.0\"", &format!("license_name: \"{value}\"")),
-        )
-        .unwrap();
-        let address = if value == "MIT" { "https://spdx.org/licenses/MIT.html" } else { value };
+        for name in ["README.md", "REUSE.toml", "DATASHEET.md"] {
+            let text = fs::read_to_string(f.join(name)).unwrap();
+            fs::write(f.join(name), text.replace("CC0-1.0", value)).unwrap();
+        }
+        let address = if value == "ISC" { "https://spdx.org/licenses/ISC.html" } else { value };
         edit(f, "croissant.json", |v| v["license"] = address.into());
     };
     let unused = "licence-unused LICENSES/CC0-1.0.txt";
     let missing = ["licence-missing small/one", unused, "croissant-field croissant.json"];
     check_resealed(|f| both(f, ""), &[&[INDEX; 2], &missing[..]].concat());
     check_resealed(|f| both(f, "CC BY MIT"), &[INDEX, INDEX, "licence-invalid small/one", unused]);
-    check_resealed(|f| both(f, "MIT"), &[INDEX, INDEX, "licence-text-missing LICENSES/MIT.txt", unused]);
+    check_resealed(|f| both(f, "ISC"), &[INDEX, INDEX, "licence-text-missing LICENSES/ISC.txt", unused]);
     check_resealed(
-        |f| fs::write(f.join("LICENSES/MIT.txt"), "").unwrap(),
-        &["licence-unused LICENSES/MIT.txt"],
+        |f| fs::write(f.join("LICENSES/ISC.txt"), "").unwrap(),
+        &["licence-unused LICENSES/ISC.txt"],
     );
     check_resealed(
         |f| scene(f, "/licence/expression", "MIT"),
-        &[INDEX, INDEX, &format!("claims-disagree {SCENE}")],
+        &[
+            "claims-disagree REUSE.toml",
+            INDEX,
+            INDEX,
+            &format!("claims-disagree {SCENE}"),
+            &format!("claims-disagree {SCENE}"),
+        ],
     );
+    check_resealed(
+        |f| edit(f, SCENE, |v| v["licence"]["parts"] = serde_json::json!([])),
+        &["licence-missing small/one"],
+    );
+    check_resealed(
+        |f| scene(f, "/licence/parts/0/asset", "MVImgNet"),
+        &[&format!("claims-disagree {SCENE}")],
+    );
+    check_resealed(|f| scene(f, "/licence/parts/0/expression", "CC BY 4.0"), &["licence-invalid small/one"]);
+    let tool = |f: &Path, name: &str, licence: &str| {
+        scene(f, "/licence/tools/0/name", name);
+        scene(f, "/licence/tools/0/licence", licence);
+    };
+    check_resealed(|f| tool(f, "gaussian-splatting", "CC BY MIT"), &["licence-invalid small/one"]);
+    check_resealed(|f| tool(f, "gaussian-splatting", "MIT"), &["licence-forbidden small/one"]);
+    check_resealed(|f| tool(f, "gaussian-splatting", "LicenseRef-Inria-MPII-3DGS"), &[]);
     check_resealed(
         |f| {
             let card = fs::read_to_string(f.join("README.md")).unwrap();
@@ -234,6 +299,57 @@ fn claims_are_held_against_each_other() {
         ],
     );
     check_resealed(|f| edit(f, SCENE, |v| v["mood"] = "sunny".into()), &[&format!("unreadable {SCENE}")]);
+}
+
+#[test]
+fn what_is_told_of_terms_elsewhere_is_found() {
+    let replace = |name: &'static str, from: &'static str, to: &'static str| {
+        move |f: &Path| {
+            let text = fs::read_to_string(f.join(name)).unwrap();
+            assert!(text.contains(from), "{text}");
+            fs::write(f.join(name), text.replace(from, to)).unwrap();
+        }
+    };
+    check_resealed(replace("REUSE.toml", "not stated", "Somebody"), &["claims-disagree REUSE.toml"]);
+    check_resealed(replace("REUSE.toml", "MIT OR Apache-2.0", "CC0-1.0"), &["claims-disagree REUSE.toml"]);
+    check_resealed(
+        replace("DATASHEET.md", "whole: `CC0-1.0`", "whole: `MIT`"),
+        &["claims-disagree DATASHEET.md"],
+    );
+    check_resealed(
+        |f| {
+            fs::remove_file(f.join("REUSE.toml")).unwrap();
+            fs::remove_file(f.join("DATASHEET.md")).unwrap();
+        },
+        &["missing DATASHEET.md", "missing REUSE.toml"],
+    );
+    // The loader's texts go with the loader.
+    check_resealed(
+        |f| fs::remove_file(f.join("LICENSES/MIT.txt")).unwrap(),
+        &["licence-text-missing LICENSES/MIT.txt"],
+    );
+    check_resealed(
+        |f| fs::remove_file(f.join("gs2e.py")).unwrap(),
+        &["licence-unused LICENSES/Apache-2.0.txt", "licence-unused LICENSES/MIT.txt"],
+    );
+}
+
+#[test]
+fn splits_without_a_rule_are_found() {
+    let part = serde_json::json!({ "name": "train", "group": "mine" });
+    let rule = serde_json::json!({ "by": "object", "shares": { "train": 0.5, "test": 0.5 }, "salt": "" });
+    let dealt = "split-leak small/one";
+    check_resealed(|f| edit(f, SCENE, |v| v["split"] = part), &[INDEX, INDEX, dealt]);
+    check_resealed(
+        |f| edit(f, "manifest.json", |v| v["splits"] = rule.clone()),
+        &["claims-disagree croissant.json", dealt],
+    );
+    let mut short = rule.clone();
+    short["shares"]["train"] = 0.1.into();
+    check_resealed(
+        |f| edit(f, "manifest.json", |v| v["splits"] = short),
+        &["claims-disagree croissant.json", "split-leak manifest.json"],
+    );
 }
 
 #[test]

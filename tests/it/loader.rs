@@ -50,7 +50,7 @@ fn planted_answers_are_found() {
     let place = Workspace::new();
     place.write("empty", "");
     let folder = place.path("planted");
-    for question in ["planted_poses", "planted_events", "planted_pictures"] {
+    for question in ["planted_poses", "planted_events", "planted_pictures", "planted_split"] {
         ask(release(), &[question, folder.to_str().unwrap()]);
     }
 }

@@ -13,8 +13,13 @@ use std::process::Command;
 fn the_tree_is_that_of_the_contract() {
     let files = read(release());
     let mut wanted: Vec<String> = [
+        "B3SUMS",
+        "DATASHEET.md",
+        "LICENSES/Apache-2.0.txt",
         "LICENSES/CC0-1.0.txt",
+        "LICENSES/MIT.txt",
         "README.md",
+        "REUSE.toml",
         "SHA256SUMS",
         "croissant.json",
         "gs2e.py",
@@ -50,6 +55,20 @@ fn coreutils_accept_the_sums() {
         return;
     };
     assert!(output.status.success(), "{}", said(&output));
+}
+
+#[test]
+fn b3sum_accepts_the_sums() {
+    let mut check = Command::new("b3sum");
+    check.args(["--quiet", "--check", "B3SUMS"]).current_dir(release());
+    let Ok(output) = check.output() else {
+        eprintln!("not run: b3sum is absent");
+        return;
+    };
+    assert!(output.status.success(), "{}", said(&output));
+    // Every file is in it but the sums themselves.
+    let lines = fs::read_to_string(release().join("B3SUMS")).unwrap().lines().count();
+    assert_eq!(lines + 2, read(release()).len());
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Scenes of datasets whose terms forbid passing on: released as recipe, poses and reports, or by the releaser's word.
 
+use crate::release::small::{edit, reseal};
 use crate::sources::datasets::Generator;
 use crate::support::given;
-use crate::support::workspace::Workspace;
+use crate::support::workspace::{TINY, Workspace};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::fs;
@@ -86,4 +87,126 @@ fn the_releasers_word_is_released_with_the_scene() {
     // No photo of the dataset is in it, by any name.
     let photo = &scene["images"][0]["sha256"].as_str().unwrap();
     assert!(!fs::read_to_string(place.path("tree/SHA256SUMS")).unwrap().contains(photo));
+}
+
+const UPSTREAM: &str = "licence: { expression: CC0-1.0, holder: a test, upstream: CC-BY-4.0";
+const EVIDENCE: &str = "evidence: { granted_by: the project for this scene, url: \"https://example.org/letter\", date: 2025-06-01 }";
+
+/// A place whose recipes state these terms, and take photos alone.
+fn stating(licence: &str) -> Workspace {
+    let place = Workspace::new();
+    Generator::new().mvimgnet(&place.path("data"), 0, 1, &given::ply(|_, value| value));
+    let defaults = "trajectories: [{ name: base, refine: { factor: 2 } }]\noutputs: []\n";
+    place.write("recipes/defaults.yaml", format!("{defaults}{licence}\n"));
+    place.ok("init mvimgnet data --to recipes");
+    place
+}
+
+/// What a paper on the data says of their terms is no reason: their holder's word is.
+#[test]
+fn other_terms_than_the_upstreams_take_evidence() {
+    for (licence, wanted) in [
+        (format!("{UPSTREAM} }}"), "licence-forbidden without evidence"),
+        (format!("{UPSTREAM}, evidence: {{}} }}"), "granted_by"),
+        (format!("{UPSTREAM}, {EVIDENCE} }}").replace("the project for this scene", "\" \""), "is empty"),
+        (format!("{UPSTREAM}, {EVIDENCE} }}").replace("2025-06-01", "june"), "wanted a day"),
+        (format!("{UPSTREAM}, {EVIDENCE} }}").replace("CC-BY-4.0", "CC BY MIT"), "is no SPDX expression"),
+        (format!("licence: {{ expression: CC0-1.0, holder: a test, {EVIDENCE} }}"), "is of nothing"),
+        ("licence: { expression: CC BY MIT, holder: a test }".to_owned(), "is no SPDX expression"),
+    ] {
+        let ended = stating(&licence).gs2e("release --to tree recipes");
+        assert_eq!(ended.code, 2, "{licence}: {}", ended.stderr);
+        assert!(ended.stderr.contains(wanted), "{licence}: {}", ended.stderr);
+    }
+    // What is one's own has no upstream that could grant anything.
+    let place = Workspace::with_tiny();
+    place.write("own.yaml", format!("{TINY}{UPSTREAM}, {EVIDENCE} }}\n"));
+    let ended = place.gs2e("plan own.yaml");
+    assert!(ended.code == 2 && ended.stderr.contains("has no upstream"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_known_program_has_its_own_terms() {
+    let recipe = |licence: &str| {
+        format!(
+            "version: 1\nscene: mine\nsource: {{ colmap: {{ path: capture }} }}\nreconstruct:\n  command: {{ program: \
+             gaussian-splatting, arguments: [\"{{capture}}\", \"{{out}}\"], version: \"1\", licence: {licence} }}\n\
+             trajectories: [{{ name: base, refine: {{}} }}]\n"
+        )
+    };
+    let place = Workspace::new();
+    for (licence, wanted) in [
+        ("MIT", "3D Gaussian Splatting is under LicenseRef-Inria-MPII-3DGS (licence-forbidden)"),
+        ("CC BY MIT", "is no SPDX expression"),
+        // The recipe is sound; what it trains on is not there.
+        ("LicenseRef-Inria-MPII-3DGS", "capture"),
+    ] {
+        place.write("recipe.yaml", recipe(licence));
+        let ended = place.gs2e("build recipe.yaml");
+        assert!(ended.code > 0 && ended.stderr.contains(wanted), "{licence}: {}", ended.stderr);
+        assert_eq!(
+            ended.stderr.contains("recipe.yaml:5:"),
+            wanted != "capture",
+            "{licence}: {}",
+            ended.stderr
+        );
+    }
+}
+
+#[test]
+fn evidence_is_released_with_the_scene_and_audited() {
+    let place = stating(&format!("{UPSTREAM}, {EVIDENCE} }}"));
+    place.ok("release --to tree --copy recipes");
+    let licence = scene(&place)["licence"].clone();
+    assert_eq!(licence["expression"], "CC-BY-4.0 AND CC0-1.0");
+    assert_eq!(licence["attribution"], "MVImgNet (Yu et al., CVPR 2023); a test");
+    let part = &licence["parts"][0];
+    assert_eq!((&part["asset"], &part["verified"]), (&"MVImgNet".into(), &false.into()));
+    assert_eq!(part["grant"]["granted_by"], "the project for this scene");
+    // Whether it may be passed on is another matter.
+    assert_eq!((&licence["withheld"], &licence["gated"]), (&true.into(), &true.into()));
+    place.ok("audit tree");
+    let tree = place.path("tree");
+    let path = format!("{SCENE}/scene.json");
+    let sound = fs::read(tree.join(&path)).unwrap();
+    let found = |change: &dyn Fn(&mut Value)| -> BTreeSet<String> {
+        edit(&tree, &path, change);
+        reseal(&tree);
+        let faults = gs2e::release::audit::audit(&tree).unwrap().faults;
+        fs::write(tree.join(&path), &sound).unwrap();
+        // The recipe's own sum and the index are not forged with it.
+        let own = faults.into_iter().filter(|fault| fault.code.name() != "claims-disagree");
+        own.map(|fault| format!("{} {}", fault.code.name(), fault.scene.unwrap_or_default())).collect()
+    };
+    let forbidden = BTreeSet::from([format!("licence-forbidden {SCENE}")]);
+    assert_eq!(found(&|_| ()), BTreeSet::new());
+    for key in ["granted_by", "url", "date"] {
+        let empty = |v: &mut Value| {
+            v["licence"]["parts"][0]["grant"][key] = "".into();
+            v["recipe"]["licence"]["evidence"][key] = "".into();
+        };
+        assert_eq!(found(&empty), forbidden, "{key}");
+    }
+    let none = |v: &mut Value| drop(v["licence"]["parts"][0].as_object_mut().unwrap().remove("grant"));
+    assert_eq!(found(&none), forbidden);
+    let another =
+        |v: &mut Value| v["licence"]["parts"][0]["grant"]["url"] = "https://example.org/other".into();
+    assert_eq!(found(&another), forbidden);
+    let unsaid = |v: &mut Value| drop(v["recipe"]["licence"].as_object_mut().unwrap().remove("evidence"));
+    assert_eq!(found(&unsaid), forbidden);
+}
+
+/// A capture that is read as one's own is bound by the terms of where it was downloaded.
+#[test]
+fn an_address_names_its_upstream() {
+    let place = stating("licence: { expression: MIT, holder: a test }");
+    let recipe = "version: 1\nscene: mine\nsource: { colmap: { path: ../data/0/00000000, \
+                  upstream_url: \"https://github.com/GAP-LAB-CUHK-SZ/MVImgNet\" } }\n";
+    place.write("recipes/mine.yaml", recipe);
+    let ended = place.ok("release --to tree recipes/mine.yaml");
+    assert!(ended.stderr.contains("colmap (MVImgNet) forbids passing on"), "{}", ended.stderr);
+    let file: Value = serde_json::from_slice(&fs::read(place.path("tree/mine/scene.json")).unwrap()).unwrap();
+    assert_eq!(file["licence"]["expression"], "CC-BY-NC-4.0 AND LicenseRef-MVImgNet-ToU AND MIT");
+    assert_eq!(file["licence"]["withheld"], true);
+    place.ok("audit tree");
 }

@@ -10,7 +10,7 @@ use crate::cli::{Common, Targets};
 use crate::plan::Plan;
 use crate::recipe::{self, Recipe};
 use crate::release::audit::{Fault, rebuilt};
-use crate::release::{self, Manifest, Options};
+use crate::release::{self, Beside, Manifest, Options};
 use crate::render::backend::Backend;
 use crate::render::gpu;
 use crate::store::{Access, Digest, Opening, Store};
@@ -93,7 +93,7 @@ impl Rebuild {
     ) -> Result<PathBuf, Problem> {
         let common = &Common { store: folder.join("store"), ..common.clone() };
         let chosen = &Chosen::new(By::One(backend(class, common)?), common.omit());
-        let (info, terms) = (recipe::read_release(&self.recipes)?, recipe::read_sources(&self.recipes)?);
+        let beside = Beside::read(&self.recipes)?;
         let store = Store::open(&common.store, Opening::from(Access::Write), &mut |_| {})?;
         let (targets, care) = (&Targets { recipes: self.recipes.clone() }, &Care::default());
         let plan = Plan::new(recipes, &chosen.knowing(&store));
@@ -109,7 +109,7 @@ impl Rebuild {
         }
         let to = folder.join("release");
         let options = Options { copy: false, replace: false };
-        release::write(&to, &plan, &summary, &store, (&info, &terms), options)
+        release::write(&to, &plan, &summary, &store, &beside, options)
             .map_err(|e| Problem::failed("rebuild", e.to_string()))?;
         Ok(to)
     }

@@ -1,22 +1,79 @@
-//! The owner's part of the licence.
+//! The owner's part of the licence, and what an upstream granted.
 
 use super::Resolver;
+use crate::licence::{Asset, Expression, Grant, SourceKind, ledger};
 use crate::recipe::field::Field;
-use crate::recipe::problem::Problem;
+use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::text::Place;
-use crate::recipe::{LicenceChoice, schema};
+use crate::recipe::{LicenceChoice, Source, forms, schema};
 
 const HELP: &str = "write licence: { expression: CC0-1.0, holder: Example Lab }";
 
+const GRANTED: &str = "remove upstream:, or write evidence: { granted_by: who granted what, url: where it can be read, \
+                       date: 2025-06-01 } beside it";
+
 impl Resolver<'_> {
-    pub(super) fn licence(&self, field: &Field<schema::Licence>) -> Option<Option<LicenceChoice>> {
+    pub(super) fn licence(
+        &self,
+        field: &Field<schema::Licence>,
+        source: Option<&Source>,
+    ) -> Option<Option<LicenceChoice>> {
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
-        self.later(&raw.evidence, "this gs2e composes licences without evidence");
         let expression = self.required(&raw.expression, "expression", place, HELP);
         let expression = expression.and_then(|(text, place)| self.spdx(text, place));
         let holder = self.required(&raw.holder, "holder", place, HELP);
         let holder = holder.and_then(|(text, place)| self.filled(text, place));
-        Some(Some(LicenceChoice { expression: expression?, holder: holder? }))
+        let grant = self.grant(raw, source);
+        Some(Some(LicenceChoice { expression: expression?, holder: holder?, grant: grant? }))
+    }
+
+    /// Terms of the upstream that are none of those that it states for everybody have evidence.
+    fn grant(&self, raw: &schema::Licence, source: Option<&Source>) -> Option<Option<Grant>> {
+        let Some((text, place)) = raw.upstream.given() else {
+            if let Some(place) = raw.evidence.place() {
+                let help = "name what was granted: upstream: CC-BY-4.0";
+                return self.refuse(Problem::of_key("is of nothing").help(help).at(place));
+            }
+            return (raw.upstream.is_absent() && raw.evidence.is_absent()).then_some(None);
+        };
+        let expression = self.spdx(text, place)?;
+        let Some(asset) = upstream_of(source?) else {
+            let problem = Problem::of_key("is of a source that has no upstream with terms of its own");
+            return self.refuse(problem.help("say all terms in expression:").at(place));
+        };
+        let Some((evidence, within)) = raw.evidence.given() else {
+            if raw.evidence.is_absent() {
+                let found = quoted(&expression);
+                let message = format!(
+                    "is {found}, and {} states {} for everybody (licence-forbidden without evidence)",
+                    asset.name,
+                    asset.expression()
+                );
+                return self.refuse(Problem::of_field(message).help(GRANTED).at(place));
+            }
+            return None;
+        };
+        let granted_by = self.required(&evidence.granted_by, "granted_by", within, GRANTED);
+        let granted_by = granted_by.and_then(|(text, place)| self.filled(text, place));
+        let url = self.required(&evidence.url, "url", within, GRANTED);
+        let url = url.and_then(|_| self.formed(&evidence.url, forms::URL));
+        let date = self.required(&evidence.date, "date", within, GRANTED);
+        let date = date.and_then(|_| self.formed(&evidence.date, forms::DAY));
+        let expression = Expression::parse(&expression).ok()?.to_string();
+        Some(Some(Grant { expression, granted_by: granted_by?, url: url??, date: date?? }))
+    }
+
+    /// The terms of a program; of one that is known they are its own.
+    pub(super) fn tool_terms(&self, program: &str, text: &str, place: Place) -> Option<String> {
+        let stated = self.spdx(text, place)?;
+        let name = program.rsplit('/').next().unwrap_or(program);
+        let Some(asset) = ledger::tool(name) else { return Some(stated) };
+        let parsed = Expression::parse(&stated).ok();
+        let lacks = asset.ids.iter().find(|id| !parsed.as_ref().is_some_and(|terms| terms.demands(id)));
+        let Some(id) = lacks else { return Some(stated) };
+        let message = format!("is {}, and {} is under {id} (licence-forbidden)", quoted(&stated), asset.name);
+        let help = asset.evidence.iter().map(|evidence| format!("read {}: {}", evidence.url, evidence.says));
+        self.refuse(Problem::of_field(message).help(help.collect::<Vec<_>>().join("; ")).at(place))
     }
 
     pub(super) fn spdx(&self, text: &str, place: Place) -> Option<String> {
@@ -25,4 +82,13 @@ impl Resolver<'_> {
         let problem = problem.help("ids are those of spdx.org/licenses; own terms are LicenseRef-Name");
         self.refuse(problem.in_text(place, text, error.span))
     }
+}
+
+/// The dataset that a source is of.
+fn upstream_of(source: &Source) -> Option<&'static Asset> {
+    let url = match source {
+        Source::Captured(_, upstream) => upstream.url.as_deref(),
+        Source::Procedural(_) | Source::None => None,
+    };
+    ledger::dataset(SourceKind::by_name(source.kind())?, url)
 }

@@ -1,4 +1,4 @@
-//! Every byte, against both lists.
+//! Every byte, against all lists.
 
 use super::sums::Sums;
 use super::walk::unsafe_because;
@@ -26,12 +26,26 @@ pub(super) fn intact<'a>(bytes: &'a Bytes, sums: &'a Sums) -> BTreeMap<&'a str, 
     sums.iter().filter_map(same).collect()
 }
 
-/// Holds the files that are there, the sums, and the manifest against each other.
-pub(super) fn compare(bytes: &Bytes, sums: &Sums, manifest: Option<&Manifest>, faults: &mut Vec<Fault>) {
-    let listed = manifest.map(listing);
-    if let Some(listed) = &listed {
-        faults.extend(compare_lists(sums, listed));
+/// What the tree says of its files' bytes.
+#[derive(Debug)]
+pub(super) struct Stated<'a> {
+    pub(super) sums: &'a Sums,
+    /// `B3SUMS`, where it could be read.
+    pub(super) b3: Option<&'a Sums>,
+    /// What the manifest lists, where it could be read.
+    listed: Option<BTreeMap<&'a str, &'a ManifestFile>>,
+}
+
+impl<'a> Stated<'a> {
+    pub(super) fn new(sums: &'a Sums, b3: Option<&'a Sums>, manifest: Option<&'a Manifest>) -> Self {
+        Self { sums, b3, listed: manifest.map(listing) }
     }
+}
+
+/// Holds the files that are there, the sums, and the manifest against each other.
+pub(super) fn compare(bytes: &Bytes, stated: &Stated<'_>, faults: &mut Vec<Fault>) {
+    let sums = stated.sums;
+    faults.extend(compare_lists(stated));
     for path in sums.keys().filter(|path| !bytes.contains_key(*path)) {
         faults.push(Fault::of_file(Code::Missing, path, "SHA256SUMS lists it, and it is not there"));
     }
@@ -44,8 +58,7 @@ pub(super) fn compare(bytes: &Bytes, sums: &Sums, manifest: Option<&Manifest>, f
             faults.push(Fault::of_file(Code::Unlisted, path, "SHA256SUMS does not list it"));
             continue;
         };
-        let stated = listed.as_ref().and_then(|listed| listed.get(path.as_str()));
-        faults.extend(compare_file(path, hashes, sum, stated.copied()));
+        faults.extend(compare_file(path, hashes, sum, &stated.others(path, hashes)));
     }
 }
 
@@ -55,39 +68,71 @@ fn listing(manifest: &Manifest) -> BTreeMap<&str, &ManifestFile> {
     manifest.files.iter().chain(scenes).map(|file| (file.path.as_str(), file)).collect()
 }
 
-fn compare_lists(sums: &Sums, listed: &BTreeMap<&str, &ManifestFile>) -> Vec<Fault> {
+/// The lists name the same files, but for those that cannot be in one of them.
+fn compare_lists(stated: &Stated<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
-    for path in listed.keys() {
+    // What SHA256SUMS and `name` both should list: all but `outside`.
+    let mut others: Vec<(&str, BTreeSet<&str>, &[&str])> = Vec::new();
+    if let Some(listed) = &stated.listed {
+        others.push((manifest::NAME, listed.keys().copied().collect(), &[manifest::NAME, checksum::B3_NAME]));
+    }
+    if let Some(b3) = stated.b3 {
+        others.push((checksum::B3_NAME, b3.keys().map(String::as_str).collect(), &[checksum::B3_NAME]));
+    }
+    let all: BTreeSet<&str> = others.iter().flat_map(|(_, paths, _)| paths).copied().collect();
+    for path in &all {
         if let Some(because) = unsafe_because(path) {
             faults.push(Fault::of_file(Code::UnsafePath, path, because));
-        } else if !sums.contains_key(*path) {
-            let message = "manifest.json lists it, SHA256SUMS does not";
+        } else if !stated.sums.contains_key(*path) {
+            let who = others.iter().filter(|(_, paths, _)| paths.contains(path)).map(|(name, ..)| *name);
+            let message = format!("{}, SHA256SUMS does not", told(who, "lists it", "list it"));
             faults.push(Fault::of_file(Code::SumsDisagree, path, message));
         }
     }
-    let unknown = sums.keys().filter(|path| *path != manifest::NAME && !listed.contains_key(path.as_str()));
-    faults.extend(
-        unknown.map(|path| {
-            Fault::of_file(Code::SumsDisagree, path, "SHA256SUMS lists it, manifest.json does not")
-        }),
-    );
+    for path in stated.sums.keys().map(String::as_str) {
+        let lacks = |(_, paths, outside): &&(&str, BTreeSet<&str>, &[&str])| {
+            !paths.contains(path) && !outside.contains(&path)
+        };
+        let who: Vec<&str> = others.iter().filter(lacks).map(|(name, ..)| *name).collect();
+        if !who.is_empty() {
+            let message = format!("SHA256SUMS lists it, {}", told(who.into_iter(), "does not", "do not"));
+            faults.push(Fault::of_file(Code::SumsDisagree, path, message));
+        }
+    }
     faults
 }
 
-fn compare_file(path: &str, found: &Hashes, sum: &str, stated: Option<&ManifestFile>) -> Option<Fault> {
-    let as_summed = found.sha256 == *sum;
-    let as_stated = stated.is_none_or(|s| s.blake3 == found.blake3 && s.size == found.size);
-    match (as_summed, as_stated, stated) {
-        (true, true, _) => None,
-        (false, true, Some(_)) => {
-            let message = "its bytes are what manifest.json states, SHA256SUMS says otherwise";
-            Some(Fault::of_file(Code::SumsDisagree, path, message))
+/// `A says so`, `A and B say so`.
+fn told<'a>(who: impl Iterator<Item = &'a str>, one: &str, several: &str) -> String {
+    let who: Vec<&str> = who.collect();
+    format!("{} {}", who.join(" and "), if who.len() == 1 { one } else { several })
+}
+
+impl Stated<'_> {
+    /// Who beside `SHA256SUMS` speaks of a file, and whether these bytes are what it states.
+    fn others(&self, path: &str, found: &Hashes) -> Vec<(&'static str, bool)> {
+        let listed = self.listed.as_ref().and_then(|listed| listed.get(path));
+        let manifest = listed.map(|it| (manifest::NAME, it.blake3 == found.blake3 && it.size == found.size));
+        let b3 = self.b3.and_then(|b3| b3.get(path));
+        let b3 = b3.map(|sum| (checksum::B3_NAME, *sum == found.blake3.to_string()));
+        manifest.into_iter().chain(b3).collect()
+    }
+}
+
+fn compare_file(path: &str, found: &Hashes, sum: &str, others: &[(&'static str, bool)]) -> Option<Fault> {
+    let saying = |so: bool| others.iter().filter(move |(_, agrees)| *agrees == so).map(|(name, _)| *name);
+    let disagree = |message: String| Some(Fault::of_file(Code::SumsDisagree, path, message));
+    match (found.sha256 == *sum, saying(true).next(), saying(false).next()) {
+        (true, _, None) => None,
+        (true, _, Some(_)) => {
+            let otherwise = told(saying(false), "says otherwise", "say otherwise");
+            disagree(format!("its bytes are what SHA256SUMS states, {otherwise}"))
         }
-        (true, false, _) => {
-            let message = "its bytes are what SHA256SUMS states, manifest.json says otherwise";
-            Some(Fault::of_file(Code::SumsDisagree, path, message))
+        (false, Some(_), _) => {
+            let states = told(saying(true), "states", "state");
+            disagree(format!("its bytes are what {states}, SHA256SUMS says otherwise"))
         }
-        (false, ..) => {
+        (false, None, _) => {
             let message = format!("its SHA-256 is {}, SHA256SUMS says {sum}", found.sha256);
             Some(Fault::of_file(Code::Altered, path, message))
         }

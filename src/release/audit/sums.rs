@@ -1,35 +1,48 @@
-//! `SHA256SUMS` in its one form: a line a file, `<64 lower-case hexadecimal digits>  <path>`, sorted by path, with a
-//! final newline. Another form may say the same (the case of a digit is one bit), and is a fault nonetheless: whatever
+//! `SHA256SUMS` and `B3SUMS` in their one form: a line a file, `<64 lower-case hexadecimal digits>  <path>`, sorted by
+//! path, with a final newline. Another form may say the same (the case of a digit is one bit), and is a fault nonetheless: whatever
 //! changed it was not the program that wrote it.
 
 use super::walk::unsafe_because;
-use super::{Code, Fault};
+use super::{Code, Fault, Tree};
 use crate::release::checksum;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// SHA-256 by path, as far as the file can be understood.
+/// Sums by path, as far as the file can be understood.
 pub(super) type Sums = BTreeMap<String, String>;
 
-/// Reads the sums; `None` where there are none to hold anything against.
+/// Reads `SHA256SUMS`; `None` where there are none to hold anything against.
 pub(super) fn read(dir: &Path, faults: &mut Vec<Fault>) -> Option<Sums> {
-    let mut fault = |code, message: String| faults.push(Fault::of_file(code, checksum::NAME, message));
-    match std::fs::read(dir.join(checksum::NAME)).map(String::from_utf8) {
-        Ok(Ok(text)) => return Some(parse(&text, faults)),
+    read_named(dir, checksum::NAME, "there is no such file, so this is no release", faults)
+}
+
+/// Reads `B3SUMS`, where its bytes are those that `SHA256SUMS` states; where they are not, that is told of it as of any
+/// other file.
+pub(super) fn read_b3(tree: &Tree<'_>, sums: &Sums, faults: &mut Vec<Fault>) -> Option<Sums> {
+    const ABSENT: &str = "a release has one, and SHA256SUMS lists none";
+    if tree.has(checksum::B3_NAME) {
+        return read_named(tree.dir, checksum::B3_NAME, ABSENT, faults);
+    }
+    if !sums.contains_key(checksum::B3_NAME) {
+        faults.push(Fault::of_file(Code::Missing, checksum::B3_NAME, ABSENT));
+    }
+    None
+}
+
+fn read_named(dir: &Path, name: &str, absent: &str, faults: &mut Vec<Fault>) -> Option<Sums> {
+    let mut fault = |code, message: String| faults.push(Fault::of_file(code, name, message));
+    match std::fs::read(dir.join(name)).map(String::from_utf8) {
+        Ok(Ok(text)) => return Some(parse(name, &text, faults)),
         Ok(Err(e)) => fault(Code::Altered, format!("it is no UTF-8 text: {}", e.utf8_error())),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            fault(Code::Missing, "there is no such file, so this is no release".into());
-        }
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => fault(Code::Missing, absent.into()),
         Err(e) => fault(Code::Unreadable, e.to_string()),
     }
     None
 }
 
-fn parse(text: &str, faults: &mut Vec<Fault>) -> Sums {
+fn parse(name: &str, text: &str, faults: &mut Vec<Fault>) -> Sums {
     let mut sums = Sums::new();
-    let mut altered = |message: String| {
-        faults.push(Fault::of_file(Code::Altered, checksum::NAME, message));
-    };
+    let mut altered = |message: String| faults.push(Fault::of_file(Code::Altered, name, message));
     let mut previous: Option<&str> = None;
     for (number, line) in (1..).zip(text.split_inclusive('\n')) {
         let Some((sum, path)) = split(line) else {
@@ -63,7 +76,7 @@ mod tests {
 
     fn codes(text: &str) -> Vec<Code> {
         let mut faults = Vec::new();
-        parse(text, &mut faults);
+        parse(checksum::NAME, text, &mut faults);
         faults.into_iter().map(|f| f.code).collect()
     }
 

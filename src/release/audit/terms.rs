@@ -1,9 +1,11 @@
 //! Whether the release is lawful, as far as it can be said from the tree (pipeline.md section 9).
 
 use super::{Code, Fault, Tree};
-use crate::licence::{Expression, SourceKind, is_metadata};
+use crate::licence::{Asset, Expression, LicenceError, SourceKind, is_metadata, ledger};
 use crate::release::manifest::Manifest;
-use crate::release::scene::SceneFile;
+use crate::release::scene::{LicensedTool, OWNER, SceneFile};
+use crate::release::{datasheet, loader, reuse};
+use serde_json::Value;
 use std::collections::BTreeSet;
 
 /// A scene's own terms, and what its source demands of them.
@@ -23,14 +25,105 @@ pub(super) fn scene(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
         faults.push(fault(Code::LicenceInvalid, message));
         return faults;
     };
-    for id in kind.upstream_ids().iter().filter(|id| !expression.demands(id)) {
-        let message = format!("its source {} demands {id}, its terms are `{expression}`", kind.name());
-        faults.push(fault(Code::LicenceForbidden, message));
+    let upstream = ledger::dataset(kind, scene.source.upstream_url.as_deref());
+    if let Some(asset) = upstream {
+        faults.extend(demanded(scene, asset, &expression));
     }
-    if kind.restricted() {
-        faults.extend(restricted(scene, kind, tree));
+    if let Some(asset) = upstream.filter(|asset| asset.restricted()) {
+        faults.extend(restricted(scene, asset, tree));
+    }
+    faults.extend(parts(scene, upstream, &expression));
+    faults.extend(scene.licence.tools.iter().filter_map(|tool| of_tool(scene, tool)));
+    faults
+}
+
+/// The ids of the upstream bind, or what it granted instead: with evidence, which the recipe states as well.
+fn demanded(scene: &SceneFile, asset: &Asset, expression: &Expression) -> Vec<Fault> {
+    let fault = |message: String| Fault::of_scene(Code::LicenceForbidden, &scene.id, message);
+    let grants = scene.licence.parts.iter().filter(|part| part.asset == asset.name);
+    let grant = grants.filter_map(|part| part.grant.as_ref()).next();
+    let stated = scene.recipe.get("licence").and_then(|licence| licence.get("upstream"));
+    let Some(grant) = grant else {
+        let ids = asset.ids.iter().filter(|id| !expression.demands(id));
+        let lacking = ids
+            .map(|id| fault(format!("its source {} demands {id}, its terms are `{expression}`", asset.name)));
+        let unproven =
+            stated.map(|terms| fault(format!("its recipe says {terms} of {}, without evidence", asset.name)));
+        return lacking.chain(unproven).collect();
+    };
+    if let Some(lacks) = grant.lacks() {
+        return vec![fault(format!(
+            "the evidence for `{}` of {} has no {lacks}",
+            grant.expression, asset.name
+        ))];
+    }
+    let as_stated =
+        serde_json::json!({ "granted_by": grant.granted_by, "url": grant.url, "date": grant.date });
+    let evidence = scene.recipe.get("licence").and_then(|licence| licence.get("evidence"));
+    if evidence != Some(&as_stated) || stated.and_then(Value::as_str) != Some(&grant.expression) {
+        return vec![fault(format!("the evidence for `{}` is none of its recipe", grant.expression))];
+    }
+    match Expression::parse(&grant.expression) {
+        Err(e) => vec![Fault::of_scene(Code::LicenceInvalid, &scene.id, e.to_string())],
+        Ok(granted) => {
+            let ids = granted.ids().into_iter().filter(|id| granted.demands(id) && !expression.demands(id));
+            ids.map(|id| fault(format!("what it was granted demands {id}, its terms are `{expression}`")))
+                .collect()
+        }
+    }
+}
+
+/// What is said part by part comes to the whole, and says of the dataset what the ledger has.
+fn parts(scene: &SceneFile, upstream: Option<&Asset>, whole: &Expression) -> Vec<Fault> {
+    let path = format!("{}/scene.json", scene.id);
+    let parsed: Result<Vec<Expression>, LicenceError> =
+        scene.licence.parts.iter().map(|part| Expression::parse(&part.expression)).collect();
+    let mut faults = Vec::new();
+    match parsed {
+        Err(e) => faults.push(Fault::of_scene(Code::LicenceInvalid, &scene.id, e.to_string())),
+        Ok(terms) if terms.is_empty() => {
+            faults.push(Fault::of_scene(
+                Code::LicenceMissing,
+                &scene.id,
+                "its terms are not told part by part",
+            ));
+        }
+        Ok(terms) => {
+            let together = Expression::all(terms);
+            if together != *whole {
+                let message =
+                    format!("its terms are `{whole}`, those of its parts together are `{together}`");
+                faults.push(Fault::of_file(Code::ClaimsDisagree, &path, message));
+            }
+        }
+    }
+    for part in &scene.licence.parts {
+        let asset = upstream.filter(|asset| asset.name == part.asset);
+        let evidence = asset.iter().flat_map(|asset| asset.evidence).map(|evidence| evidence.url);
+        let known = match asset {
+            None => part.asset == OWNER && part.verified.is_none(),
+            Some(asset) => part.verified == Some(asset.verified) && part.obligations == asset.obligations,
+        };
+        if !known || !evidence.eq(part.evidence.iter().map(String::as_str)) {
+            let message =
+                format!("what it says of the part of {} is not what is known of its source", part.asset);
+            faults.push(Fault::of_file(Code::ClaimsDisagree, &path, message));
+        }
     }
     faults
+}
+
+/// A program's terms are an expression, and of one that is known they are its own.
+fn of_tool(scene: &SceneFile, tool: &LicensedTool) -> Option<Fault> {
+    let stated = match Expression::parse(&tool.licence) {
+        Ok(stated) => stated,
+        Err(e) => {
+            return Some(Fault::of_scene(Code::LicenceInvalid, &scene.id, format!("{}: {e}", tool.name)));
+        }
+    };
+    let id = ledger::tool(&tool.name)?.ids.iter().find(|id| !stated.demands(id))?;
+    let message = format!("{} is under {id}, and is said to be under `{stated}`", tool.name);
+    Some(Fault::of_scene(Code::LicenceForbidden, &scene.id, message))
 }
 
 /// Upstream photos are never passed on, whatever their name.
@@ -42,10 +135,10 @@ fn photos(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
 }
 
 /// What is derived from restricted material may be there where the releaser says why, and the scene is gated.
-fn restricted(scene: &SceneFile, kind: SourceKind, tree: &Tree<'_>) -> Vec<Fault> {
+fn restricted(scene: &SceneFile, asset: &Asset, tree: &Tree<'_>) -> Vec<Fault> {
     let mut faults = Vec::new();
     if !scene.licence.gated {
-        let message = format!("its source {} must be gated, and it is not", kind.name());
+        let message = format!("its source {} must be gated, and it is not", asset.name);
         faults.push(Fault::of_scene(Code::LicenceForbidden, &scene.id, message));
     }
     let reason = scene.licence.redistribution.as_deref().unwrap_or_default();
@@ -56,7 +149,7 @@ fn restricted(scene: &SceneFile, kind: SourceKind, tree: &Tree<'_>) -> Vec<Fault
     let derived = tree.intact.keys().filter(|path| path.starts_with(&folder) && !is_metadata(path));
     faults.extend(derived.map(|path| {
         let message =
-            format!("it is derived from {}, and nothing says why this release may pass that on", kind.name());
+            format!("it is derived from {}, and nothing says why this release may pass that on", asset.name);
         Fault::of_file(Code::LicenceForbidden, path, message).in_scene(&scene.id)
     }));
     faults
@@ -66,7 +159,8 @@ fn restricted(scene: &SceneFile, kind: SourceKind, tree: &Tree<'_>) -> Vec<Fault
 pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
     let parsed = manifest.scenes.iter().filter_map(|scene| Expression::parse(&scene.licence).ok());
     let expressions: Vec<Expression> = parsed.collect();
-    let used: BTreeSet<String> = expressions.iter().flat_map(Expression::ids).collect();
+    let loader = tree.has(loader::NAME).then(loader::ids).into_iter().flatten();
+    let used: BTreeSet<String> = expressions.iter().flat_map(Expression::ids).chain(loader).collect();
     let name = |path: &str| Some(path.strip_prefix("LICENSES/")?.strip_suffix(".txt")?.to_owned());
     let shipped: BTreeSet<String> = tree.intact.keys().filter_map(|path| name(path)).collect();
     let path = |id: &String| format!("LICENSES/{id}.txt");
@@ -79,7 +173,7 @@ pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
         ));
     }
     for id in shipped.difference(&used) {
-        faults.push(Fault::of_file(Code::LicenceUnused, &path(id), "no scene is under this licence"));
+        faults.push(Fault::of_file(Code::LicenceUnused, &path(id), "nothing here is under this licence"));
     }
     if !expressions.is_empty() {
         let whole = Expression::all(expressions).to_string();
@@ -89,6 +183,32 @@ pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
         }
     }
     faults
+}
+
+/// What `REUSE.toml` says of every file is what the scenes say, all of which are given; and the datasheet states the terms
+/// of the whole.
+pub(super) fn files(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+    let read = |path: &str| {
+        let absent =
+            || Fault::of_file(Code::Missing, path, "a release has one, and it is not there, or not whole");
+        if !tree.has(path) {
+            return Err(absent());
+        }
+        std::fs::read_to_string(tree.path_of(path)).map_err(|_| absent())
+    };
+    let holds = |path: &str, so: &dyn Fn(&str) -> bool, message: &str| match read(path) {
+        Ok(text) if so(&text) => None,
+        Ok(_) => Some(Fault::of_file(Code::ClaimsDisagree, path, message)),
+        Err(fault) => Some(fault),
+    };
+    let whole = format!("The whole: `{}`.", manifest.licence);
+    let wanted = reuse::compose(scenes, &manifest.licence);
+    let known = scenes.len() == manifest.scenes.len();
+    let reuse =
+        holds(reuse::NAME, &|text| !known || text == wanted, "it does not say of files what the scenes say");
+    let sheet =
+        holds(datasheet::NAME, &|text| text.contains(&whole), "it states other terms than the manifest");
+    reuse.into_iter().chain(sheet).collect()
 }
 
 /// The card's head states the terms of the whole.

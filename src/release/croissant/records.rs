@@ -1,5 +1,6 @@
 //! The record sets: the rows of the index, and a record of each `scene.json`.
 
+use crate::recipe::Splits;
 use crate::release::index::table::Kind;
 use crate::release::index::{self, COLUMNS};
 use serde_json::{Value, json};
@@ -46,17 +47,33 @@ fn field(set: &str, name: &str, kind: Kind, description: &str, source: Value) ->
     field
 }
 
-/// The rows of the index.
-pub(super) fn index() -> Value {
+/// The rows of the index. Where there are splits, the column of them refers to their records.
+pub(super) fn index(splits: Option<&Splits>) -> Value {
     let from =
         |column: &str| json!({ "fileObject": { "@id": index::NAME }, "extract": { "column": column } });
-    let fields = COLUMNS.iter().map(|c| field("index", c.name, c.kind, c.description, from(c.name)));
-    set(
-        "index",
-        "a row a trajectory, and a row a sensor where several saw it",
-        "id",
-        &fields.collect::<Vec<_>>(),
-    )
+    let mut fields: Vec<Value> =
+        COLUMNS.iter().map(|c| field("index", c.name, c.kind, c.description, from(c.name))).collect();
+    let split = fields.iter_mut().find(|field| field["name"] == "split");
+    if let (Some(field), Some(_)) = (split, splits) {
+        field["references"] = json!({ "field": { "@id": format!("{SPLITS}/name") } });
+    }
+    set("index", "a row a trajectory, and a row a sensor where several saw it", "id", &fields)
+}
+
+/// Id of the record set of splits.
+pub(in crate::release) const SPLITS: &str = "splits";
+
+/// The splits, a record each, written out.
+pub(super) fn splits(splits: &Splits) -> Value {
+    let name = format!("{SPLITS}/name");
+    let field = json!({
+        "@type": "cr:Field", "@id": name, "name": "name", "description": "name of the split",
+        "dataType": "sc:Text",
+    });
+    let mut records = set(SPLITS, "the splits; scenes are dealt by what they show", "name", &[field]);
+    records["dataType"] = "cr:Split".into();
+    records["data"] = splits.shares.keys().map(|split| json!({ name.as_str(): split })).collect();
+    records
 }
 
 /// The scene files, which are the file set `files`.

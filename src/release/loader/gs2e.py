@@ -65,6 +65,11 @@ def trajectories(folder):
     return [part["name"] for part in _description(folder)["trajectories"]]
 
 
+def split(folder):
+    """Name of the split that a scene is in, or None. `folder` is the one that holds scene.json."""
+    return _description(folder).get("split", {}).get("name")
+
+
 class Scene:
     """One trajectory of a scene, as one sensor saw it.
 

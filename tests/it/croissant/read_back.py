@@ -34,7 +34,10 @@ read = {}
 for records in dataset.metadata.record_sets:
     read[records.uuid] = list(dataset.records(record_set=records.uuid))
 plain = lambda value: value.decode() if isinstance(value, bytes) else value
-assert sorted(read) == ["index", "scenes"]
+splits = json.loads(pathlib.Path("manifest.json").read_text()).get("splits")
+assert sorted(read) == ["index", "scenes"] + (["splits"] if splits else [])
+if splits:
+    assert [plain(record["splits/name"]) for record in read["splits"]] == sorted(splits["shares"])
 assert len(read["index"]) == len(rows) and len(read["scenes"]) == len(scenes)
 for record, row in zip(read["index"], rows):
     for column in table.column_names:

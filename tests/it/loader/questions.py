@@ -181,6 +181,15 @@ def plant(folder, name="path", **part):
     return base
 
 
+def planted_split(folder):
+    home = plant(folder).parent
+    assert gs2e.split(home) is None
+    described = json.loads((home / "scene.json").read_text())
+    described["split"] = {"name": "train", "group": "mug"}
+    (home / "scene.json").write_text(json.dumps(described))
+    assert gs2e.split(home) == "train"
+
+
 def turn_z(degrees):
     half = np.radians(degrees) / 2
     return [0.0, 0.0, np.sin(half), np.cos(half)]
@@ -288,7 +297,7 @@ def pictures(folder, decoded):
 
 
 def sensors(folder):
-    assert gs2e.trajectories(folder) == ["base"]
+    assert gs2e.trajectories(folder) == ["base"] and gs2e.split(folder) is None
     for name in ("fine", "usual"):
         scene = gs2e.Scene(folder, sensor=name)
         whole = columns(f"{folder}/base/events/{name}.h5")

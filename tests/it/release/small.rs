@@ -71,10 +71,11 @@ pub(crate) fn read(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files.map(|entry| (below(entry.path()), std::fs::read(entry.path()).unwrap())).collect()
 }
 
-/// Writes `manifest.json` and `SHA256SUMS` anew, as one would who tampers with a release and covers it up.
+/// Writes `manifest.json`, `B3SUMS` and `SHA256SUMS` anew, as one would who tampers with a release and covers it up.
 pub(crate) fn reseal(folder: &Path) {
     let mut files = read(folder);
     files.remove("SHA256SUMS");
+    files.remove("B3SUMS");
     let manifest = files.remove("manifest.json").unwrap();
     let mut manifest: Value = serde_json::from_slice(&manifest).unwrap();
     let listed = |files: &mut BTreeMap<String, Vec<u8>>, of: &dyn Fn(&str) -> bool| -> Value {
@@ -92,6 +93,9 @@ pub(crate) fn reseal(folder: &Path) {
     }
     manifest["files"] = listed(&mut files, &|_| true);
     std::fs::write(folder.join("manifest.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    let listed = read(folder).into_iter().filter(|(path, _)| path != "B3SUMS" && path != "SHA256SUMS");
+    let line = |(path, bytes): (String, Vec<u8>)| format!("{}  {path}\n", blake3::hash(&bytes).to_hex());
+    std::fs::write(folder.join("B3SUMS"), listed.map(line).collect::<String>()).unwrap();
     resum(folder);
 }
 

@@ -46,7 +46,7 @@ impl Resolver<'_> {
         let version = self.required(&raw.version, "version", place, VERSION);
         let version = version.and_then(|(text, at)| self.filled(text, at));
         let licence = self.required(&raw.licence, "licence", place, LICENCE);
-        let licence = licence.and_then(|(text, at)| self.spdx(text, at));
+        let licence = licence.and_then(|(text, at)| self.tool_terms(raw.program.given()?.0, text, at));
         let environment = self.environment(&raw.environment);
         let scene = self.below_out(&raw.scene);
         let hold_out = match &raw.hold_out {

@@ -3,7 +3,7 @@
 
 use super::{Subject, fault, id, list};
 use crate::release::audit::{Code, Fault};
-use crate::release::croissant::data_type;
+use crate::release::croissant::{SPLITS, data_type};
 use crate::release::index;
 use serde_json::Value;
 
@@ -21,9 +21,42 @@ pub(super) fn audit(file: &Value, subject: &Subject<'_>) -> Vec<Fault> {
                 faults.push(fault(Code::CroissantReference, message));
             }
         }
-        faults.extend(fields.iter().filter_map(|field| audit_field(field, file, subject, &scenes)));
+        if set["data"].is_array() {
+            faults.extend(fields.iter().filter_map(|field| audit_written(field, set)));
+        } else {
+            faults.extend(fields.iter().filter_map(|field| audit_field(field, file, subject, &scenes)));
+        }
+        faults.extend(fields.iter().filter_map(|field| audit_reference(field, file)));
     }
+    faults.extend(splits(file, subject));
     faults
+}
+
+/// A field of records that are written out: each has it, as a text.
+fn audit_written(field: &Value, set: &Value) -> Option<Fault> {
+    let lacking = list(&set["data"]).iter().find(|record| !record[id(field)].is_string());
+    lacking.map(|record| fault(Code::CroissantColumn, format!("{} is in no form in {record}", id(field))))
+}
+
+/// A field that refers to another one, which must be there.
+fn audit_reference(field: &Value, file: &Value) -> Option<Fault> {
+    let wanted = field["references"]["field"]["@id"].as_str()?;
+    let mut fields = list(&file["recordSet"]).iter().flat_map(|set| list(&set["field"]));
+    let found = fields.any(|field| id(field) == wanted);
+    let message = || format!("{} refers to {wanted:?}, which is nothing here", id(field));
+    (!found).then(|| fault(Code::CroissantReference, message()))
+}
+
+/// The splits are those of the manifest.
+fn splits(file: &Value, subject: &Subject<'_>) -> Option<Fault> {
+    let set = list(&file["recordSet"]).iter().find(|set| id(set) == SPLITS);
+    let field = format!("{SPLITS}/name");
+    let found = set.iter().flat_map(|set| list(&set["data"]));
+    let found: Vec<&str> = found.map(|record| record[&field].as_str().unwrap_or_default()).collect();
+    let wanted = subject.manifest.splits.iter().flat_map(|splits| splits.shares.keys());
+    let wanted: Vec<&str> = wanted.map(String::as_str).collect();
+    let message = || format!("its splits are {found:?}, manifest.json has {wanted:?}");
+    (found != wanted).then(|| fault(Code::ClaimsDisagree, message()))
 }
 
 fn audit_field(field: &Value, file: &Value, subject: &Subject<'_>, scenes: &[Value]) -> Option<Fault> {

@@ -1,0 +1,331 @@
+//! What is known of the terms of each asset that scenes are made from or with: the one table that composition, audit,
+//! card and datasheet read (pipeline.md section 9).
+//!
+//! An entry says what was read and where, what follows from it, and whether that is all of its terms: what is not
+//! verified is told as such wherever it is used. Nothing here is taken from a paper that only repeats an upstream.
+
+use super::SourceKind;
+use serde::{Deserialize, Serialize};
+
+/// What terms ask of whoever uses or passes on the material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Obligation {
+    /// Its makers are to be named.
+    Attribution,
+    /// No commercial use.
+    NonCommercial,
+    /// What is derived from it has the same terms.
+    ShareAlike,
+    /// It is not passed on to whoever has not accepted the terms.
+    NoRedistribution,
+    /// Receivers accept the terms first.
+    Gating,
+    /// Data on persons are deleted on request.
+    DeletionOnRequest,
+}
+
+impl Obligation {
+    /// In words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Attribution => "attribution",
+            Self::NonCommercial => "no commercial use",
+            Self::ShareAlike => "share alike",
+            Self::NoRedistribution => "no passing on to others",
+            Self::Gating => "receivers accept the terms first",
+            Self::DeletionOnRequest => "deletion on request",
+        }
+    }
+
+    /// Those that a Creative Commons expression names in its ids, and attribution where a permissive licence asks that its
+    /// notice be kept. Of other ids nothing is said: their texts bind.
+    #[must_use]
+    pub fn of_ids(ids: &[&str]) -> Vec<Self> {
+        let has = |part: &str| ids.iter().any(|id| id.starts_with("CC-BY") && id.contains(part));
+        let kept = ["MIT", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause"];
+        let told = [
+            (Self::Attribution, has("CC-BY") || ids.iter().any(|id| kept.contains(id))),
+            (Self::NonCommercial, has("-NC")),
+            (Self::ShareAlike, has("-SA")),
+        ];
+        told.into_iter().filter(|(_, is)| *is).map(|(obligation, _)| obligation).collect()
+    }
+}
+
+/// What an asset is to a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// A dataset: its terms bind what is made from it. Known by the kind of source, where it has one.
+    Source(Option<SourceKind>),
+    /// A program: its licence is told, and binds no scene. Known by these names.
+    Tool(&'static [&'static str]),
+}
+
+/// What was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Evidence {
+    /// Where it can be read.
+    pub url: &'static str,
+    /// What it says.
+    pub says: &'static str,
+}
+
+/// An asset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Asset {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is to a scene.
+    pub role: Role,
+    /// Parts of addresses by which a recipe's `upstream_url` names it, in small letters.
+    addresses: &'static [&'static str],
+    /// SPDX and `LicenseRef-` ids, all of which bind.
+    pub ids: &'static [&'static str],
+    /// Who is to be named, and how it is cited.
+    pub attribution: &'static str,
+    /// What was read, and where.
+    pub evidence: &'static [Evidence],
+    /// What follows.
+    pub obligations: &'static [Obligation],
+    /// Whether the terms were read in full at their holder's.
+    pub verified: bool,
+    /// What the paper on GS2E (arXiv 2505.15287, appendix F) says instead.
+    pub paper: Option<&'static str>,
+}
+
+use Obligation::{Attribution, DeletionOnRequest, Gating, NoRedistribution, NonCommercial};
+
+/// All assets that something is known of.
+pub const LEDGER: [Asset; 8] = [
+    Asset {
+        name: "MVImgNet",
+        role: Role::Source(Some(SourceKind::Mvimgnet)),
+        addresses: &["gap-lab-cuhk-sz/mvimgnet", "gaplab.cuhk.edu.cn/projects/mvimgnet"],
+        ids: &["LicenseRef-MVImgNet-ToU", "CC-BY-NC-4.0"],
+        attribution: "MVImgNet (Yu et al., CVPR 2023)",
+        evidence: &[Evidence {
+            url: "https://github.com/GAP-LAB-CUHK-SZ/MVImgNet#license",
+            says: "the data is released under the MVImgNet Terms of Use, the code under CC BY-NC 4.0; the text of the \
+                   terms is part of the form by which access is asked for, and was not seen",
+        }],
+        obligations: &[Attribution, NonCommercial, NoRedistribution, Gating],
+        verified: false,
+        paper: Some("CC BY 4.0"),
+    },
+    Asset {
+        name: "DL3DV-10K",
+        role: Role::Source(Some(SourceKind::Dl3dv)),
+        addresses: &["dl3dv"],
+        ids: &["LicenseRef-DL3DV-10K-ToU", "CC-BY-NC-4.0"],
+        attribution: "DL3DV-10K (Ling et al., CVPR 2024)",
+        evidence: &[Evidence {
+            url: "https://github.com/DL3DV-10K/Dataset/blob/main/License.md",
+            says: "terms of use and CC BY-NC 4.0: non-commercial research and education; access for others after they \
+                   signed, sharing otherwise is prohibited; 3D models made from the data are named; data on persons \
+                   are deleted on request; access may be ended",
+        }],
+        obligations: &[Attribution, NonCommercial, NoRedistribution, Gating, DeletionOnRequest],
+        verified: true,
+        paper: Some("CC BY 4.0"),
+    },
+    Asset {
+        name: "Tanks and Temples",
+        role: Role::Source(None),
+        addresses: &["tanksandtemples.org"],
+        ids: &["LicenseRef-TanksAndTemples"],
+        attribution: "Tanks and Temples (Knapitsch et al., SIGGRAPH 2017)",
+        evidence: &[Evidence { url: "https://www.tanksandtemples.org/", says: "its statements disagree" }],
+        obligations: &[Attribution, NonCommercial, NoRedistribution],
+        verified: false,
+        paper: None,
+    },
+    Asset {
+        name: "Mip-NeRF 360",
+        role: Role::Source(None),
+        addresses: &["jonbarron.info/mipnerf360", "storage.googleapis.com/gresearch/refraw360"],
+        ids: &[super::text::UNSTATED],
+        attribution: "Mip-NeRF 360 (Barron et al., CVPR 2022)",
+        evidence: &[Evidence { url: "https://jonbarron.info/mipnerf360/", says: "no terms were found" }],
+        obligations: &[NoRedistribution],
+        verified: false,
+        paper: None,
+    },
+    Asset {
+        name: "3D Gaussian Splatting",
+        role: Role::Tool(&["gaussian-splatting", "3dgs"]),
+        addresses: &["graphdeco-inria/gaussian-splatting"],
+        ids: &["LicenseRef-Inria-MPII-3DGS"],
+        attribution: "3D Gaussian Splatting (Kerbl et al., SIGGRAPH 2023)",
+        evidence: &[Evidence {
+            url: "https://github.com/graphdeco-inria/gaussian-splatting/blob/main/LICENSE.md",
+            says: "research and evaluation, no commercial use, without leave to sublicense; it speaks of the software \
+                   and its derivatives, and does not say whether scenes and pictures made with it are meant",
+        }],
+        obligations: &[Attribution, NonCommercial],
+        verified: true,
+        paper: Some("CC BY MIT"),
+    },
+    Asset {
+        name: "DVS-Voltmeter",
+        role: Role::Tool(&["dvs-voltmeter"]),
+        addresses: &["lynn0306/dvs-voltmeter"],
+        ids: &["MIT"],
+        attribution: "DVS-Voltmeter (Lin et al., ECCV 2022)",
+        evidence: &[Evidence {
+            url: "https://github.com/Lynn0306/DVS-Voltmeter/blob/main/LICENSE.md",
+            says: "MIT; the law is computed here by code of its own",
+        }],
+        obligations: &[Attribution],
+        verified: true,
+        paper: None,
+    },
+    Asset {
+        name: "GS-Blur",
+        role: Role::Tool(&["gs-blur"]),
+        addresses: &["dongwoohhh/gs-blur"],
+        ids: &["LicenseRef-Inria-MPII-3DGS"],
+        attribution: "GS-Blur (Lee et al., NeurIPS 2024)",
+        evidence: &[Evidence {
+            url: "https://github.com/dongwoohhh/GS-Blur",
+            says: "it carries the licence file of 3D Gaussian Splatting",
+        }],
+        obligations: &[Attribution, NonCommercial],
+        verified: false,
+        paper: None,
+    },
+    Asset {
+        name: "GS2E",
+        role: Role::Tool(&[]),
+        addresses: &["pku-yuangroup/gs2e"],
+        ids: &["MIT", "Apache-2.0"],
+        attribution: "GS2E (arXiv 2505.15287)",
+        evidence: &[Evidence {
+            url: "https://github.com/PKU-YuanGroup/GS2E",
+            says: "a badge says MIT, the licence file Apache 2.0; no code is there, and nothing rests on it",
+        }],
+        obligations: &[Attribution],
+        verified: false,
+        paper: Some("CC BY MIT"),
+    },
+];
+
+/// The dataset that a source of this kind is of, or that its address names.
+#[must_use]
+pub fn dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
+    let url = url.unwrap_or_default().to_lowercase();
+    let by_kind = |asset: &&Asset| asset.role == Role::Source(Some(kind));
+    let by_address = |asset: &&Asset| asset.addresses.iter().any(|address| url.contains(address));
+    let sources = || LEDGER.iter().filter(|asset| asset.is_dataset());
+    sources().find(by_kind).or_else(|| sources().find(by_address))
+}
+
+/// The kind of source that a capture is of, by its name: what its address says, else what it is read as.
+#[must_use]
+pub fn origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
+    let asset = SourceKind::by_name(kind).and_then(|kind| dataset(kind, url));
+    match asset.map(|asset| asset.role) {
+        Some(Role::Source(Some(kind))) => kind.name(),
+        _ => kind,
+    }
+}
+
+/// The program of this name.
+#[must_use]
+pub fn tool(name: &str) -> Option<&'static Asset> {
+    let name = name.to_lowercase();
+    LEDGER.iter().find(|asset| matches!(asset.role, Role::Tool(names) if names.contains(&name.as_str())))
+}
+
+/// The asset of this name.
+#[must_use]
+pub fn by_name(name: &str) -> Option<&'static Asset> {
+    LEDGER.iter().find(|asset| asset.name == name)
+}
+
+impl Asset {
+    /// Whether it must not be passed on, unless the releaser has the right to and says so.
+    #[must_use]
+    pub fn restricted(&self) -> bool {
+        self.obligations.contains(&NoRedistribution)
+    }
+
+    /// Whether it is a dataset, whose terms bind.
+    #[must_use]
+    pub fn is_dataset(&self) -> bool {
+        matches!(self.role, Role::Source(_))
+    }
+
+    /// Its ids as one expression.
+    #[must_use]
+    pub fn expression(&self) -> String {
+        let mut ids = self.ids.to_vec();
+        ids.sort_unstable();
+        ids.join(" AND ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::licence::Expression;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_entry_says_what_was_read_and_where() {
+        let names: BTreeSet<&str> = LEDGER.iter().map(|asset| asset.name).collect();
+        assert_eq!(names.len(), LEDGER.len());
+        for asset in &LEDGER {
+            let expression = Expression::parse(&asset.expression()).unwrap();
+            assert_eq!(expression.to_string(), asset.expression(), "{}", asset.name);
+            assert!(!asset.evidence.is_empty() && !asset.attribution.is_empty(), "{}", asset.name);
+            for evidence in asset.evidence {
+                assert!(evidence.url.starts_with("https://") && !evidence.says.is_empty(), "{}", asset.name);
+            }
+            assert!(asset.addresses.iter().all(|a| *a == a.to_lowercase()), "{}", asset.name);
+        }
+    }
+
+    #[test]
+    fn no_claim_of_the_paper_is_what_upstream_says() {
+        let claimed = LEDGER.iter().filter_map(|asset| Some((asset, asset.paper?)));
+        for (asset, paper) in claimed {
+            let said = Expression::parse(&paper.replace(' ', "-")).map(|e| e.to_string());
+            assert_ne!(said, Ok(asset.expression()), "{}", asset.name);
+        }
+    }
+
+    #[test]
+    fn a_dataset_is_known_by_kind_and_by_address() {
+        let t = |kind, url, wanted: Option<&str>| {
+            assert_eq!(dataset(kind, url).map(|asset| asset.name), wanted, "{kind:?} {url:?}");
+        };
+        t(SourceKind::Dl3dv, None, Some("DL3DV-10K"));
+        t(SourceKind::Colmap, None, None);
+        t(
+            SourceKind::Colmap,
+            Some("https://huggingface.co/datasets/DL3DV/DL3DV-ALL-480P"),
+            Some("DL3DV-10K"),
+        );
+        t(SourceKind::Mvimgnet, Some("https://mirror.example/dl3dv"), Some("MVImgNet"));
+        t(SourceKind::Colmap, Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet"), Some("MVImgNet"));
+        t(SourceKind::Nerfstudio, Some("https://jonbarron.info/mipnerf360/"), Some("Mip-NeRF 360"));
+        t(SourceKind::Colmap, Some("https://example.org/lab"), None);
+        assert_eq!(origin("colmap", Some("https://github.com/GAP-LAB-CUHK-SZ/MVImgNet")), "mvimgnet");
+        assert_eq!(origin("colmap", Some("https://jonbarron.info/mipnerf360/")), "colmap");
+        // A program is no dataset.
+        t(SourceKind::Colmap, Some("https://github.com/graphdeco-inria/gaussian-splatting"), None);
+        assert_eq!(tool("3DGS").map(|asset| asset.name), Some("3D Gaussian Splatting"));
+        assert!(tool("opensplat").is_none());
+    }
+
+    #[test]
+    fn ids_name_some_obligations() {
+        let t = |ids: &[&str], wanted: &[Obligation]| assert_eq!(Obligation::of_ids(ids), wanted, "{ids:?}");
+        t(&["CC0-1.0"], &[]);
+        t(&["CC-BY-4.0"], &[Attribution]);
+        t(&["CC-BY-NC-SA-4.0"], &[Attribution, NonCommercial, Obligation::ShareAlike]);
+        t(&["MIT", "LicenseRef-Ours"], &[Attribution]);
+    }
+}

@@ -1,0 +1,168 @@
+//! `splits:` of `release.yaml`: which scenes are trained on and which are measured on, dealt by what was photographed and
+//! never by trajectory.
+//!
+//! A group's split is a function of its own key and the salt alone, so that a scene that is added moves no other:
+//! `u` is the first 53 bits of SHA-256(salt, a NUL, key) as a fraction, and the split is the first, in the order of their
+//! names, whose share added to those before it exceeds `u`. Shares are therefore reached in the long run only.
+
+use crate::recipe::field::Field;
+use crate::recipe::names;
+use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::resolve::Resolver;
+use crate::recipe::text::Place;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeMap;
+
+/// How scenes are dealt.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Splits {
+    /// What stays together.
+    pub by: By,
+    /// Share of each split, above 0, together 1.
+    pub shares: BTreeMap<String, f64>,
+    /// Another one deals anew.
+    pub salt: String,
+}
+
+/// What stays together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum By {
+    /// Scenes of one capture.
+    Capture,
+    /// The same, and scenes whose recipes name one `group`.
+    Object,
+}
+
+/// Shares may miss 1 by what decimal fractions do in binary.
+const TOLERANCE: f64 = 1e-9;
+
+impl Splits {
+    /// The split of the group with this key.
+    ///
+    /// # Panics
+    /// If there is no split: [`Splits`] that were read have one.
+    #[must_use]
+    pub fn of(&self, key: &str) -> &str {
+        let mut hash = Sha256::new();
+        hash.update(self.salt.as_bytes());
+        hash.update([0]);
+        hash.update(key.as_bytes());
+        let first = hash.finalize().iter().take(8).fold(0_u64, |bits, byte| bits << 8 | u64::from(*byte));
+        // 53 bits are exact in a double.
+        let u = (first >> 11) as f64 / (1_u64 << 53) as f64;
+        let mut below = 0.0;
+        let reached = self.shares.iter().find(|(_, share)| {
+            below += **share;
+            u < below
+        });
+        // Shares may end a little below 1.
+        let (name, _) = reached.or_else(|| self.shares.iter().next_back()).expect("there is a split");
+        name
+    }
+
+    /// Why these are no splits.
+    #[must_use]
+    pub fn fault(&self) -> Option<String> {
+        if self.shares.is_empty() {
+            return Some("there is no split".into());
+        }
+        if let Some((name, share)) = self.shares.iter().find(|(_, share)| !(**share > 0.0 && **share <= 1.0))
+        {
+            return Some(format!("the share of {name} is {share}, wanted above 0 and at most 1"));
+        }
+        let sum: f64 = self.shares.values().sum();
+        ((sum - 1.0).abs() > TOLERANCE).then(|| format!("the shares are {sum} together, wanted 1"))
+    }
+}
+
+/// As it is written.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Raw {
+    by: Field<By>,
+    shares: Field<BTreeMap<String, Field<f64>>>,
+    salt: Field<String>,
+}
+
+const HELP: &str = "write splits: { by: object, shares: { train: 0.8, val: 0.1, test: 0.1 } }";
+
+/// What is written; `Some(None)` where nothing is.
+pub(super) fn splits(field: &Field<Raw>, resolver: &Resolver<'_>) -> Option<Option<Splits>> {
+    let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
+    let by = resolver.required(&raw.by, "by", place, HELP).map(|(by, _)| *by);
+    let shares = resolver.required(&raw.shares, "shares", place, HELP);
+    let shares = shares.and_then(|(raw, place)| shares_of(raw, place, resolver));
+    let salt = match raw.salt.given() {
+        Some((salt, _)) => Some(salt.clone()),
+        None => raw.salt.is_absent().then(String::new),
+    };
+    let (shares, place) = shares?;
+    let splits = Splits { by: by?, shares, salt: salt? };
+    match splits.fault() {
+        None => Some(Some(splits)),
+        Some(because) => resolver.refuse(Problem::new(because).help(HELP).at(place)),
+    }
+}
+
+fn shares_of(
+    raw: &BTreeMap<String, Field<f64>>,
+    place: Place,
+    resolver: &Resolver<'_>,
+) -> Option<(BTreeMap<String, f64>, Place)> {
+    let share = |(name, share): (&String, &Field<f64>)| {
+        let (share, place) = share.given()?;
+        if let Err(because) = names::sensor(name) {
+            return resolver
+                .refuse(Problem::new(format!("the split {} is one {because}", quoted(name))).at(place));
+        }
+        Some((name.clone(), *share))
+    };
+    let shares: Option<BTreeMap<String, f64>> = raw.iter().map(share).collect();
+    Some((shares?, place))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn splits(shares: &[(&str, f64)], salt: &str) -> Splits {
+        let shares = shares.iter().map(|(name, share)| ((*name).to_owned(), *share)).collect();
+        Splits { by: By::Object, shares, salt: salt.into() }
+    }
+
+    #[test]
+    fn a_group_lies_where_its_hash_says() {
+        // By sha256sum of "\0a": 022a6979…, a fraction of 0.008; of "\0b" 0.343, "\0f" 0.959, "s\0a" 0.301.
+        let t = |salt, key, wanted| {
+            assert_eq!(splits(&[("train", 0.8), ("val", 0.1), ("test", 0.1)], salt).of(key), wanted);
+        };
+        t("", "a", "test");
+        t("", "b", "train");
+        t("", "f", "val");
+        t("s", "a", "train");
+    }
+
+    #[test]
+    fn shares_are_reached_in_the_long_run_and_salts_deal_anew() {
+        let [a, b] = ["", "again"].map(|salt| splits(&[("train", 0.7), ("test", 0.3)], salt));
+        let keys: Vec<String> = (0..10_000).map(|i| format!("dl3dv/{i}")).collect();
+        let tests = |splits: &Splits| keys.iter().filter(|key| splits.of(key) == "test").count();
+        // Binomial: 46 is one standard deviation; 4 of them.
+        for splits in [&a, &b] {
+            assert!((2_816..=3_184).contains(&tests(splits)), "{}", tests(splits));
+        }
+        assert!(keys.iter().any(|key| a.of(key) != b.of(key)));
+    }
+
+    #[test]
+    fn shares_are_parts_of_one() {
+        assert_eq!(splits(&[("train", 0.8), ("val", 0.1), ("test", 0.1)], "").fault(), None);
+        assert_eq!(splits(&[("all", 1.0)], "").fault(), None);
+        for shares in [&[][..], &[("a", 0.5), ("b", 0.4)], &[("a", 1.5), ("b", -0.5)], &[("a", f64::NAN)]] {
+            assert!(splits(shares, "").fault().is_some(), "{shares:?}");
+        }
+    }
+}

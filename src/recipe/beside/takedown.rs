@@ -1,0 +1,190 @@
+//! `takedown.txt`: scenes that are no longer made or passed on. A line each, `<scene id or upstream id> <day> [reason]`;
+//! lines that begin with `#`, and empty ones, say nothing.
+
+use crate::recipe::fault::{Fault, Faults};
+use crate::recipe::find::{self, TAKEDOWN};
+use crate::recipe::load::read_text;
+use crate::recipe::problem::{Problem, quoted};
+use crate::recipe::text::{Place, Text};
+use crate::recipe::{Recipe, RecipeFile, forms};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The ids that are listed, in small letters, each with the first day that one of its lines names. Which case an id is
+/// written in is nobody's reason to keep a scene.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Takedown(BTreeMap<String, String>);
+
+impl Takedown {
+    /// Whether nothing is listed.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The day since which a scene is listed: by its own id, by what its upstream calls it, or by the kind of its source
+    /// and that.
+    #[must_use]
+    pub fn since(&self, scene: &str, kind: &str, upstream_id: Option<&str>) -> Option<&str> {
+        let upstream = upstream_id.into_iter().flat_map(|id| [id.to_owned(), format!("{kind}/{id}")]);
+        let mut names = std::iter::once(scene.to_owned()).chain(upstream);
+        names.find_map(|name| self.0.get(&name.to_lowercase())).map(String::as_str)
+    }
+
+    /// Whether a recipe's scene is listed.
+    #[must_use]
+    pub fn lists(&self, recipe: &Recipe) -> bool {
+        let (kind, upstream_id) = recipe.source.origin();
+        self.since(&recipe.scene, kind, upstream_id).is_some()
+    }
+
+    /// The recipes of scenes that are not listed, and the number of the others.
+    #[must_use]
+    pub fn keep(&self, mut recipes: Vec<Recipe>) -> (Vec<Recipe>, usize) {
+        let all = recipes.len();
+        recipes.retain(|recipe| !self.lists(recipe));
+        let left_out = all - recipes.len();
+        (recipes, left_out)
+    }
+
+    /// Reads lists of these names.
+    ///
+    /// # Errors
+    /// Every line of them that is none, and files that cannot be read.
+    pub fn read(files: &[PathBuf]) -> Result<Self, Faults> {
+        let (mut list, mut faults) = (Self::default(), Vec::new());
+        for file in files {
+            match read_text(file) {
+                Ok(body) => faults.extend(list.add(file, body)),
+                Err(fault) => faults.push(fault),
+            }
+        }
+        Faults::or(list, faults)
+    }
+
+    /// Adds the lines of a file; what comes back is wrong with it.
+    fn add(&mut self, file: &Path, body: String) -> Vec<Fault> {
+        let texts = vec![Arc::new(Text { path: file.to_owned(), body })];
+        let mut faults = Vec::new();
+        for line in texts[0].body.lines() {
+            let line = line.trim_start_matches('\u{feff}').trim();
+            let place = |from: &str| {
+                // Lines and their words are slices of the text, so the distance of their starts is their place.
+                let at = from.as_ptr() as usize - texts[0].body.as_ptr() as usize;
+                Place { file: 0, start: bytes(at), end: bytes(at + from.len()) }
+            };
+            if line.is_empty() || line.starts_with('#') {
+                continue;
+            }
+            match entry(line) {
+                Ok((id, day)) => {
+                    let known = self.0.entry(id.to_lowercase()).or_insert_with(|| day.to_owned());
+                    if day < known.as_str() {
+                        day.clone_into(known);
+                    }
+                }
+                Err((word, message)) => {
+                    let problem = Problem::new(message).help(HELP).at(place(word));
+                    faults.push(problem.fault(&texts, None));
+                }
+            }
+        }
+        faults
+    }
+}
+
+/// A place in a file of at most as many bytes as the reader takes.
+fn bytes(at: usize) -> u32 {
+    u32::try_from(at).unwrap_or(u32::MAX)
+}
+
+const HELP: &str =
+    "a line is an id, a day and perhaps a reason: dl3dv/0a1b 2025-06-01 asked for by the owner";
+
+/// Id and day of a line, or the word that is wrong, with what is wrong.
+fn entry(line: &str) -> Result<(&str, &str), (&str, String)> {
+    let mut words = line.split_whitespace();
+    let id = words.next().unwrap_or(line);
+    let Some(day) = words.next() else { return Err((line, "the line has no day".into())) };
+    if !forms::DAY.holds(day) {
+        return Err((day, format!("the day is {}, wanted one such as 2025-05-21", quoted(day))));
+    }
+    Ok((id, day))
+}
+
+/// Reads every `takedown.txt` that lies beside recipes of these paths, or in a folder between them and what was named.
+/// What one of them lists is listed for all.
+///
+/// # Errors
+/// As [`Takedown::read`].
+pub fn read_takedown(paths: &[PathBuf]) -> Result<Takedown, Faults> {
+    // What is wrong with the recipes is told where they are read.
+    takedown_of(paths, &find::find_all(paths).unwrap_or_default())
+}
+
+/// The same for recipes that were found.
+///
+/// # Errors
+/// As [`Takedown::read`].
+pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown, Faults> {
+    let root = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
+    let roots: BTreeSet<PathBuf> = paths.iter().map(root).collect();
+    let homes: BTreeSet<PathBuf> = recipes.iter().map(|recipe| find::folder(&recipe.path)).collect();
+    let above = |home: &PathBuf| {
+        let inside = |folder: &&Path| roots.iter().any(|root| folder.starts_with(root));
+        home.ancestors().take_while(inside).map(Path::to_owned).collect::<Vec<_>>()
+    };
+    let folders: BTreeSet<PathBuf> = homes.iter().flat_map(above).chain(roots.iter().cloned()).collect();
+    let files = folders.into_iter().map(|folder| folder.join(TAKEDOWN)).filter(|file| file.exists());
+    Takedown::read(&files.collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(body: &str) -> Result<Takedown, String> {
+        let mut list = Takedown::default();
+        let faults = list.add(Path::new("takedown.txt"), body.to_owned());
+        let told: Vec<String> =
+            faults.iter().map(|fault| format!("{} {}", fault.location(), fault.message())).collect();
+        if told.is_empty() { Ok(list) } else { Err(told.join("\n")) }
+    }
+
+    #[test]
+    fn a_scene_is_listed_by_any_of_its_names() {
+        let list = read("\u{feff}# ids\r\na/b 2025-01-02 it shows a face\r\n\n  11/AB 2024-12-31\n").unwrap();
+        let t = |scene, kind, upstream, wanted| {
+            assert_eq!(list.since(scene, kind, upstream), wanted, "{scene} {kind} {upstream:?}");
+        };
+        t("a/b", "colmap", None, Some("2025-01-02"));
+        t("A/B", "colmap", None, Some("2025-01-02"));
+        t("a", "colmap", None, None);
+        t("a/b/c", "colmap", None, None);
+        t("mine", "mvimgnet", Some("11/ab"), Some("2024-12-31"));
+        t("mine", "mvimgnet", Some("12/ab"), None);
+        t("11/ab", "none", None, Some("2024-12-31"));
+        let list = read("mvimgnet/11/ab 2025-01-02\n").unwrap();
+        assert!(list.since("mine", "mvimgnet", Some("11/ab")).is_some());
+        assert!(list.since("mine", "dl3dv", Some("11/ab")).is_none());
+        assert!(read("").unwrap().is_empty() && read("# none\n").unwrap().is_empty());
+    }
+
+    #[test]
+    fn the_earliest_day_counts() {
+        let list = read("a 2025-01-02\na 2024-01-02\na 2025-06-01").unwrap();
+        assert_eq!(list.since("a", "none", None), Some("2024-01-02"));
+    }
+
+    #[test]
+    fn a_line_that_is_none_is_told_with_its_place() {
+        let t = |body: &str, wanted: &str| assert_eq!(read(body).unwrap_err(), wanted, "{body}");
+        t("# a\na/b\n", "takedown.txt:2:1 the line has no day");
+        t(
+            "a 2025-01-02\n\n b 2025-02-30 why\n",
+            "takedown.txt:3:4 the day is \"2025-02-30\", wanted one such as 2025-05-21",
+        );
+        t("a b 2025-01-02", "takedown.txt:1:3 the day is \"b\", wanted one such as 2025-05-21");
+    }
+}

@@ -1,0 +1,34 @@
+//! Whether scenes are in the splits that the release's own rule puts them in, and whether splits have something in common.
+
+use super::{Code, Fault};
+use crate::release::manifest::{self, Manifest};
+use crate::release::scene::{SceneFile, SplitPart};
+use crate::release::split;
+
+/// `scenes` are those that could be read.
+pub(super) fn audit(manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+    let rule = manifest.splits.as_ref();
+    if let Some(because) = rule.and_then(|rule| rule.fault()) {
+        let message = format!("its splits are none: {because}");
+        return vec![Fault::of_file(Code::SplitLeak, manifest::NAME, message)];
+    }
+    let mut faults = Vec::new();
+    for scene in scenes {
+        let wanted = rule.map(|rule| split::part(scene, rule));
+        if scene.split != wanted {
+            let told = |part: &Option<SplitPart>| match part {
+                Some(part) => format!("in `{}`, of the group `{}`", part.name, part.group),
+                None => "in no split".to_owned(),
+            };
+            let (found, wanted) = (told(&scene.split), told(&wanted));
+            let message =
+                format!("it is said to be {found}; the rule of {} puts it {wanted}", manifest::NAME);
+            faults.push(Fault::of_scene(Code::SplitLeak, &scene.id, message));
+        }
+    }
+    let leaks = split::leaks(scenes);
+    faults.extend(
+        leaks.iter().map(|leak| Fault::of_scene(Code::SplitLeak, &leak.scenes[0].0, leak.to_string())),
+    );
+    faults
+}

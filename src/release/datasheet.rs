@@ -1,0 +1,46 @@
+//! `DATASHEET.md`: the questions of "Datasheets for Datasets" (Gebru et al., Communications of the ACM 64(12), 2021), in
+//! their order, answered from what the release knows. What it does not know it says; nothing is made up.
+
+mod answers;
+
+use super::facts::{Facts, plain};
+use answers::Answers;
+use std::fmt::Write as _;
+
+/// Name of the file.
+pub(super) const NAME: &str = "DATASHEET.md";
+
+/// What the publisher could say and did not.
+const UNSTATED: &str = "Not stated by the publisher.";
+
+/// What nobody here knows.
+const UNKNOWN: &str = "Not known.";
+
+/// A question with its answer.
+type Asked = (&'static str, String);
+
+/// Composes the file.
+pub(super) fn compose(facts: &Facts<'_>) -> String {
+    let info = &facts.beside.info;
+    let mut text = format!("# Datasheet of {} {}\n\n", plain(&info.name), plain(&info.version));
+    text.push_str(
+        "The questions are those of Gebru et al., Datasheets for Datasets (2021). Answers are computed from the release, \
+         or the publisher's own words, which are marked as such.\n",
+    );
+    let answers = Answers { facts, info };
+    for (title, asked) in [
+        ("Motivation", answers.motivation()),
+        ("Composition", answers.composition()),
+        ("Collection process", answers.collection()),
+        ("Preprocessing, cleaning, labelling", answers.preprocessing()),
+        ("Uses", answers.uses()),
+        ("Distribution", answers.distribution()),
+        ("Maintenance", answers.maintenance()),
+    ] {
+        let _ = write!(text, "\n## {title}\n");
+        for (question, answer) in asked {
+            let _ = write!(text, "\n**{question}**\n\n{}\n", answer.trim_end());
+        }
+    }
+    text
+}

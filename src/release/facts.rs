@@ -1,0 +1,220 @@
+//! What card and datasheet say of a release: counted and gathered once, so that they cannot differ.
+
+use super::Beside;
+use super::built::{BuiltScene, BuiltTrajectory};
+use super::scene::SceneFile;
+use crate::check::Verdict;
+use crate::licence::{Asset, Composed, Obligation, Part, Passing, ledger};
+use crate::recipe::{Reconstruct, Source};
+use crate::sensor::Sensor;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+/// A release, as it is told to people.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Facts<'a> {
+    pub(super) scenes: &'a [BuiltScene<'a>],
+    /// Their `scene.json`, in the same order.
+    pub(super) described: &'a [SceneFile],
+    pub(super) beside: &'a Beside,
+    pub(super) licence: &'a Composed,
+}
+
+/// How much of each there is in the tree: what is withheld does not count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub(super) scenes: usize,
+    pub(super) trajectories: usize,
+    pub(super) poses: usize,
+    pub(super) streams: usize,
+    pub(super) events: u64,
+    pub(super) frames: usize,
+    /// Scenes of which nothing is passed on that shows them.
+    pub(super) withheld: usize,
+}
+
+impl Facts<'_> {
+    pub(super) fn counts(&self) -> Counts {
+        let shown = || self.scenes.iter().filter(|scene| scene.licence.passing != Passing::Withheld);
+        let shown_paths = || shown().flat_map(|scene| &scene.trajectories);
+        let streams = || shown_paths().flat_map(BuiltTrajectory::streams);
+        let paths = || self.scenes.iter().flat_map(|scene| &scene.trajectories);
+        let frames =
+            |t: &BuiltTrajectory| t.sharp.iter().flatten().filter(|output| is_png(&output.name)).count();
+        Counts {
+            scenes: self.scenes.len(),
+            trajectories: paths().count(),
+            poses: paths().map(|t| t.motion.trajectory.stamps_us.len()).sum(),
+            streams: streams().count(),
+            events: streams().map(|stream| stream.account.events).sum(),
+            frames: shown_paths().map(frames).sum(),
+            withheld: self.scenes.len() - shown().count(),
+        }
+    }
+
+    /// Number of scenes of each kind of source.
+    pub(super) fn sources(&self) -> BTreeMap<&'static str, usize> {
+        tally(self.scenes.iter().map(|scene| scene.recipe.source.kind()))
+    }
+
+    /// Number of scenes in each split; empty where there are no splits.
+    pub(super) fn splits(&self) -> BTreeMap<&str, usize> {
+        let named = self.beside.info.splits.iter().flat_map(|splits| splits.shares.keys());
+        let mut counts: BTreeMap<&str, usize> = named.map(|name| (name.as_str(), 0)).collect();
+        for part in self.described.iter().filter_map(|file| file.split.as_ref()) {
+            *counts.entry(&part.name).or_default() += 1;
+        }
+        counts
+    }
+
+    /// Number of photos that are named and hashed, which are not in the tree.
+    pub(super) fn photos(&self) -> usize {
+        self.described.iter().map(|file| file.images.len()).sum()
+    }
+
+    /// Verdicts of all checks.
+    pub(super) fn verdicts(&self) -> BTreeMap<&'static str, usize> {
+        let findings = self.scenes.iter().flat_map(BuiltScene::findings);
+        tally(findings.map(|finding| finding.verdict.name()))
+    }
+
+    pub(super) fn passed(&self) -> usize {
+        self.verdicts().get(Verdict::Pass.name()).copied().unwrap_or_default()
+    }
+
+    /// Everything that receivers are asked for.
+    pub(super) fn obligations(&self) -> BTreeSet<Obligation> {
+        self.parts().flat_map(|part| part.obligations.iter().copied()).collect()
+    }
+
+    fn parts(&self) -> impl Iterator<Item = &Part> {
+        self.scenes.iter().flat_map(|scene| &scene.licence.parts)
+    }
+
+    /// Who is to be named, each once.
+    pub(super) fn attributions(&self) -> BTreeSet<&str> {
+        self.parts().map(|part| part.attribution.as_str()).filter(|name| !name.is_empty()).collect()
+    }
+
+    /// The datasets that scenes are of, and the programs that have to do with how they were made, in the ledger's order.
+    pub(super) fn assets(&self) -> Vec<&'static Asset> {
+        let datasets = self.parts().filter_map(|part| part.asset).map(|asset| asset.name);
+        let mut names: BTreeSet<&str> = datasets.collect();
+        if self.trained().is_some() {
+            names.insert("3D Gaussian Splatting");
+        }
+        let sensors = self.scenes.iter().flat_map(|scene| scene.recipe.sensors.iter());
+        if sensors.into_iter().any(|(_, sensor)| matches!(sensor, Sensor::Voltmeter(_))) {
+            names.insert("DVS-Voltmeter");
+        }
+        ledger::LEDGER.iter().filter(|asset| names.contains(asset.name)).collect()
+    }
+
+    /// What is known of the programs that trained the scenes; `None` where none was trained.
+    pub(super) fn trained(&self) -> Option<String> {
+        let mut how = BTreeSet::new();
+        for scene in self.scenes {
+            match &scene.recipe.reconstruct {
+                Some(Reconstruct::Command(command)) => {
+                    how.insert(format!("{} {} ({})", command.name(), command.version, command.licence));
+                }
+                Some(Reconstruct::Given(_) | Reconstruct::Newest(_)) => {
+                    how.insert("a program that the scene files do not name".to_owned());
+                }
+                None => {}
+            }
+        }
+        let how: Vec<String> = how.iter().map(|text| plain(text)).collect();
+        (!how.is_empty()).then(|| how.join("; "))
+    }
+
+    /// Whether every scene was made up by this program.
+    pub(super) fn made_up(&self) -> bool {
+        self.scenes.iter().all(|scene| matches!(scene.recipe.source, Source::Procedural(_)))
+    }
+
+    /// The ledger's rows of what this release is made of, as a table.
+    pub(super) fn ledger(&self) -> String {
+        let assets = self.assets();
+        if assets.is_empty() {
+            return String::new();
+        }
+        let mut text = String::from(
+            "| made from or with | terms | asked for | read where | what is said there | verified |\n\
+             |---|---|---|---|---|---|\n",
+        );
+        for asset in assets {
+            let Asset { name, evidence, obligations, .. } = asset;
+            let asked: Vec<&str> = obligations.iter().map(|obligation| obligation.words()).collect();
+            let read: Vec<String> = evidence.iter().map(|evidence| format!("<{}>", evidence.url)).collect();
+            let said: Vec<&str> = evidence.iter().map(|evidence| evidence.says).collect();
+            let verified = if asset.verified { "yes" } else { "**no**" };
+            let _ = writeln!(
+                text,
+                "| {name} | `{}` | {} | {} | {} | {verified} |",
+                asset.expression(),
+                asked.join(", "),
+                read.join(", "),
+                said.join("; ")
+            );
+        }
+        text
+    }
+
+    /// Where an upstream granted other terms than it has for everybody.
+    pub(super) fn grants(&self) -> Vec<String> {
+        let granted = self.scenes.iter().flat_map(|scene| {
+            let grants =
+                scene.licence.parts.iter().filter_map(|part| Some((part.asset?, part.grant.as_ref()?)));
+            grants.map(move |(asset, grant)| {
+                format!(
+                    "{}: of {} `{}` was granted by {} on {}, which can be read at <{}>",
+                    scene.recipe.scene,
+                    asset.name,
+                    grant.expression,
+                    plain(&grant.granted_by),
+                    grant.date,
+                    plain(&grant.url)
+                )
+            })
+        });
+        granted.collect()
+    }
+}
+
+fn tally<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, usize> {
+    names.fold(BTreeMap::new(), |mut counts, name| {
+        *counts.entry(name).or_default() += 1;
+        counts
+    })
+}
+
+fn is_png(name: &str) -> bool {
+    name.ends_with(".png")
+}
+
+/// A text of a user as it stands, on one line of Markdown: nothing in it is markup.
+pub(super) fn plain(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.trim().chars() {
+        match c {
+            c if c.is_control() => out.push(' '),
+            '\\' | '`' | '*' | '<' | '>' | '[' | ']' | '|' => out.extend(['\\', c]),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_of_users_are_no_markup() {
+        let t = |text: &str, wanted: &str| assert_eq!(plain(text), wanted);
+        t("Example Lab, 2025", "Example Lab, 2025");
+        t(" a|b\n## Licence ", "a\\|b ## Licence");
+        t("<img src=x> [a](b) `c` **d**", "\\<img src=x\\> \\[a\\](b) \\`c\\` \\*\\*d\\*\\*");
+    }
+}

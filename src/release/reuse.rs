@@ -1,0 +1,67 @@
+//! `REUSE.toml`: holders and terms of every file, in the form of the REUSE specification, version 3.3, so that
+//! `reuse lint` passes. It is told from `scene.json` alone, and an audit tells it again.
+
+use super::loader;
+use super::scene::SceneFile;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+/// Name of the file.
+pub(super) const NAME: &str = "REUSE.toml";
+
+/// Whom a scene without a stated holder names.
+const NOBODY: &str = "not stated";
+
+/// Composes the file. Where several entries are of one file the last one counts; what files say of themselves never does,
+/// since texts of users stand in them.
+pub(super) fn compose(scenes: &[SceneFile], whole: &str) -> String {
+    let mut text = String::from("version = 1\n");
+    let everybody: BTreeSet<&str> = scenes.iter().flat_map(holders).collect();
+    annotate(&mut text, "**", &everybody, whole);
+    for scene in scenes {
+        annotate(
+            &mut text,
+            &format!("{}/**", scene.id),
+            &holders(scene).collect(),
+            &scene.licence.expression,
+        );
+    }
+    annotate(&mut text, loader::NAME, &BTreeSet::from([loader::HOLDER]), loader::LICENCE);
+    text
+}
+
+fn holders(scene: &SceneFile) -> impl Iterator<Item = &str> {
+    scene.licence.parts.iter().map(|part| part.attribution.as_str()).filter(|name| !name.is_empty())
+}
+
+fn annotate(text: &mut String, path: &str, holders: &BTreeSet<&str>, expression: &str) {
+    let nobody = BTreeSet::from([NOBODY]);
+    let holders = if holders.is_empty() { &nobody } else { holders };
+    let holders: Vec<String> = holders.iter().map(|holder| quoted(holder)).collect();
+    let _ = write!(
+        text,
+        "\n[[annotations]]\npath = {}\nprecedence = \"override\"\nSPDX-FileCopyrightText = [{}]\n\
+         SPDX-License-Identifier = {}\n",
+        quoted(path),
+        holders.join(", "),
+        quoted(expression)
+    );
+}
+
+/// A basic string of TOML: as JSON has it, but for one control character that JSON lets pass.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007F")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_of_users_stay_texts() {
+        assert_eq!(quoted("a \"lab\"\n\u{7f}"), r#""a \"lab\"\n\u007F""#);
+        let mut text = String::new();
+        annotate(&mut text, "a/**", &BTreeSet::new(), "MIT");
+        assert!(text.contains("SPDX-FileCopyrightText = [\"not stated\"]\n"), "{text}");
+    }
+}

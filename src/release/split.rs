@@ -1,0 +1,86 @@
+//! Which split a scene belongs to, told from its own description alone, so that an audit can tell it again; and whether
+//! two splits have something in common all the same.
+
+use super::checksum;
+use super::scene::{SceneFile, SplitPart};
+use crate::recipe::{By, Splits};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+/// The split of a scene by a rule.
+pub(super) fn part(scene: &SceneFile, splits: &Splits) -> SplitPart {
+    let group = key(scene, splits.by);
+    SplitPart { name: splits.of(&group).to_owned(), group }
+}
+
+/// What keeps scenes together: the recipe's own word where objects are meant; else the upstream's id of the capture; else
+/// the photos of the source, whichever of them are used; else the Gaussians; else the scene is by itself.
+fn key(scene: &SceneFile, by: By) -> String {
+    let group = scene.recipe.get("group").and_then(serde_json::Value::as_str);
+    if let (By::Object, Some(group)) = (by, group) {
+        return format!("group/{group}");
+    }
+    if let Some(id) = &scene.source.upstream_id {
+        return format!("{}/{id}", scene.source.kind);
+    }
+    let photos: BTreeSet<&str> = photos(scene).collect();
+    if !photos.is_empty() {
+        let photos: Vec<&str> = photos.into_iter().collect();
+        return format!("photos/{}", checksum::sha256(photos.join("\n").as_bytes()));
+    }
+    match gaussians(scene) {
+        Some(sha256) => format!("gaussians/{sha256}"),
+        None => format!("scene/{}", scene.id),
+    }
+}
+
+fn photos(scene: &SceneFile) -> impl Iterator<Item = &str> {
+    scene.images.iter().filter_map(|image| image.sha256.as_deref())
+}
+
+fn gaussians(scene: &SceneFile) -> Option<&str> {
+    scene.reconstruction.as_ref().map(|made| made.scene_sha256.as_str())
+}
+
+/// Something that two splits have in common.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Leak {
+    /// The scenes, with their splits: the first of each split that has it.
+    pub scenes: [(String, String); 2],
+    /// What it is.
+    pub what: String,
+}
+
+impl fmt::Display for Leak {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [(a, of_a), (b, of_b)] = &self.scenes;
+        write!(f, "{} is in {a} ({of_a}) and in {b} ({of_b})", self.what)
+    }
+}
+
+/// What scenes of two splits have in common: a group, a photo by its SHA-256, or the Gaussians. One of each kind for two
+/// scenes.
+pub(super) fn leaks(scenes: &[SceneFile]) -> Vec<Leak> {
+    // The first scene of each split that has a thing.
+    let mut holders: BTreeMap<(&str, &str), BTreeMap<&str, &str>> = BTreeMap::new();
+    for (scene, part) in scenes.iter().filter_map(|scene| Some((scene, scene.split.as_ref()?))) {
+        let group = [("the group", part.group.as_str())];
+        let gaussians = gaussians(scene).map(|sha256| ("the Gaussians", sha256));
+        let photos = photos(scene).map(|sha256| ("the photo of SHA-256", sha256));
+        for thing in group.into_iter().chain(gaussians).chain(photos) {
+            holders.entry(thing).or_default().entry(&part.name).or_insert(&scene.id);
+        }
+    }
+    let mut told = BTreeSet::new();
+    let mut leaks = Vec::new();
+    for ((kind, value), of) in holders {
+        let mut of = of.into_iter();
+        let Some((first_split, first)) = of.next() else { continue };
+        for (split, scene) in of.filter(|(_, scene)| told.insert((kind, first, *scene))).collect::<Vec<_>>() {
+            let scenes =
+                [(first, first_split), (scene, split)].map(|(id, of)| (id.to_owned(), of.to_owned()));
+            leaks.push(Leak { scenes, what: format!("{kind} {value}") });
+        }
+    }
+    leaks
+}
