@@ -15,6 +15,7 @@ pub mod left_out;
 mod loader;
 mod manifest;
 pub mod recheck;
+mod report;
 mod scene;
 mod transforms;
 mod tree;
@@ -151,6 +152,17 @@ fn compose(scenes: &[BuiltScene<'_>], store: &Store, info: &ReleaseInfo) -> Resu
     let release = Described { info, licence: &licence.expression, scenes: &described, paths, index: &index };
     top.add(croissant::NAME.into(), Content::json(&croissant::compose(&release)));
     top.add(index::NAME.into(), Content::Bytes(index));
+    // Last, since it links to every other file.
+    let others = [manifest::NAME, checksum::NAME].map(str::to_owned);
+    let told = report::Told {
+        info,
+        licence: &licence,
+        scenes,
+        described: &described,
+        listed: &listed,
+        top: top.paths().map(str::to_owned).chain(others).collect(),
+    };
+    top.add(report::NAME.into(), Content::Bytes(report::compose(told, store).into_bytes()));
     let manifest = Manifest {
         format: 1,
         name: info.name.clone(),
