@@ -38,6 +38,7 @@ mod progress;
 mod real;
 mod recipes;
 mod release;
+mod report;
 mod render_golden;
 mod render_gpu;
 mod render_layering;

@@ -1,10 +1,10 @@
-//! Small curves over time: event rates and speeds.
+//! Small curves over time, event rates and speeds, and how strokes are written.
 
 use super::html::Html;
 use std::fmt::Write as _;
 
 /// Size of a curve's picture, px.
-const SIZE: [i64; 2] = [480, 96];
+const SIZE: [i32; 2] = [480, 96];
 
 /// Values over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,36 +41,48 @@ impl Curve {
         self
     }
 
-    fn highest(&self) -> f64 {
+    /// The highest value; 0 of none.
+    pub(super) fn highest(&self) -> f64 {
         self.points.iter().map(|[_, v]| *v).fold(0.0, f64::max)
     }
 
-    /// As the data of a path: whole px, each point relative to the one before it.
     fn data(&self, highest: f64) -> String {
-        #[expect(clippy::cast_possible_truncation, reason = "shares of a picture's size")]
         let place = |[t, value]: [f64; 2]| {
             let y = if highest > 0.0 { value / highest } else { 0.0 };
-            [(t * SIZE[0] as f64).round() as i64, ((1.0 - y) * (SIZE[1] - 4) as f64).round() as i64 + 2]
+            [t * f64::from(SIZE[0]), (1.0 - y) * f64::from(SIZE[1] - 4) + 2.0]
         };
-        let places: Vec<[i64; 2]> = self.points.iter().map(|p| place(*p)).collect();
-        let steps = places.windows(2).map(|pair| [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]]);
-        let mut data = String::new();
-        for (number, [x, y]) in places.first().copied().into_iter().chain(steps).enumerate() {
-            let lead = ["M", "l"].get(number).unwrap_or(&" ");
-            // A sign parts numbers as well as a space does.
-            let gap = if y < 0 { "" } else { " " };
-            write!(data, "{lead}{x}{gap}{y}").expect("a String takes any text");
-        }
-        data
+        stroke(self.points.iter().map(|point| place(*point)))
     }
 }
 
-/// Curves on one scale from 0 to the highest of them, each with the class that colours it.
-pub(super) fn draw(html: &mut Html, name: &str, curves: &[(&'static str, &Curve)]) {
+/// Points as the data of a path: in whole px, each relative to the one before it. Points that are not finite are left out.
+pub(super) fn stroke(points: impl IntoIterator<Item = [f64; 2]>) -> String {
+    #[expect(clippy::cast_possible_truncation, reason = "places in a picture; what is not in i64 is none")]
+    let whole = |point: [f64; 2]| point.map(|v| v.round() as i64);
+    let finite = points.into_iter().filter(|point| point.iter().all(|v| v.is_finite()));
+    let places: Vec<[i64; 2]> = finite.map(whole).collect();
+    let steps = places.windows(2).map(|pair| [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]]);
+    let mut data = String::new();
+    for (number, [x, y]) in places.first().copied().into_iter().chain(steps).enumerate() {
+        // A sign parts numbers as well as a space does.
+        let lead = match number {
+            0 => "M",
+            1 => "l",
+            _ if x < 0 => "",
+            _ => " ",
+        };
+        let gap = if y < 0 { "" } else { " " };
+        write!(data, "{lead}{x}{gap}{y}").expect("a String takes any text");
+    }
+    data
+}
+
+/// Curves on one scale from 0 to the highest of them, each with the class that colours it. The caption says what they are.
+pub(super) fn draw(html: &mut Html, curves: &[(&'static str, &Curve)]) {
     let highest = curves.iter().map(|(_, curve)| curve.highest()).fold(0.0, f64::max);
     let [width, height] = SIZE;
     let view = format!("0 0 {width} {height}");
-    let attributes = [("class", "curve"), ("viewBox", &view), ("role", "img"), ("aria-label", name)];
+    let attributes = [("class", "curve"), ("viewBox", view.as_str()), ("aria-hidden", "true")];
     html.within("svg", &attributes, |html| {
         for (class, curve) in curves {
             html.empty("path", &[("class", class), ("d", &curve.data(highest))]);
@@ -89,6 +101,13 @@ mod tests {
         assert_eq!(curve.data(2.0), "M60 94l120-46 120-46 120 0");
         assert_eq!(Curve::new(&[], &[], 10).data(1.0), "");
         assert_eq!(Curve::new(&[0.0], &[1.0], 10).data(0.0), "M240 94");
+    }
+
+    #[test]
+    fn strokes_end_where_they_should_whatever_is_rounded() {
+        let points = [[0.4, 0.4], [1.4, 0.6], [2.4, -3.4], [f64::NAN, 1.0], [-1.6, 5.0], [-1.6, 5.2]];
+        // to 0 0, 1 1, 2 -3, -2 5, -2 5
+        assert_eq!(stroke(points), "M0 0l1 1 1-4-4 8 0 0");
     }
 
     #[test]

@@ -62,8 +62,8 @@ const DEPTHS: [Depth; 3] = [
         check_pictures: 1,
         passed_pictures: false,
         passes: false,
-        points: 60,
-        cameras: 3,
+        points: 40,
+        cameras: 2,
     },
 ];
 
@@ -83,8 +83,8 @@ impl Depth {
         let pictures = if self.every {
             "pictures are small, and of checks only those that did not pass are shown (three a trajectory)"
         } else {
-            "pictures are small: a sharp frame a scene, events of its first trajectory, and one picture of a check that did \
-             not pass a trajectory"
+            "pictures are small and few (a sharp frame a scene, events of its first trajectory, one check that did not pass \
+             a trajectory), curves are coarse"
         };
         let most = if self == part { whole.most } else { part.most };
         Some(format!(

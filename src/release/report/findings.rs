@@ -116,6 +116,37 @@ pub(super) fn table<'a>(
     });
 }
 
+/// The same in a line each: what a browser shows sooner where there are thousands.
+pub(super) fn list<'a>(html: &mut Html, prefix: &str, findings: impl IntoIterator<Item = &'a Finding>) {
+    let mut findings: Vec<&Finding> = findings.into_iter().collect();
+    findings.sort_by_key(|finding| rank(finding.verdict));
+    html.within("ul", &[("class", "listed")], |html| {
+        for finding in findings {
+            let number = |name: &str, value: Option<f64>| {
+                value.map_or_else(String::new, |v| format!(", {name} {} {}", short(v), unit(finding)))
+            };
+            let of = match statement(&finding.subject, prefix) {
+                "" => String::new(),
+                of => format!(" {of}"),
+            };
+            let words = format!(
+                "{}: {}{of}{}{}: {}",
+                finding.verdict.name(),
+                finding.check,
+                number("measured", finding.measured).trim_end(),
+                number("limit", finding.limit).trim_end(),
+                finding.because
+            );
+            html.leaf("li", &[("class", class(finding.verdict))], &words);
+        }
+    });
+}
+
+/// The unit; of pure numbers none.
+fn unit(finding: &Finding) -> &str {
+    if finding.unit == "1" { "" } else { &finding.unit }
+}
+
 /// The head of a table: each column's name and class.
 pub(super) fn heads(html: &mut Html, columns: &[(&str, &str)]) {
     html.within("thead", &[], |html| {
@@ -135,7 +166,7 @@ fn row(html: &mut Html, finding: &Finding, prefix: &str) {
         html.within("td", &[], |html| badge(html, finding.verdict, finding.verdict.name()));
         html.leaf("td", &[("class", "n")], &number(finding.measured));
         html.leaf("td", &[("class", "n")], &number(finding.limit));
-        html.leaf("td", &[], if finding.unit == "1" { "" } else { &finding.unit });
+        html.leaf("td", &[], unit(finding));
         html.leaf("td", &[], &finding.because);
     });
 }
@@ -176,6 +207,11 @@ pub(super) mod tests {
         let place = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words} in {page}"));
         let order = ["<td>arc", "<td>chord", "<td>fine", "<td>order", ">schema<"].map(place);
         assert!(order.is_sorted(), "{page}");
+        let mut html = Html::default();
+        list(&mut html, "s/t", &findings[2..]);
+        let page = Html::page(|page| page.append(&html));
+        let [first, last] = ["warn: speed arc, measured 0.25: a reason<", "waived: polarity fine,"];
+        assert!(page.find(first) < page.find(last) && page.contains(first), "{page}");
         assert_eq!(worst(&findings), Some(Verdict::Warn));
         assert_eq!(Count::of(&findings).words(), "2 warn, 1 waived, 1 not-run, 1 pass");
         assert_eq!(Count::default().words(), "no statement");

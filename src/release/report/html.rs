@@ -65,7 +65,8 @@ impl Html {
     fn open(&mut self, tag: &'static str, attributes: Attributes<'_>, end: &str) {
         self.0.push('<');
         self.0.push_str(tag);
-        for (name, value) in attributes {
+        // Where nothing is classified no class is written.
+        for (name, value) in attributes.iter().filter(|of| **of != ("class", "")) {
             self.0.push(' ');
             self.0.push_str(name);
             self.0.push_str("=\"");

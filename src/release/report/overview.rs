@@ -2,7 +2,7 @@
 
 use super::findings::{self, Count, badge, heads};
 use super::html::Html;
-use super::section::{self, Part, file_link, link, on_share, span, whole};
+use super::section::{self, Part, counted, file_link, link, on_share, span, whole};
 use super::Page;
 use crate::check::{self, Finding, Verdict};
 use crate::release::left_out::Row;
@@ -52,19 +52,19 @@ const SECTIONS: [(&str, &str); 6] = [
 /// How much there is, in large figures.
 fn figures(html: &mut Html, page: &Page<'_>) {
     let parts = || page.entries.iter().flat_map(|entry| &entry.file.trajectories);
-    let counted = || page.entries.iter().flat_map(section::Entry::counted);
+    let streams = || page.entries.iter().flat_map(section::Entry::counted);
     let sum = |values: &mut dyn Iterator<Item = u64>| whole(values.sum());
     let frames = page.entries.iter().flat_map(|entry| entry.below("")).filter(|path| section::is_sharp(path));
     let seconds = parts().map(|part| part.duration_us as f64 * 1e-6).sum::<f64>();
     let told = [
-        (whole(page.entries.len() as u64), "scenes"),
-        (whole(parts().count() as u64), "trajectories"),
+        (whole(page.entries.len() as u64), if page.entries.len() == 1 { "scene" } else { "scenes" }),
+        (whole(page.trajectories() as u64), if page.trajectories() == 1 { "trajectory" } else { "trajectories" }),
         (sum(&mut parts().map(|part| part.poses as u64)), "poses"),
         (whole(frames.count() as u64), "sharp frames"),
-        (sum(&mut counted().filter_map(|counted| counted.events)), "events"),
+        (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
         (crate::trajectory::picture::short(seconds), "s of motion"),
-        (span(counted().filter_map(|counted| counted.rate_ev_px_s)), "events a pixel and second"),
-        (span(counted().filter_map(on_share)), "share of ON events"),
+        (span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events a pixel and second"),
+        (span(streams().filter_map(on_share)), "share of ON events"),
     ];
     html.within("ul", &[("class", "figures-row")], |html| {
         for (figure, what) in told {
@@ -123,7 +123,10 @@ fn filters(html: &mut Html, page: &Page<'_>) {
         ("notrun", "with a check not run", with(Verdict::NotRun)),
         ("withheld", "withheld", page.entries.iter().filter(|entry| entry.is_withheld()).count()),
     ];
-    let kinds = kinds.into_iter().filter(|(.., count)| *count > 0);
+    let kinds: Vec<_> = kinds.into_iter().filter(|(.., count)| *count > 0).collect();
+    if kinds.is_empty() {
+        return;
+    }
     let choices = [("all", "all", page.entries.len())].into_iter().chain(kinds);
     html.within("fieldset", &[("class", "filters")], |html| {
         html.leaf("legend", &[], "Show");
@@ -147,8 +150,12 @@ pub(super) fn checks(html: &mut Html, page: &Page<'_>) {
         html.leaf("p", &[], VERDICTS);
         html.within("table", &[("class", "by-check")], |html| {
             html.leaf("caption", &[], "Statements by check");
-            heads(html, &[("check", ""), ("verdicts", ""), ("", "")]);
-            html.within("tbody", &[], |html| check::NAMES.iter().for_each(|name| by_check(html, page, name)));
+            heads(html, &[("check", ""), ("verdicts", ""), ("statements", "")]);
+            let count = |name| Count::of(page.findings().filter(|finding| finding.check == name));
+            html.within("tbody", &[], |html| {
+                let counts = check::NAMES.into_iter().map(|name| (name, count(name)));
+                counts.filter(|(_, count)| *count != Count::default()).for_each(|of| by_check(html, of));
+            });
         });
         faults(html, page);
     });
@@ -158,16 +165,11 @@ const VERDICTS: &str = "pass: within limits. warn: outside a limit that does not
     by the recipe with a reason. not-run: could not be judged, and why is told below. A release with a failed check is not \
     written.";
 
-fn by_check(html: &mut Html, page: &Page<'_>, name: &str) {
-    let count = Count::of(page.findings().filter(|finding| finding.check == name));
+fn by_check(html: &mut Html, (name, count): (&str, Count)) {
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], name);
-        if count == Count::default() {
-            html.leaf("td", &[("class", "none"), ("colspan", "2")], "says nothing in this release");
-        } else {
-            html.within("td", &[("class", "verdicts")], |html| count.bar(html));
-            html.leaf("td", &[], &count.words());
-        }
+        html.within("td", &[("class", "verdicts")], |html| count.bar(html));
+        html.leaf("td", &[], &count.words());
     });
 }
 
@@ -185,7 +187,7 @@ fn faults(html: &mut Html, page: &Page<'_>) {
     }
     let words = match faults.len() {
         n if n > MOST_FAULTS => format!("Outside limits: the first {MOST_FAULTS} of {n} statements"),
-        n => format!("Outside limits: {n} statements"),
+        n => format!("Outside limits: {}", counted(n, "statement", "statements")),
     };
     html.within("table", &[("class", "faults")], |html| {
         html.leaf("caption", &[], &words);
@@ -317,15 +319,16 @@ fn absences(page: &Page<'_>) -> Vec<String> {
     let mut told = vec![match withheld.len() {
         0 => "No scene has its pictures and events withheld.".to_owned(),
         n => format!(
-            "Of {n} scenes pictures and events are withheld, as upstream forbids passing them on; recipe, poses and \
-             reports are here."
+            "Of {} pictures and events are withheld, as upstream forbids passing them on; recipe, poses and \
+             reports are here.",
+            counted(n, "scene", "scenes")
         ),
     }];
     if photos > 0 {
         told.push(format!("No photo is in the release; {} of {} were not used.", whole(unused), whole(photos)));
     }
     if silent > 0 {
-        told.push(format!("{silent} scenes have no events: their recipes ask for none."));
+        told.push(format!("Without events, as no recipe asks for them: {}.", counted(silent, "scene", "scenes")));
     }
     told
 }
@@ -372,7 +375,8 @@ pub(super) fn files(html: &mut Html, page: &Page<'_>) {
         html.leaf("p", &[], READING);
         let gated = page.entries.iter().filter(|entry| entry.file.licence.gated).count();
         if gated > 0 {
-            let words = format!("Of {gated} scenes, who receives them must accept the upstream terms first.");
+            let of = counted(gated, "scene", "scenes");
+            let words = format!("Gated: who receives them must accept the upstream terms of {of} first.");
             html.leaf("p", &[], &words);
         }
         let holders: BTreeSet<&str> = page

@@ -104,6 +104,11 @@ pub(super) fn whole(n: u64) -> String {
     out
 }
 
+/// How many of what, `one` and `more` being its names.
+pub(super) fn counted(n: usize, one: &str, more: &str) -> String {
+    format!("{} {}", whole(n as u64), if n == 1 { one } else { more })
+}
+
 /// From the lowest to the highest; one number where they are the same to the eye.
 pub(super) fn span(values: impl Iterator<Item = f64>) -> String {
     let bounds = values.fold(None, |bounds: Option<[f64; 2]>, v| {
@@ -111,7 +116,7 @@ pub(super) fn span(values: impl Iterator<Item = f64>) -> String {
     });
     let Some(bounds) = bounds else { return "\u{2013}".to_owned() };
     let [low, high] = bounds.map(short);
-    if low == high { low } else { format!("{low} to {high}") }
+    if low == high { low } else { format!("{low}\u{2013}{high}") }
 }
 
 /// The share of ON events.
@@ -196,7 +201,7 @@ fn details(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
             marks(html, entry);
         });
         html.within("div", &[("class", "inside"), ("id", &anchor(entry.id()))], |html| {
-            facts(html, entry);
+            facts(html, page, entry);
             files(html, entry);
             own_findings(html, page, entry);
             for (built, part) in entry.built.trajectories.iter().zip(&entry.file.trajectories) {
@@ -219,7 +224,7 @@ fn files(html: &mut Html, entry: &Entry<'_>) {
     });
 }
 
-fn facts(html: &mut Html, entry: &Entry<'_>) {
+fn facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     let file = entry.file;
     let camera = &file.camera;
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short);
@@ -237,6 +242,10 @@ fn facts(html: &mut Html, entry: &Entry<'_>) {
     if photos > 0 {
         let unused = file.images.iter().filter(|image| !image.used).count();
         facts.push(("Photos", format!("{photos}, {unused} of them not used; none is in the release")));
+    }
+    if !page.depth.every {
+        let told = facts.into_iter().map(|(name, words)| format!("{name}: {words}.")).collect::<Vec<_>>();
+        return html.leaf("p", &[], &told.join(" "));
     }
     html.within("dl", &[], |html| {
         for (name, words) in facts {
@@ -301,8 +310,11 @@ pub(super) fn listed(html: &mut Html, page: &Page<'_>, caption: &str, prefix: &s
     let caption = format!("{caption}: {}", count.words());
     if shown.is_empty() {
         html.leaf("p", &[("class", "caption")], &caption);
-    } else {
+    } else if page.depth.every {
         findings::table(html, &caption, prefix, shown);
+    } else {
+        html.leaf("p", &[("class", "caption")], &caption);
+        findings::list(html, prefix, shown);
     }
 }
 
@@ -315,7 +327,7 @@ mod tests {
         for (n, wanted) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_234_567, "1,234,567")] {
             assert_eq!(whole(n), wanted);
         }
-        assert_eq!(span([2.0, 1.0, 3.5].into_iter()), "1 to 3.5");
+        assert_eq!(span([2.0, 1.0, 3.5].into_iter()), "1\u{2013}3.5");
         assert_eq!(span([0.5, 0.500_001].into_iter()), "0.5");
         assert_eq!(span(std::iter::empty()), "\u{2013}");
     }

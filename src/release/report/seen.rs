@@ -16,14 +16,6 @@ use crate::store::record::Output;
 use std::ops::Range;
 use std::path::Path;
 
-/// The events of a stream over time.
-#[derive(Debug)]
-pub(super) struct Rate {
-    pub(super) curve: Curve,
-    /// Most events in one of its steps, events per second.
-    pub(super) highest_hz: f64,
-}
-
 /// A picture and what it shows.
 #[derive(Debug)]
 pub(super) struct Shown {
@@ -58,13 +50,26 @@ pub(super) fn sharp(built: &BuiltTrajectory, store: &Store, width: u32) -> Optio
     Some(Shown { picture, words })
 }
 
-/// The rate of a stream, by its file.
-pub(super) fn rate(file: &Path, points: usize) -> Option<Rate> {
+/// The rate of a stream over time, by its file: events per second, over a trajectory of this length.
+pub(super) fn rate(file: &Path, duration_us: i64, points: usize) -> Option<Curve> {
     let index = h5::Reader::open(file).ok()?.index().ok()?;
     let counts: Vec<f64> = index.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
-    let hz: Vec<f64> = counts.iter().map(|count| count * 1e3).collect();
-    let curve = Curve::new(&hz, &vec![1.0; hz.len()], points);
-    Some(Rate { curve, highest_hz: hz.iter().copied().fold(0.0, f64::max) })
+    let (hz, ms) = rates(&counts, duration_us as f64 * 1e-3);
+    Some(Curve::new(&hz, &ms, points))
+}
+
+/// Events per second from the counts of milliseconds, and how long each holds, ms. The last millisecond is there in part: less
+/// than half of one is put to the one before it, since a rate over so little says nothing.
+fn rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
+    let length = |k: usize| (whole_ms - k as f64).clamp(0.0, 1.0);
+    let mut held: Vec<[f64; 2]> = counts.iter().enumerate().map(|(k, count)| [*count, length(k)]).collect();
+    while let [.., before, last] = held.as_mut_slice()
+        && last[1] < 0.5
+    {
+        *before = [before[0] + last[0], before[1] + last[1]];
+        held.pop();
+    }
+    held.into_iter().map(|[count, ms]| (count * 1e3 / ms, ms)).unzip()
 }
 
 /// The events of a stream around the middle of its trajectory.
@@ -161,6 +166,20 @@ mod tests {
         assert_eq!(window(&index, 50, u64::MAX), Some(30..71));
         assert_eq!(window(&[0, 0], 3, 7), Some(0..1));
         assert_eq!((window(&[0], 3, 7), window(&[], 3, 7)), (None, None));
+    }
+
+    #[test]
+    fn the_last_rate_is_over_what_is_left_of_its_millisecond() {
+        let check = |counts: &[f64], whole_ms, wanted: &[[f64; 2]]| {
+            let (hz, ms) = rates(counts, whole_ms);
+            let found: Vec<[f64; 2]> = hz.into_iter().zip(ms).map(|(hz, ms)| [hz, ms]).collect();
+            assert_eq!(found, wanted, "{counts:?}");
+        };
+        check(&[10.0, 20.0, 15.0], 2.75, &[[1e4, 1.0], [2e4, 1.0], [2e4, 0.75]]);
+        check(&[10.0, 20.0, 5.0], 2.25, &[[1e4, 1.0], [2e4, 1.25]]);
+        // an event at the very end of a whole number of milliseconds
+        check(&[10.0, 19.0, 1.0], 2.0, &[[1e4, 1.0], [2e4, 1.0]]);
+        check(&[], 0.0, &[]);
     }
 
     #[test]

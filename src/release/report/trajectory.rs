@@ -1,7 +1,7 @@
 //! One trajectory in the section of its scene: what was counted, what it looks like, curves, files and checks.
 
 use super::Page;
-use super::curve::{self, Curve};
+use super::curve::{self, Curve, stroke};
 use super::findings::is_fault;
 use super::html::Html;
 use super::section::{self, Entry, file_link, image, on_share, whole};
@@ -38,7 +38,7 @@ pub(super) fn compose(
                 pictures_of_checks(html, page, built);
             }
         });
-        files(html, entry, built);
+        files(html, page, entry, built);
         let prefix = format!("{}/{}", entry.id(), built.name);
         section::listed(html, page, "Checks", &prefix, &built.findings);
     });
@@ -111,55 +111,42 @@ fn path(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory) {
     let views = sketch(&motion.trajectory.world_from_camera, &motion.report.linear_unit_s, VIEW, counts);
     let Some(views) = views else { return };
     let speeds = Range::of(&motion.report.linear_unit_s);
-    let caption = speeds.map_or_else(
-        || "path from above and from the side".to_owned(),
-        |Range { min, max, .. }| {
-            format!(
-                "path from above and from the side; cameras from {} units/s (dark) to {} (yellow)",
-                short(min),
-                short(max)
-            )
-        },
-    );
+    let [from_above, from_the_side] = [0, 1].map(|i: usize| views[i].name);
+    let mut caption = format!("path {from_above}, and {from_the_side}");
+    if let Some(Range { min, max, .. }) = speeds {
+        let _ = write!(caption, "; cameras from {} units/s (dark) to {} (yellow)", short(min), short(max));
+    }
     figure(html, &caption, |html| {
         let [width, height] = VIEW;
         let view = format!("0 0 {} {height}", 2.0 * width);
-        let label = [("aria-label", caption.as_str())];
-        let attributes = [&[("class", "path"), ("viewBox", &view), ("role", "img")], label.as_slice()];
-        html.within("svg", &attributes.concat(), |html| {
-            for (view, left) in views.iter().zip([0.0, width]) {
-                draw_view(html, view, left);
-            }
-        });
+        let attributes = [("class", "path"), ("viewBox", view.as_str()), ("aria-hidden", "true")];
+        html.within("svg", &attributes, |html| draw_views(html, &views));
     });
 }
 
-fn draw_view(html: &mut Html, view: &Sketch, left: f64) {
-    let moved = |points: &[[f64; 2]]| strokes(points, left);
-    html.empty("path", &[("class", "way"), ("d", &moved(&view.path))]);
-    for (frustum, colour) in &view.frusta {
-        html.empty("path", &[("stroke", colour), ("d", &moved(frustum))]);
+/// Both views beside each other, what is drawn alike in one stroke: a page has thousands of them.
+fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
+    let [width, height] = VIEW;
+    let both = |of: &dyn Fn(&Sketch) -> Vec<[f64; 2]>| -> String {
+        let at = |(view, left): (&Sketch, f64)| stroke(of(view).iter().map(|[x, y]| [x + left, *y]));
+        views.iter().zip([0.0, width]).map(at).collect()
+    };
+    let bar = |view: &Sketch| vec![[8.0, height - 8.0], [8.0 + view.bar, height - 8.0]];
+    html.empty("path", &[("class", "way"), ("d", &(both(&|view| view.path.clone()) + &both(&bar)))]);
+    for (number, (_, colour)) in views[0].frusta.iter().enumerate() {
+        html.empty("path", &[("stroke", colour), ("d", &both(&|view| view.frusta[number].0.to_vec()))]);
     }
-    if let Some([x, y]) = view.path.first() {
-        let [x, y] = [x + left, *y].map(|v| format!("{v:.1}"));
-        html.empty("circle", &[("cx", &x), ("cy", &y), ("r", "3")]);
+    for (view, left) in views.iter().zip([0.0, width]) {
+        if let Some([x, y]) = view.path.first() {
+            let [x, y] = [x + left, *y].map(|v| format!("{v:.0}"));
+            html.empty("circle", &[("cx", &x), ("cy", &y), ("r", "3")]);
+        }
     }
-    let [_, height] = VIEW;
-    let bar = [[8.0, height - 8.0], [8.0 + view.bar, height - 8.0]];
-    html.empty("path", &[("class", "way"), ("d", &moved(&bar))]);
-    let x = format!("{:.1}", left + 8.0);
-    html.leaf("text", &[("x", &x), ("y", "14")], view.name);
-    html.leaf("text", &[("x", &x), ("y", &format!("{}", height - 13.0))], &view.bar_words);
-}
-
-/// Points as the data of a path, to a tenth of a px.
-fn strokes(points: &[[f64; 2]], left: f64) -> String {
-    let finite = points.iter().filter(|p| p[0].is_finite() && p[1].is_finite());
-    finite.enumerate().fold(String::new(), |mut data, (number, [x, y])| {
-        let lead = if number == 0 { 'M' } else { 'L' };
-        write!(data, "{lead}{:.1} {y:.1}", x + left).expect("a String takes any text");
-        data
-    })
+    // Both are to one scale only where their paths are as long; the bar of each says its own.
+    for (view, left) in views.iter().zip([8.0, width + 8.0]) {
+        let [x, y] = [left, height - 13.0].map(|v| format!("{v:.0}"));
+        html.leaf("text", &[("x", &x), ("y", &y)], &view.bar_words);
+    }
 }
 
 /// Event rates and speeds over time.
@@ -168,18 +155,18 @@ fn curves(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, (built, part): (&
     let streams = seen::streams(built).take(MOST_STREAMS);
     // Of a scene that is withheld the events are not in the release; how many there were is told all the same.
     for (name, file) in streams.filter(|_| !entry.is_withheld()) {
-        let Some(rate) = seen::rate(file, points) else { continue };
+        let Some(rate) = seen::rate(file, part.duration_us, points) else { continue };
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count times 1000")]
-        let highest = amount(rate.highest_hz as u64, "ev/s");
-        let words = format!("{of}events over time, 0 to {highest} in a millisecond");
-        figure(html, &words, |html| curve::draw(html, &words, &[("a", &rate.curve)]));
+        let highest = amount(rate.highest() as u64, "ev/s");
+        let words = format!("{of}event rate over time, from 0 to {highest}");
+        figure(html, &words, |html| curve::draw(html, &[("a", &rate)]));
     }
     let report = &built.motion.report;
     let durations: Vec<f64> = report.durations().collect();
     let curve = |values: &[f64]| Curve::new(values, &durations, points).over_mean();
     let (linear, angular) = (curve(&report.linear_unit_s), curve(&report.angular_rad_s));
-    let words = format!("speed over time, each over its mean: {}", speeds(&part.statistics));
+    let words = format!("speed over time, from 0, each over its mean: {}", speeds(&part.statistics));
     let drawn: Vec<(&'static str, &Curve)> =
         [("a", &linear, report.linear_ratio.is_some()), ("b", &angular, report.angular_ratio.is_some())]
             .into_iter()
@@ -187,7 +174,7 @@ fn curves(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, (built, part): (&
             .map(|(class, curve, _)| (class, curve))
             .collect();
     if !drawn.is_empty() {
-        figure(html, &words, |html| curve::draw(html, &words, &drawn));
+        figure(html, &words, |html| curve::draw(html, &drawn));
     }
 }
 
@@ -217,23 +204,29 @@ fn pictures_of_checks(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory)
     }
 }
 
-/// The trajectory's files in the tree; of a folder of many, the first.
-fn files(html: &mut Html, entry: &Entry<'_>, built: &BuiltTrajectory) {
+/// The trajectory's files in the tree; of a folder of many, the first. A brief page links to the most wanted.
+fn files(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTrajectory) {
     let folder = format!("{}/", built.name);
     let prefix = format!("{}/{folder}", entry.id());
     let paths: Vec<&str> = entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();
+    let same = |a: &&str, b: &&str| of_many(a).is_some() && of_many(a) == of_many(b);
+    let groups = paths.chunk_by(same).filter(|group| page.depth.every || is_most_wanted(group[0]));
     html.within("p", &[("class", "files")], |html| {
         html.text("Files: ");
-        let mut first = true;
-        for group in paths.chunk_by(|a, b| of_many(a).is_some() && of_many(a) == of_many(b)) {
-            html.text(if first { "" } else { ", " });
-            first = false;
+        for (number, group) in groups.enumerate() {
+            html.text(if number > 0 { ", " } else { "" });
             file_link(html, &format!("{prefix}{}", group[0]), group[0]);
             if group.len() > 1 {
                 html.text(&format!(" and {} more", group.len() - 1));
             }
         }
+        html.text(if page.depth.every { "" } else { ", and others beside them" });
     });
+}
+
+/// What a brief page links to: the events, what checks found, and the path in full.
+fn is_most_wanted(path: &str) -> bool {
+    path.starts_with("events") || ["checks.json", "trajectory.svg"].contains(&path)
 }
 
 /// The folder of a file that is one of many: numbered frames.
