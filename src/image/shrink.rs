@@ -98,7 +98,8 @@ mod tests {
 
     #[test]
     fn even_colours_stay_and_shapes_are_kept() {
-        for (size, to, wanted) in [([640, 360], 160, [160, 90]), ([31, 17], 10, [10, 6]), ([9, 1], 2, [2, 1])] {
+        for (size, to, wanted) in [([640, 360], 160, [160, 90]), ([31, 17], 10, [10, 6]), ([9, 1], 2, [2, 1])]
+        {
             let [width, height] = size;
             let found = to_width(&Image::filled(Size { width, height }, [9, 200, 31]), to);
             assert_eq!([found.size().width, found.size().height], wanted);

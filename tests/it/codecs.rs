@@ -463,7 +463,7 @@ fn an_hdf5_file_is_read_from_the_middle() {
     for (number, from) in [(70_000, 65_536), (0, 0), (65_536, 65_536), (149_999, 131_072)] {
         reader.seek(number);
         assert!(reader.next_chunk(&mut chunk).unwrap());
-        assert!(chunk == events[from..(from + 65_536).min(150_000)], "{number}");
+        assert!(kept(&chunk) == kept(&events[from..(from + 65_536).min(150_000)]), "{number}");
     }
     reader.seek(150_000);
     assert!(!reader.next_chunk(&mut chunk).unwrap());

@@ -22,7 +22,7 @@ fn elements<'a, 'd>(page: &'a Document<'d>, tag: &'a str) -> impl Iterator<Item 
 }
 
 fn text(node: Node<'_, '_>) -> String {
-    node.descendants().filter_map(|n| n.is_text().then(|| n.text().unwrap())).collect()
+    node.descendants().filter(Node::is_text).map(|n| n.text().unwrap()).collect()
 }
 
 /// The whole text of a page but for its style sheet.
@@ -88,14 +88,20 @@ fn sound(tree: &Path) -> String {
 fn the_page_stands_alone_and_its_links_hold() {
     let source = sound(small::release());
     let page = parsed(&source);
-    let policy = elements(&page, "meta").find(|m| m.attribute("http-equiv") == Some("Content-Security-Policy"));
+    let policy =
+        elements(&page, "meta").find(|m| m.attribute("http-equiv") == Some("Content-Security-Policy"));
     let policy = policy.unwrap().attribute("content").unwrap();
-    assert!(policy.starts_with("default-src 'none'; style-src 'sha256-") && !policy.contains("unsafe"), "{policy}");
+    assert!(
+        policy.starts_with("default-src 'none'; style-src 'sha256-") && !policy.contains("unsafe"),
+        "{policy}"
+    );
     // A frame in the table; a frame for the first trajectory of the recipe, whose outputs are the same for both.
     assert_eq!(elements(&page, "img").count(), 1 + 2 + 2);
     assert_eq!(elements(&page, "article").count(), 2);
     let all = words(&page);
-    for wanted in ["small/one", "base", "slow", "CC0-1.0", "procedural", "2,000 Gaussians", "PSNR not measured"] {
+    for wanted in
+        ["small/one", "base", "slow", "CC0-1.0", "procedural", "2,000 Gaussians", "PSNR not measured"]
+    {
         assert!(all.contains(wanted), "{wanted} in {all}");
     }
 }
@@ -138,8 +144,10 @@ fn the_page_says_what_the_records_say() {
             .collect();
         assert_eq!(rows.len(), records.len());
         for record in &records {
-            let part = record["subject"].as_str().unwrap().strip_prefix(&format!("small/one/{trajectory}")).unwrap();
-            let [check, verdict, because] = ["check", "verdict", "because"].map(|key| record[key].as_str().unwrap());
+            let part =
+                record["subject"].as_str().unwrap().strip_prefix(&format!("small/one/{trajectory}")).unwrap();
+            let [check, verdict, because] =
+                ["check", "verdict", "because"].map(|key| record[key].as_str().unwrap());
             let same = |row: &&Vec<String>| row[0] == check && row[1] == part.trim_start_matches(['/', '#']);
             let found: Vec<_> = rows.iter().filter(same).collect();
             assert!(found.iter().any(|row| row[2] == verdict && row[6] == because), "{record}");
@@ -154,10 +162,12 @@ fn the_page_says_what_the_records_say() {
 }
 
 /// Strings that a page must not take for markup, as far as a recipe can bring them.
-const WICKED: &str = "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & \u{202e}desrever";
+const WICKED: &str =
+    "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & \u{202e}desrever";
 
 /// As the page tells it.
-const TOLD: &str = "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & [U+202E]desrever";
+const TOLD: &str =
+    "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & [U+202E]desrever";
 
 const RECIPE: &str = "\
 version: 1
@@ -190,7 +200,11 @@ fn whatever_a_recipe_says_is_text() {
     assert!(inside("title").starts_with(TOLD) && inside("h1").starts_with(TOLD), "{}", inside("title"));
     assert!(inside("dd").contains(TOLD), "the holder");
     assert!(inside("td").contains(&format!("accepted: {TOLD}")), "the waiver");
-    assert_eq!(words(&page).matches(TOLD).count(), 8, "name, description, creator, holder twice, waiver twice, citation");
+    assert_eq!(
+        words(&page).matches(TOLD).count(),
+        8,
+        "name, description, creator, holder twice, waiver twice, citation"
+    );
     // Read as a browser would where it forgives: no tag of a recipe, in any spelling.
     assert!(!source.to_lowercase().contains("<script") && !source.contains("\u{202e}"));
     assert_eq!(source.matches("</style>").count(), 1);

@@ -53,13 +53,17 @@ fn options(args: &[String]) -> Outcome<Options> {
     let mut args = args.iter();
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or(format!("{arg} wants a value"));
-        let count = |text: &String| text.parse().ok().filter(|n| *n > 0).ok_or(format!("found {text}, wanted a count above 0"));
+        let count = |text: &String| {
+            text.parse().ok().filter(|n| *n > 0).ok_or(format!("found {text}, wanted a count above 0"))
+        };
         match arg.as_str() {
             "--scenes" => options.scenes = count(value()?)?,
             "--runs" => options.runs = count(value()?)?,
             "--page" => options.page = Some(value()?.into()),
             "--keep" => options.keep = Some(value()?.into()),
-            _ => return Err(format!("found `{arg}`, wanted --scenes N, --runs N, --page FILE or --keep FILE")),
+            _ => {
+                return Err(format!("found `{arg}`, wanted --scenes N, --runs N, --page FILE or --keep FILE"));
+            }
         }
     }
     Ok(options)
@@ -109,7 +113,8 @@ fn multiplied(page: &str, [begin, end, after]: [&str; 3], scenes: usize) -> Outc
     let broken = || "the page has no scenes where they were".to_owned();
     let start = page.find(begin).ok_or_else(broken)?;
     let stop = start + page[start..].find(after).ok_or_else(broken)?;
-    let own: Vec<&str> = page[start..stop].split_inclusive(end).filter(|part| part.starts_with(begin)).collect();
+    let own: Vec<&str> =
+        page[start..stop].split_inclusive(end).filter(|part| part.starts_with(begin)).collect();
     let mut out = page[..start].to_owned();
     for number in 0..scenes {
         let part = own.get(number % own.len().max(1)).ok_or_else(broken)?;
@@ -136,7 +141,8 @@ fn opened(page: &Path, folder: &Path, runs: usize) -> Outcome {
     write(&empty, "<!DOCTYPE html><title>empty</title>\n")?;
     let mut times = [const { Vec::new() }; 3];
     for run in 0..=runs {
-        let took = [loaded(browser, folder, page)?, shot(browser, folder, page)?, shot(browser, folder, &empty)?];
+        let took =
+            [loaded(browser, folder, page)?, shot(browser, folder, page)?, shot(browser, folder, &empty)?];
         // The first is to warm up.
         if run > 0 {
             times.iter_mut().zip(took).for_each(|(times, took)| times.push(took));
@@ -199,7 +205,9 @@ fn loaded(browser: &str, folder: &Path, page: &Path) -> Outcome<f64> {
 fn shot(browser: &str, folder: &Path, page: &Path) -> Outcome<f64> {
     let picture = format!("--screenshot={}", folder.join("shot.png").display());
     let start = Instant::now();
-    program(OsStr::new(browser), &quiet(folder)).args([picture, format!("file://{}", page.display())]).capture()?;
+    program(OsStr::new(browser), &quiet(folder))
+        .args([picture, format!("file://{}", page.display())])
+        .capture()?;
     Ok(start.elapsed().as_secs_f64())
 }
 
@@ -213,7 +221,8 @@ mod tests {
                     <section><h2>Each</h2><details class=\"scene\"><i id=\"scene/a/b\">a/b</i></details>\n</section>end";
         let found = repeated(page, 2).unwrap();
         let row = |id: &str| format!("<tr class=\"has-pass\"><a href=\"#scene/{id}\">{id}</a></tr>\n");
-        let section = |id: &str| format!("<details class=\"scene\"><i id=\"scene/{id}\">{id}</i></details>\n");
+        let section =
+            |id: &str| format!("<details class=\"scene\"><i id=\"scene/{id}\">{id}</i></details>\n");
         let ids = ["a/b-00000", "a/b-00001"];
         let [rows, sections] = [ids.map(row).concat(), ids.map(section).concat()];
         assert_eq!(found, format!("<tbody>{rows}</tbody><section><h2>Each</h2>{sections}</section>end"));

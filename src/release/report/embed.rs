@@ -47,7 +47,8 @@ pub(super) fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for group in bytes.chunks(3) {
-        let word = group.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - group.len()));
+        let word =
+            group.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - group.len()));
         for place in 0..4 {
             let digit = DIGITS[(word >> (18 - 6 * place) & 63) as usize];
             out.push(if place <= group.len() { char::from(digit) } else { '=' });
@@ -82,7 +83,8 @@ mod tests {
     fn drawings_stay_exact_and_views_become_small() {
         let size = Size { width: 300, height: 100 };
         let shade = |i: u32| u8::try_from(i.wrapping_mul(0x9e37_79b1) >> 24).expect("8 bits");
-        let noise = Image::from_vec(size, (0..30_000).map(|i| [shade(i), shade(i + 1), shade(i + 2)]).collect());
+        let noise =
+            Image::from_vec(size, (0..30_000).map(|i| [shade(i), shade(i + 1), shade(i + 2)]).collect());
         let written = |image: &Image<[u8; 3]>| {
             let mut bytes = Vec::new();
             png::write(image, &mut bytes).unwrap();

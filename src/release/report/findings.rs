@@ -110,7 +110,15 @@ pub(super) fn table<'a>(
         html.leaf("caption", &[], caption);
         heads(
             html,
-            &[("check", ""), ("of", ""), ("verdict", ""), ("measured", "n"), ("limit", "n"), ("unit", ""), ("because", "")],
+            &[
+                ("check", ""),
+                ("of", ""),
+                ("verdict", ""),
+                ("measured", "n"),
+                ("limit", "n"),
+                ("unit", ""),
+                ("because", ""),
+            ],
         );
         html.within("tbody", &[], |html| findings.iter().for_each(|finding| row(html, finding, prefix)));
     });

@@ -1,12 +1,12 @@
 //! The release as a whole: what there is, the table of scenes, what checks said, what was not run, and what was left out.
 
+use super::Page;
 use super::findings::{self, Count, badge, heads};
 use super::html::Html;
 use super::section::{self, Part, counted, file_link, link, on_share, span, whole};
-use super::Page;
 use crate::check::{self, Finding, Verdict};
-use crate::release::left_out::Row;
 use crate::release::TOOL;
+use crate::release::left_out::Row;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Faults that are listed at the top of the page.
@@ -58,7 +58,10 @@ fn figures(html: &mut Html, page: &Page<'_>) {
     let seconds = parts().map(|part| part.duration_us as f64 * 1e-6).sum::<f64>();
     let told = [
         (whole(page.entries.len() as u64), if page.entries.len() == 1 { "scene" } else { "scenes" }),
-        (whole(page.trajectories() as u64), if page.trajectories() == 1 { "trajectory" } else { "trajectories" }),
+        (
+            whole(page.trajectories() as u64),
+            if page.trajectories() == 1 { "trajectory" } else { "trajectories" },
+        ),
         (sum(&mut parts().map(|part| part.poses as u64)), "poses"),
         (whole(frames.count() as u64), "sharp frames"),
         (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
@@ -93,7 +96,11 @@ pub(super) fn scenes(html: &mut Html, page: &Page<'_>, parts: &[Part]) {
         }
         filters(html, page);
         html.within("table", &[("class", "scenes")], |html| {
-            html.leaf("caption", &[], "A row a scene; rates and shares are over its trajectories and sensors.");
+            html.leaf(
+                "caption",
+                &[],
+                "A row a scene; rates and shares are over its trajectories and sensors.",
+            );
             heads(html, &COLUMNS);
             html.within("tbody", &[], |html| parts.iter().for_each(|part| html.append(&part.row)));
         });
@@ -114,7 +121,8 @@ const COLUMNS: [(&str, &str); 11] = [
     ("checks", ""),
 ];
 
-/// Which rows are shown; by the style sheet alone.
+/// Which rows are shown, by the style sheet alone: the table stands behind these and beside them, so that one sibling decides
+/// about the other. (`:has()` would do as well, and have a browser look again with each of thousands of rows.)
 fn filters(html: &mut Html, page: &Page<'_>) {
     let with = |verdict| page.entries.iter().filter(|entry| entry.count().get(verdict) > 0).count();
     let kinds = [
@@ -128,19 +136,14 @@ fn filters(html: &mut Html, page: &Page<'_>) {
         return;
     }
     let choices = [("all", "all", page.entries.len())].into_iter().chain(kinds);
-    html.within("fieldset", &[("class", "filters")], |html| {
-        html.leaf("legend", &[], "Show");
-        for (kind, words, count) in choices {
-            html.within("label", &[], |html| {
-                let id = format!("show-{kind}");
-                let own = [("type", "radio"), ("name", "show"), ("id", id.as_str())];
-                let checked: &[(&str, &str)] = if kind == "all" { &[("checked", "")] } else { &[] };
-                html.empty("input", &[&own, checked].concat());
-                html.text(&format!(" {words} ({count})"));
-            });
-            html.text(" ");
-        }
-    });
+    html.leaf("span", &[("class", "show")], "Show: ");
+    for (kind, words, count) in choices {
+        let id = format!("show-{kind}");
+        let own = [("class", "show"), ("type", "radio"), ("name", "show"), ("id", id.as_str())];
+        let checked: &[(&str, &str)] = if kind == "all" { &[("checked", "")] } else { &[] };
+        html.empty("input", &[&own, checked].concat());
+        html.leaf("label", &[("class", "show"), ("for", &id)], &format!("{words} ({count})"));
+    }
 }
 
 /// What the checks said of the whole release, by check; and every fault.
@@ -298,8 +301,15 @@ pub(super) fn left_out(html: &mut Html, page: &Page<'_>) {
         html.leaf("p", &[], LEFT_OUT);
         html.within("table", &[("class", "left-out")], |html| {
             html.leaf("caption", &[], "Work that was not done, over all trajectories");
-            let columns =
-                [("step", ""), ("what", ""), ("how much", "n"), ("of", "n"), ("share", "n"), ("unit", ""), ("without it", "")];
+            let columns = [
+                ("step", ""),
+                ("what", ""),
+                ("how much", "n"),
+                ("of", "n"),
+                ("share", "n"),
+                ("unit", ""),
+                ("without it", ""),
+            ];
             heads(html, &columns);
             html.within("tbody", &[], |html| sums.iter().for_each(|sum| sum_row(html, sum)));
         });
@@ -325,10 +335,17 @@ fn absences(page: &Page<'_>) -> Vec<String> {
         ),
     }];
     if photos > 0 {
-        told.push(format!("No photo is in the release; {} of {} were not used.", whole(unused), whole(photos)));
+        told.push(format!(
+            "No photo is in the release; {} of {} were not used.",
+            whole(unused),
+            whole(photos)
+        ));
     }
     if silent > 0 {
-        told.push(format!("Without events, as no recipe asks for them: {}.", counted(silent, "scene", "scenes")));
+        told.push(format!(
+            "Without events, as no recipe asks for them: {}.",
+            counted(silent, "scene", "scenes")
+        ));
     }
     told
 }
@@ -406,7 +423,10 @@ mod tests {
     #[test]
     fn reasons_are_counted_and_the_long_tail_is_put_together() {
         let mut findings: Vec<Finding> = (0..9)
-            .map(|k| Finding { because: format!("reason {k}"), ..finding("speed", &format!("s{k}/t"), Verdict::NotRun) })
+            .map(|k| Finding {
+                because: format!("reason {k}"),
+                ..finding("speed", &format!("s{k}/t"), Verdict::NotRun)
+            })
             .collect();
         findings.push(Finding { because: "reason 7".into(), ..finding("speed", "s9/t", Verdict::NotRun) });
         findings.push(finding("batching", "s/t", Verdict::NotRun));

@@ -159,7 +159,9 @@ fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
         number(html, &span(entry.counted().filter_map(|counted| counted.rate_ev_px_s)));
         number(html, &span(entry.counted().filter_map(on_share)));
         html.within("td", &[("class", "verdicts")], |html| {
-            count.bar(html);
+            if page.depth.every {
+                count.bar(html);
+            }
             html.text(&count.words());
         });
     });
@@ -230,10 +232,7 @@ fn facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short);
     let mut facts = vec![
         ("Source", source(file)),
-        (
-            "Camera",
-            format!("{} x {} px, f {fx}, {fy}, centre {cx}, {cy}", camera.width, camera.height),
-        ),
+        ("Camera", format!("{} x {} px, f {fx}, {fy}, centre {cx}, {cy}", camera.width, camera.height)),
         ("Seed", file.seed.to_string()),
         ("Scene", reconstruction(file)),
         ("Licence", licence(file)),
@@ -263,7 +262,8 @@ fn source(file: &SceneFile) -> String {
 
 fn reconstruction(file: &SceneFile) -> String {
     let Some(of) = &file.reconstruction else { return "nothing is rendered".to_owned() };
-    let mut words = format!("{}, {} Gaussians, harmonics of degree {}", of.kind, whole(of.gaussians), of.sh_degree);
+    let mut words =
+        format!("{}, {} Gaussians, harmonics of degree {}", of.kind, whole(of.gaussians), of.sh_degree);
     if let Some(psnr) = &of.psnr {
         words += &format!(", PSNR {:.2} dB (least {:.2}) over {} views", psnr.mean, psnr.min, psnr.views);
         if let Some(held_out) = psnr.held_out {
@@ -291,7 +291,9 @@ fn licence(file: &SceneFile) -> String {
         words += &format!("; passed on, because: {because}");
     }
     if licence.withheld {
-        words.push_str("; upstream forbids passing on what shows the scene, so this is recipe, poses and words alone");
+        words.push_str(
+            "; upstream forbids passing on what shows the scene, so this is recipe, poses and words alone",
+        );
     }
     words
 }

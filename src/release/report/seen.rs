@@ -89,10 +89,7 @@ pub(super) fn events(built: &BuiltTrajectory, file: &Path, size: Size, width: u3
         }
     }
     let picture = Picture::of(&balance.image(), width)?;
-    let words = format!(
-        "events of {} to {} ms: brighter in red, darker in blue",
-        ms.start, ms.end
-    );
+    let words = format!("events of {} to {} ms: brighter in red, darker in blue", ms.start, ms.end);
     Some(Shown { picture, words })
 }
 
@@ -129,7 +126,8 @@ impl OfCheck<'_> {
 /// The pictures of checks that the page shows, faults first.
 pub(super) fn of_checks(built: &BuiltTrajectory, depth: Depth) -> Vec<OfCheck<'_>> {
     let mut pictures: Vec<OfCheck<'_>> = built.check_pictures.iter().filter_map(named).collect();
-    let worst = |of: &OfCheck<'_>| super::findings::worst(built.findings.iter().filter(|f| f.check == of.check));
+    let worst =
+        |of: &OfCheck<'_>| super::findings::worst(built.findings.iter().filter(|f| f.check == of.check));
     pictures.retain(|of| depth.passed_pictures || worst(of).is_some_and(super::findings::is_fault));
     pictures.sort_by_key(|of| worst(of).map_or(usize::MAX, super::findings::rank));
     pictures.truncate(depth.check_pictures);
@@ -146,7 +144,7 @@ fn named(output: &Output) -> Option<OfCheck<'_>> {
 }
 
 /// The event files of a trajectory in the store, with the names of their sensors.
-pub(super) fn streams<'a>(built: &'a BuiltTrajectory) -> impl Iterator<Item = (Option<&'a str>, &'a Path)> {
+pub(super) fn streams(built: &BuiltTrajectory) -> impl Iterator<Item = (Option<&str>, &Path)> {
     let files = built.events.iter().flat_map(|(streams, _)| streams.files.iter().map(|file| file.as_path()));
     built.streams().iter().map(|stream| stream.name.as_deref()).zip(files)
 }
@@ -184,11 +182,8 @@ mod tests {
 
     #[test]
     fn pictures_of_checks_say_whose_they_are() {
-        let output = |name: &str| Output {
-            name: name.to_owned(),
-            digest: crate::store::Digest::of(b""),
-            size: 0,
-        };
+        let output =
+            |name: &str| Output { name: name.to_owned(), digest: crate::store::Digest::of(b""), size: 0 };
         for (name, wanted) in [
             ("motion.png", Some((None, "motion"))),
             ("fine.event_frame.png", Some((Some("fine"), "event_frame"))),

@@ -49,7 +49,8 @@ fn counted(part: &TrajectoryPart) -> String {
     let mut words = format!("{} poses, {:.1} ms", whole(part.poses as u64), part.duration_us as f64 * 1e-3);
     let stream = |words: &mut String, name: Option<&str>, counted: &Statistics| {
         let Some(events) = counted.events else { return };
-        let _ = write!(words, "; {}{} events", name.map_or(String::new(), |n| format!("{n}: ")), whole(events));
+        let _ =
+            write!(words, "; {}{} events", name.map_or(String::new(), |n| format!("{n}: ")), whole(events));
         if let Some(rate) = counted.rate_ev_px_s {
             let _ = write!(words, ", {} ev/px/s", short(rate));
         }
@@ -68,8 +69,8 @@ fn counted(part: &TrajectoryPart) -> String {
     words
 }
 
-fn figure(html: &mut Html, caption: &str, inside: impl FnOnce(&mut Html)) {
-    html.within("figure", &[], |html| {
+fn figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce(&mut Html)) {
+    html.within("figure", &[("class", class)], |html| {
         inside(html);
         html.leaf("figcaption", &[], caption);
     });
@@ -84,7 +85,7 @@ fn pictures(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTr
     }
     let mut show = |shown: Option<Shown>| {
         if let Some(Shown { picture, words }) = shown {
-            figure(html, &words, |html| image(html, &picture, "", &words));
+            figure(html, "", &words, |html| image(html, &picture, "", &words));
         }
     };
     if depth.sharp {
@@ -116,7 +117,7 @@ fn path(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory) {
     if let Some(Range { min, max, .. }) = speeds {
         let _ = write!(caption, "; cameras from {} units/s (dark) to {} (yellow)", short(min), short(max));
     }
-    figure(html, &caption, |html| {
+    figure(html, "wide", &caption, |html| {
         let [width, height] = VIEW;
         let view = format!("0 0 {} {height}", 2.0 * width);
         let attributes = [("class", "path"), ("viewBox", view.as_str()), ("aria-hidden", "true")];
@@ -150,7 +151,12 @@ fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
 }
 
 /// Event rates and speeds over time.
-fn curves(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, (built, part): (&BuiltTrajectory, &TrajectoryPart)) {
+fn curves(
+    html: &mut Html,
+    page: &Page<'_>,
+    entry: &Entry<'_>,
+    (built, part): (&BuiltTrajectory, &TrajectoryPart),
+) {
     let points = page.depth.points;
     let streams = seen::streams(built).take(MOST_STREAMS);
     // Of a scene that is withheld the events are not in the release; how many there were is told all the same.
@@ -160,7 +166,7 @@ fn curves(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, (built, part): (&
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count times 1000")]
         let highest = amount(rate.highest() as u64, "ev/s");
         let words = format!("{of}event rate over time, from 0 to {highest}");
-        figure(html, &words, |html| curve::draw(html, &[("a", &rate)]));
+        figure(html, "", &words, |html| curve::draw(html, &[("a", &rate)]));
     }
     let report = &built.motion.report;
     let durations: Vec<f64> = report.durations().collect();
@@ -174,7 +180,7 @@ fn curves(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, (built, part): (&
             .map(|(class, curve, _)| (class, curve))
             .collect();
     if !drawn.is_empty() {
-        figure(html, &words, |html| curve::draw(html, &drawn));
+        figure(html, "", &words, |html| curve::draw(html, &drawn));
     }
 }
 
@@ -200,7 +206,7 @@ fn pictures_of_checks(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory)
         if let Some(verdict) = fault {
             let _ = write!(words, ": {}", verdict.name());
         }
-        figure(html, &words, |html| image(html, &picture, "", &words));
+        figure(html, "", &words, |html| image(html, &picture, "", &words));
     }
 }
 
