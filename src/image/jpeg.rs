@@ -74,7 +74,9 @@ pub fn encode(image: &Image<[u8; 3]>, quality: u8) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, quality);
     encoder.set_sampling_factor(SamplingFactor::F_2_2);
-    encoder.set_optimized_huffman_tables(true);
+    // Tables of its own would save some 400 bytes, but the encoder then writes a scan a channel, which not every decoder
+    // reads of channels of other sizes: the one above does not.
+    encoder.set_optimized_huffman_tables(false);
     encoder.encode(image.pixels().as_flattened(), width, height, ColorType::Rgb).ok()?;
     Some(bytes)
 }
@@ -157,7 +159,7 @@ mod tests {
         };
         let image = Image::from_vec(size, (0..45 * 31).map(colour).collect());
         let written = encode(&image, 85).unwrap();
-        assert!(written.len() < 45 * 31, "{} bytes", written.len());
+        assert!(written.len() < 45 * 31 * 3 / 4, "{} bytes", written.len());
         let found = read(&written).unwrap();
         assert_eq!(found.size(), size);
         let off = |(a, b): (&[u8; 3], &[u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();

@@ -62,7 +62,9 @@ fn options(args: &[String]) -> Outcome<Options> {
             "--page" => options.page = Some(value()?.into()),
             "--keep" => options.keep = Some(value()?.into()),
             _ => {
-                return Err(format!("found `{arg}`, wanted --scenes N, --runs N, --page FILE or --keep FILE"));
+                return Err(format!(
+                    "found `{arg}`, wanted --scenes N, --runs N, --page FILE or --keep FILE"
+                ));
             }
         }
     }

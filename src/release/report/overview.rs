@@ -114,7 +114,7 @@ const COLUMNS: [(&str, &str); 11] = [
     ("licence", ""),
     ("traj.", "n"),
     ("poses", "n"),
-    ("frames", "n"),
+    ("sharp", "n"),
     ("events", "n"),
     ("ev/px/s", "n"),
     ("ON share", "n"),
@@ -319,7 +319,8 @@ pub(super) fn left_out(html: &mut Html, page: &Page<'_>) {
 const LEFT_OUT: &str = "Rows that end in \"identical bytes\" change no bit of what is in the release; \
     the others say what they may cost.";
 
-/// What is not in the release, a sentence each.
+/// What is not in the release, a sentence each: scenes that are withheld, photos, events that nobody asked for. Whatever else
+/// keeps something out of a release is told here too.
 fn absences(page: &Page<'_>) -> Vec<String> {
     let withheld: Vec<&str> =
         page.entries.iter().filter(|entry| entry.is_withheld()).map(section::Entry::id).collect();
