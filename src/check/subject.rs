@@ -10,7 +10,8 @@ use crate::trajectory::report::Report;
 use crate::units::Hertz;
 
 /// Why nothing is held against frames in a release tree.
-pub(super) const NOT_SEEN: &str = "what the sensor saw is not at hand: a build keeps some frames, a release does not";
+pub(super) const NOT_SEEN: &str =
+    "what the sensor saw is not at hand: a build keeps some frames, a release does not";
 
 /// One trajectory and what was made of it. What was not asked for, or is not kept, is `None`; the passes that need
 /// it say so.

@@ -92,7 +92,8 @@ fn of_trajectory(
         let path = folder.join(Stream::released(stream));
         if path.exists() {
             let against = Against { dead_us: sensor.dead_us(), ..Against::default() };
-            let tally = count(&path, Observer::new(size, rate, end_us, against)).map_err(|e| unreadable(&path, e))?;
+            let tally =
+                count(&path, Observer::new(size, rate, end_us, against)).map_err(|e| unreadable(&path, e))?;
             let name = stream.map_or_else(|| name.to_owned(), |stream| format!("{name}/{stream}"));
             counted.push((name, sensor, tally));
         }
@@ -111,7 +112,8 @@ fn of_trajectory(
         limits: &recipe.checks.of_trajectory(),
     };
     let of = |(name, sensor, tally)| Subject { name, sensor: Some(sensor), tally: Some(tally), ..whole };
-    let streams: Vec<Subject<'_>> = counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
+    let streams: Vec<Subject<'_>> =
+        counted.iter().map(|(name, sensor, tally)| of((name, *sensor, tally))).collect();
     Ok(judge(&whole, &streams))
 }
 

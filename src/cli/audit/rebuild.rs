@@ -40,10 +40,16 @@ pub(super) struct Rebuilt {
 
 impl Rebuild {
     /// Makes the scenes again; `None` where that is not asked for.
-    pub(super) fn run(&self, dir: &Path, common: &Common, console: &Console) -> Result<Option<Rebuilt>, Problem> {
+    pub(super) fn run(
+        &self,
+        dir: &Path,
+        common: &Common,
+        console: &Console,
+    ) -> Result<Option<Rebuilt>, Problem> {
         let Some(count) = self.rebuild else { return Ok(None) };
-        let manifest = rebuilt::manifest(dir)
-            .map_err(|e| Problem::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display())))?;
+        let manifest = rebuilt::manifest(dir).map_err(|e| {
+            Problem::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display()))
+        })?;
         let chosen = draw(&manifest, count, self.seed);
         let recipes = self.recipes_of(&chosen)?;
         let mut found = Rebuilt { scenes: chosen, faults: Vec::new() };
@@ -68,7 +74,9 @@ impl Rebuild {
         let mut recipes = recipe::read_all(&self.recipes)?;
         if let Some(absent) = scenes.iter().find(|id| recipes.iter().all(|recipe| recipe.scene != **id)) {
             let message = format!("no recipe makes the scene `{absent}` that is to be made again");
-            return Err(Problem::usage("no-scene", message).help("--recipes DIR: where the release was made from"));
+            return Err(
+                Problem::usage("no-scene", message).help("--recipes DIR: where the release was made from")
+            );
         }
         recipes.retain(|recipe| scenes.contains(&recipe.scene));
         Ok(recipes)
@@ -129,12 +137,15 @@ fn backend(class: &str, common: &Common) -> Result<Backend, Problem> {
         class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
         class if Backend::is_gpu(class) => {
             let device = common.device(&gpu::Choice::Any);
-            Backend::Gpu(device.map_err(|e| Problem::failed("no-adapter", format!("{class} rendered it: {e}")))?)
+            Backend::Gpu(
+                device.map_err(|e| Problem::failed("no-adapter", format!("{class} rendered it: {e}")))?,
+            )
         }
         _ => Backend::Reference,
     };
     if backend.takes_gpu() && backend.class() != class {
-        let message = format!("{class} rendered it, and here is {}: bytes cannot be compared", backend.class());
+        let message =
+            format!("{class} rendered it, and here is {}: bytes cannot be compared", backend.class());
         return Err(Problem::failed("no-adapter", message));
     }
     Ok(backend)

@@ -51,7 +51,9 @@ pub fn compare(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> 
 
 fn of_scene<'a>(manifest: &'a Manifest, scene: &str) -> io::Result<&'a ManifestScene> {
     let found = manifest.scenes.iter().find(|listed| listed.id == scene);
-    found.ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, format!("the manifest has no scene `{scene}`")))
+    found.ok_or_else(|| {
+        io::Error::new(io::ErrorKind::NotFound, format!("the manifest has no scene `{scene}`"))
+    })
 }
 
 /// What the first step of another key was made of that differs; empty where all keys are the same, so that the
