@@ -5,6 +5,7 @@ pub mod likeness;
 pub mod npy;
 pub mod photo;
 pub mod png;
+pub mod shrink;
 pub mod srgb;
 
 use std::fmt;

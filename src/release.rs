@@ -17,6 +17,7 @@ pub mod left_out;
 mod loader;
 mod manifest;
 pub mod recheck;
+mod report;
 mod reuse;
 mod scene;
 mod split;
@@ -203,6 +204,17 @@ fn compose(
     let release = Described { info, licence: &licence.expression, scenes: &described, paths, index: &index };
     top.add(croissant::NAME.into(), Content::json(&croissant::compose(&release)));
     top.add(index::NAME.into(), Content::Bytes(index));
+    // Last, since it links to every other file.
+    let others = [manifest::NAME, checksum::NAME].map(str::to_owned);
+    let told = report::Told {
+        info,
+        licence: &licence,
+        scenes,
+        described: &described,
+        listed: &listed,
+        top: top.paths().map(str::to_owned).chain(others).collect(),
+    };
+    top.add(report::NAME.into(), Content::Bytes(report::compose(told, store).into_bytes()));
     let manifest = Manifest {
         format: 1,
         name: info.name.clone(),

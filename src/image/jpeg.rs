@@ -1,9 +1,11 @@
 //! JPEG files, read as luminance: their own luma, which is the sum of encoded colours by [`super::LUMINANCE_WEIGHTS`]; and
-//! as colours.
+//! as colours. Small pictures are written.
 //!
-//! The decoder is built without its vector instructions, so that a file is the same greys on every machine.
+//! The decoder and the encoder are built without their vector instructions, so that a file is the same greys, and a picture
+//! the same bytes, on every machine.
 
 use super::{Image, Shades, Size};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::io::Cursor;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
@@ -61,6 +63,22 @@ pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, JpegError> {
         }
     };
     Ok(Image::from_vec(size, pixels))
+}
+
+/// An image as a baseline JPEG of this quality, 1 to 100, with chroma at half the resolution. It is for looking at: what is
+/// to be measured is written as PNG. `None` where it has no pixels, or more than 65,535 columns or rows.
+#[must_use]
+pub fn encode(image: &Image<[u8; 3]>, quality: u8) -> Option<Vec<u8>> {
+    let side = |n: u32| u16::try_from(n).ok();
+    let (width, height) = (side(image.size().width)?, side(image.size().height)?);
+    let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, quality);
+    encoder.set_sampling_factor(SamplingFactor::F_2_2);
+    // Tables of its own would save some 400 bytes, but the encoder then writes a scan a channel, which not every decoder
+    // reads of channels of other sizes: the one above does not.
+    encoder.set_optimized_huffman_tables(false);
+    encoder.encode(image.pixels().as_flattened(), width, height, ColorType::Rgb).ok()?;
+    Some(bytes)
 }
 
 /// Size, the colour space of the file, and the samples in another.
@@ -130,6 +148,26 @@ mod tests {
         let bits = |rgb: &[f32; 3]| rgb.map(f32::to_bits);
         let same = |(a, b): (&[u8; 3], &[f32; 3])| bits(&a.map(f32::from)) == bits(b);
         assert!(read.pixels().iter().zip(colours.pixels()).all(same));
+    }
+
+    #[test]
+    fn what_is_written_looks_like_the_image() {
+        let size = Size { width: 45, height: 31 };
+        let colour = |i: u32| {
+            let shade = |n: u32| u8::try_from(n).unwrap();
+            [shade(40 + 4 * (i % 45)), shade(240 - 6 * (i / 45)), 90]
+        };
+        let image = Image::from_vec(size, (0..45 * 31).map(colour).collect());
+        let written = encode(&image, 85).unwrap();
+        assert!(written.len() < 45 * 31 * 3 / 4, "{} bytes", written.len());
+        let found = read(&written).unwrap();
+        assert_eq!(found.size(), size);
+        let off = |(a, b): (&[u8; 3], &[u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
+        let worst = found.pixels().iter().zip(image.pixels()).map(off).max().unwrap();
+        // A gradient has little that the quantiser of quality 85 drops: half a step of its coarsest low frequency, twice
+        // for the rounding of colours there and back.
+        assert!(worst <= 12, "{worst}");
+        assert_eq!(encode(&Image::filled(Size { width: 0, height: 3 }, [0; 3]), 85), None);
     }
 
     #[test]

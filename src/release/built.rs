@@ -60,6 +60,8 @@ pub(super) struct BuiltTrajectory {
     pub(super) left_out: Vec<Row>,
     pub(super) findings: Vec<Finding>,
     pub(super) peaks_ev_per_ms: Vec<u64>,
+    /// Pictures that checks made.
+    pub(super) check_pictures: Vec<Output>,
 }
 
 impl BuiltTrajectory {
@@ -223,7 +225,8 @@ fn photographed(shelf: &Shelf<'_>) -> Result<Option<Photographed>, GatherError> 
 fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
     let step = |step: &str| format!("{name}/{step}");
     let (motion, motion_files) = shelf.open(&step("trajectory"))?;
-    let (verdicts, _): (Verdicts, _) = shelf.open(&step("checks"))?;
+    let (verdicts, mut pictures): (Verdicts, _) = shelf.open(&step("checks"))?;
+    pictures.retain(|output| output.name.ends_with(".png"));
     Ok(BuiltTrajectory {
         name: name.to_owned(),
         motion,
@@ -233,6 +236,7 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
         sharp: shelf.find(&step("sharp")).map(<[Output]>::to_vec),
         peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),
+        check_pictures: pictures,
     })
 }
 

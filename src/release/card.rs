@@ -156,6 +156,7 @@ const FILES: &str = "\
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
 | `checks.json` | verdicts of the validation passes |
+| `report.html` | the release for people, in one file that opens from disk: pictures, curves, verdicts, what was left out |
 | `index.parquet` | a row a trajectory, to choose by |
 | `croissant.json` | this release in Croissant 1.1 |
 | `DATASHEET.md` | the questions of \"Datasheets for Datasets\", answered |

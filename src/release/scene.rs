@@ -278,7 +278,7 @@ pub struct Range {
 }
 
 impl Range {
-    fn of(values: &[f64]) -> Option<Self> {
+    pub(super) fn of(values: &[f64]) -> Option<Self> {
         let (min, max) =
             values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         let mean = values.iter().sum::<f64>() / values.len() as f64;

@@ -48,6 +48,11 @@ impl Tree {
         other.files.into_iter().for_each(|(path, content)| self.add(path, content));
     }
 
+    /// The paths, sorted.
+    pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
+        self.files.keys().map(String::as_str)
+    }
+
     /// The files with sizes and digests, sorted by path.
     pub(super) fn listing(&self) -> Vec<ManifestFile> {
         let list = self.files.iter().map(|(path, content)| {

@@ -3,6 +3,9 @@
 
 mod chart;
 mod path;
+mod sketch;
+
+pub(crate) use sketch::{Sketch, sketch};
 
 use super::Trajectory;
 use super::report::Report;
@@ -104,7 +107,7 @@ fn round_down(limit: f64) -> f64 {
 }
 
 /// A number in four digits or so.
-fn short(number: f64) -> String {
+pub(crate) fn short(number: f64) -> String {
     let fixed = match number.abs() {
         n if n != 0.0 && !(1e-3..1e6).contains(&n) => return format!("{number:.2e}"),
         n if n >= 1000.0 => return format!("{number:.0}"),
@@ -115,7 +118,7 @@ fn short(number: f64) -> String {
 }
 
 /// At most `count` indices of `0..len`, evenly spread, both ends among them.
-fn spread(len: usize, count: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn spread(len: usize, count: usize) -> impl Iterator<Item = usize> {
     let shown = len.min(count);
     (0..shown).map(move |k| if shown < 2 { 0 } else { k * (len - 1) / (shown - 1) })
 }

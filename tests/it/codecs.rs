@@ -445,5 +445,28 @@ fn the_index_of_an_hdf5_file_is_as_defined() {
             }
             assert_eq!(entry, earlier, "from {start} us");
         }
+        assert_eq!(h5::Reader::open(&path).unwrap().index().unwrap(), found);
     }
+}
+
+/// A reader goes on with the chunk that holds the event, and knows where the stream ends.
+#[test]
+fn an_hdf5_file_is_read_from_the_middle() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("e.h5");
+    let events = stream(150_000);
+    let mut writer = h5::Writer::create(&path, &HEADER).unwrap();
+    writer.append(&events).unwrap();
+    writer.finish(0).unwrap();
+    let mut reader = h5::Reader::open(&path).unwrap();
+    let mut chunk = Vec::new();
+    for (number, from) in [(70_000, 65_536), (0, 0), (65_536, 65_536), (149_999, 131_072)] {
+        reader.seek(number);
+        assert!(reader.next_chunk(&mut chunk).unwrap());
+        assert!(kept(&chunk) == kept(&events[from..(from + 65_536).min(150_000)]), "{number}");
+    }
+    reader.seek(150_000);
+    assert!(!reader.next_chunk(&mut chunk).unwrap());
+    reader.seek(u64::MAX);
+    assert!(!reader.next_chunk(&mut chunk).unwrap());
 }

@@ -48,6 +48,7 @@ mod render_rules;
 mod render_same_bytes;
 mod render_stress;
 mod render_verb;
+mod report;
 mod restricted;
 mod scenes;
 mod several_sensors;

@@ -25,6 +25,7 @@ fn the_tree_is_that_of_the_contract() {
         "gs2e.py",
         "index.parquet",
         "manifest.json",
+        "report.html",
         "small/one/scene.json",
     ]
     .map(str::to_owned)

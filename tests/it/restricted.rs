@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::fs;
 
-const SCENE: &str = "mvimgnet/0/00000000";
+pub(crate) const SCENE: &str = "mvimgnet/0/00000000";
 
 const DEFAULTS: &str = "\
 camera: { width: 32, height: 18 }
@@ -18,7 +18,7 @@ licence: { expression: CC-BY-4.0, holder: a test }
 ";
 
 /// A dataset of one instance with its recipe, and a scene of the user's own beside it.
-fn place() -> Workspace {
+pub(crate) fn place() -> Workspace {
     let place = Workspace::new();
     let scene = given::ply(|_, value| value);
     Generator::new().mvimgnet(&place.path("data"), 0, 1, &scene);

@@ -8,6 +8,7 @@ mod demo;
 mod faults;
 mod folder;
 mod fuzz;
+mod page;
 mod report;
 mod suite;
 
@@ -23,6 +24,9 @@ usage: cargo xtask <task>
   bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, `--only TEXT`, names of parts)
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
+  bench report [ARGS]...
+                     size of report.html of 2,000 scenes, and how long Chromium takes to open it (`--scenes N`, `--runs N`,
+                     `--page FILE`: of a release that is there; `--keep FILE`)
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
@@ -41,6 +45,7 @@ fn main() -> ExitCode {
         (Some("bench"), [part, args @ ..]) if part == "build" => {
             command::cargo(&["bench", "--quiet", "--bench", "build", "--"]).args(args).run()
         }
+        (Some("bench"), [part, args @ ..]) if part == "report" => page::run(args),
         (Some("bench"), args) => {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()
         }

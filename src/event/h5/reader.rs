@@ -105,17 +105,39 @@ impl Reader {
         self.count as u64
     }
 
-    /// Holds `ms_to_idx` against its definition, in a pass over the times alone.
+    /// `ms_to_idx`: entry `k` is the number of the first event with `t >= 1000 k` of the file's own times. What it says is
+    /// not held against the times, see [`Reader::verify_index`].
     ///
     /// # Errors
-    /// At the first entry that is wrong, or when the times are not sorted, so that no index can be right.
-    pub fn verify_index(&self) -> Result<(), EventFileError> {
+    /// When it has more entries than times of 32 bits have milliseconds, or cannot be read.
+    pub fn index(&self) -> Result<Vec<u64>, EventFileError> {
+        let entries = self.entries()?;
+        if entries == 0 { Ok(Vec::new()) } else { read(&self.ms_to_idx, MS_TO_IDX, 0, entries) }
+    }
+
+    /// Has the next chunk be the one that holds event `number`, or nothing where there are fewer.
+    pub fn seek(&mut self, number: u64) {
+        let number = usize::try_from(number).map_or(self.count, |number| number.min(self.count));
+        self.next = if number == self.count { number } else { number - number % self.step };
+    }
+
+    /// Length of `ms_to_idx`.
+    fn entries(&self) -> Result<usize, EventFileError> {
         let entries = self.ms_to_idx.total_elements();
         if entries > MOST_ENTRIES {
             let because =
                 format!("{entries} entries, at most {MOST_ENTRIES} for times of 32 bits were wanted");
             return Err(EventFileError::Dataset { dataset: MS_TO_IDX, because });
         }
+        Ok(entries)
+    }
+
+    /// Holds `ms_to_idx` against its definition, in a pass over the times alone.
+    ///
+    /// # Errors
+    /// At the first entry that is wrong, or when the times are not sorted, so that no index can be right.
+    pub fn verify_index(&self) -> Result<(), EventFileError> {
+        let entries = self.entries()?;
         let mut stored = Stored { dataset: &self.ms_to_idx, len: entries, at: 0, held: Vec::new() };
         let (mut index, mut last) = (MsIndex::default(), 0);
         for start in (0..self.count).step_by(self.step) {

@@ -27,7 +27,7 @@ pub(super) fn draw(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], spee
 }
 
 /// Orthonormal axes: along the path, across it, up.
-fn axes(poses: &[Se3]) -> [DVec3; 3] {
+pub(super) fn axes(poses: &[Se3]) -> [DVec3; 3] {
     let up =
         poses.iter().map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize().unwrap_or(DVec3::Z);
     let from_first = poses.iter().map(|p| p.translation - poses[0].translation);
@@ -40,7 +40,7 @@ fn axes(poses: &[Se3]) -> [DVec3; 3] {
 fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], &[f64]), plane: [DVec3; 2]) {
     out.frame(panel);
     out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", name);
-    let Some(map) = Map::fit(panel, poses, plane) else { return };
+    let Some(map) = Map::fit(panel, INSET, poses, plane) else { return };
     out.polyline(spread(poses.len(), POINTS).map(|j| map.point(poses[j].translation)), "#999999", 1.0);
     let range = range(speeds);
     for j in spread(poses.len(), FRUSTA) {
@@ -61,31 +61,35 @@ fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], 
     );
 }
 
-/// The pyramid of a camera with a field of view of 53 degrees, as if 4:3.
 fn draw_frustum(out: &mut Svg, map: &Map, pose: &Se3, colour: &str) {
+    out.polyline(frustum(map, pose), colour, 1.2);
+}
+
+/// The pyramid of a camera with a field of view of 53 degrees, as if 4:3, in one stroke.
+pub(super) fn frustum(map: &Map, pose: &Se3) -> [[f64; 2]; 11] {
     let size = map.frustum;
     let corner =
         |x: f64, y: f64| map.point(pose.translation + pose.rotation * (DVec3::new(x, y, 1.0) * size));
     let corners = [corner(-0.5, -0.375), corner(0.5, -0.375), corner(0.5, 0.375), corner(-0.5, 0.375)];
     let apex = map.point(pose.translation);
     let [a, b, c, d] = corners;
-    out.polyline([a, b, c, d, a, apex, b, apex, c, apex, d], colour, 1.2);
+    [a, b, c, d, a, apex, b, apex, c, apex, d]
 }
 
 /// From the world to a panel: a plane seen from the front, to scale.
-struct Map {
+pub(super) struct Map {
     origin: DVec3,
     plane: [DVec3; 2],
     centre: [f64; 2],
     /// px per unit.
-    scale: f64,
+    pub(super) scale: f64,
     /// Length of a frustum, units.
     frustum: f64,
 }
 
 impl Map {
-    /// The map that shows every pose, `None` where there is none.
-    fn fit(panel: Panel, poses: &[Se3], plane: [DVec3; 2]) -> Option<Self> {
+    /// The map that shows every pose with `inset` px of room around them, `None` where there is none.
+    pub(super) fn fit(panel: Panel, inset: f64, poses: &[Se3], plane: [DVec3; 2]) -> Option<Self> {
         let origin = poses.first()?.translation;
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for pose in poses {
@@ -94,7 +98,7 @@ impl Map {
                 *bound = [bound[0].min(at), bound[1].max(at)];
             }
         }
-        let extent = |k: usize, room: f64| (bounds[k][1] - bounds[k][0]) / (room - 2.0 * INSET);
+        let extent = |k: usize, room: f64| (bounds[k][1] - bounds[k][0]) / (room - 2.0 * inset);
         let units_per_px = extent(0, panel.width).max(extent(1, panel.height));
         let scale = if units_per_px > f64::MIN_POSITIVE { 1.0 / units_per_px } else { panel.width / 4.0 };
         let middle = |k: usize| f64::midpoint(bounds[k][0], bounds[k][1]);
@@ -105,18 +109,18 @@ impl Map {
         Some(Self { origin, plane, centre, scale, frustum: FRUSTUM * panel.width / scale })
     }
 
-    fn point(&self, world: DVec3) -> [f64; 2] {
+    pub(super) fn point(&self, world: DVec3) -> [f64; 2] {
         let from_origin = world - self.origin;
         [0, 1].map(|k| self.centre[k] + from_origin.dot(self.plane[k]) * self.scale)
     }
 }
 
-fn range(speeds: &[f64]) -> [f64; 2] {
+pub(super) fn range(speeds: &[f64]) -> [f64; 2] {
     [speeds.iter().copied().fold(f64::INFINITY, f64::min), speeds.iter().copied().fold(0.0, f64::max)]
 }
 
 /// Where a speed lies in its range, 0 to 1; 0 in a range that is empty but for rounding.
-fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
+pub(super) fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
     const ROUNDING: f64 = 1e-6;
     let share = (speed - low) / (high - low);
     if share.is_finite() && high - low > ROUNDING * high { share.clamp(0.0, 1.0) } else { 0.0 }
@@ -126,7 +130,7 @@ fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
 const COLOURS: [[f64; 3]; 5] =
     [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 189.0, 80.0], [226.0, 190.0, 20.0]];
 
-fn colour(share: f64) -> String {
+pub(super) fn colour(share: f64) -> String {
     let at = share * 4.0;
     let below = [3.0, 2.0, 1.0, 0.0].into_iter().find(|k| at >= *k).unwrap_or(0.0);
     let k = [0.0, 1.0, 2.0, 3.0].iter().position(|b| *b >= below).unwrap_or(0);

@@ -1,0 +1,126 @@
+//! Small curves over time, event rates and speeds, and how strokes are written.
+
+use super::html::Html;
+use std::fmt::Write as _;
+
+/// Size of a curve's picture, px.
+const SIZE: [i32; 2] = [480, 96];
+
+/// Values over time.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Curve {
+    /// Share of the whole time, 0 to 1, and value.
+    points: Vec<[f64; 2]>,
+}
+
+impl Curve {
+    /// The curve through `values`, each of which holds for `durations` of its own; neighbours are put together until there
+    /// are at most `most`.
+    pub(super) fn new(values: &[f64], durations: &[f64], most: usize) -> Self {
+        let whole: f64 = durations.iter().sum();
+        let count = values.len().min(durations.len());
+        let groups = count.min(most);
+        let mut begin = 0.0;
+        let point = |group: usize| {
+            let held = group * count / groups..(group + 1) * count / groups;
+            let time: f64 = durations[held.clone()].iter().sum();
+            let sum: f64 = held.map(|i| values[i] * durations[i]).sum();
+            let middle = begin + time / 2.0;
+            begin += time;
+            [middle / whole, sum / time]
+        };
+        let points: Vec<[f64; 2]> = (0..groups).map(point).collect();
+        Self { points: points.into_iter().filter(|p| p.iter().all(|v| v.is_finite())).collect() }
+    }
+
+    /// The same over their mean.
+    pub(super) fn over_mean(mut self) -> Self {
+        let mean = self.points.iter().map(|[_, v]| v).sum::<f64>() / self.points.len() as f64;
+        self.points.iter_mut().for_each(|[_, value]| *value /= mean);
+        self.points.retain(|p| p[1].is_finite());
+        self
+    }
+
+    /// The highest value; 0 of none.
+    pub(super) fn highest(&self) -> f64 {
+        self.points.iter().map(|[_, v]| *v).fold(0.0, f64::max)
+    }
+
+    fn data(&self, highest: f64) -> String {
+        let place = |[t, value]: [f64; 2]| {
+            let y = if highest > 0.0 { value / highest } else { 0.0 };
+            [t * f64::from(SIZE[0]), (1.0 - y) * f64::from(SIZE[1] - 4) + 2.0]
+        };
+        stroke(self.points.iter().map(|point| place(*point)))
+    }
+}
+
+/// Points as the data of a path: in whole px, each relative to the one before it. Points that are not finite are left out.
+pub(super) fn stroke(points: impl IntoIterator<Item = [f64; 2]>) -> String {
+    #[expect(clippy::cast_possible_truncation, reason = "places in a picture; what is not in i64 is none")]
+    let whole = |point: [f64; 2]| point.map(|v| v.round() as i64);
+    let finite = points.into_iter().filter(|point| point.iter().all(|v| v.is_finite()));
+    let places: Vec<[i64; 2]> = finite.map(whole).collect();
+    let steps = places.windows(2).map(|pair| [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]]);
+    let mut data = String::new();
+    for (number, [x, y]) in places.first().copied().into_iter().chain(steps).enumerate() {
+        // A sign parts numbers as well as a space does.
+        let lead = match number {
+            0 => "M",
+            1 => "l",
+            _ if x < 0 => "",
+            _ => " ",
+        };
+        let gap = if y < 0 { "" } else { " " };
+        write!(data, "{lead}{x}{gap}{y}").expect("a String takes any text");
+    }
+    data
+}
+
+/// Curves on one scale from 0 to the highest of them, each with the class that colours it. The caption says what they are.
+pub(super) fn draw(html: &mut Html, curves: &[(&'static str, &Curve)]) {
+    let highest = curves.iter().map(|(_, curve)| curve.highest()).fold(0.0, f64::max);
+    let [width, height] = SIZE;
+    let view = format!("0 0 {width} {height}");
+    let attributes = [("class", "curve"), ("viewBox", view.as_str()), ("aria-hidden", "true")];
+    html.within("svg", &attributes, |html| {
+        for (class, curve) in curves {
+            html.empty("path", &[("class", class), ("d", &curve.data(highest))]);
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_curve_is_drawn_in_steps() {
+        let curve = Curve::new(&[0.0, 1.0, 2.0, 2.0], &[1.0; 4], 10);
+        // Middles of four equal parts of 480 px; 0 at the bottom (94), 2 at the top (2).
+        assert_eq!(curve.data(2.0), "M60 94l120-46 120-46 120 0");
+        assert_eq!(Curve::new(&[], &[], 10).data(1.0), "");
+        assert_eq!(Curve::new(&[0.0], &[1.0], 10).data(0.0), "M240 94");
+    }
+
+    #[test]
+    fn strokes_end_where_they_should_whatever_is_rounded() {
+        let points = [[0.4, 0.4], [1.4, 0.6], [2.4, -3.4], [f64::NAN, 1.0], [-1.6, 5.0], [-1.6, 5.2]];
+        // to 0 0, 1 1, 2 -3, -2 5, -2 5
+        assert_eq!(stroke(points), "M0 0l1 1 1-4-4 8 0 0");
+    }
+
+    #[test]
+    fn neighbours_are_put_together_by_their_time() {
+        let curve = Curve::new(&[1.0, 3.0, 5.0, 9.0], &[1.0, 3.0, 2.0, 2.0], 2);
+        assert_eq!(curve.points, [[0.25, 2.5], [0.75, 7.0]]);
+        assert_eq!(curve.over_mean().points, [[0.25, 2.5 / 4.75], [0.75, 7.0 / 4.75]]);
+    }
+
+    #[test]
+    fn what_has_no_value_is_not_drawn() {
+        let curve = Curve::new(&[1.0, f64::NAN, 2.0], &[1.0; 3], 9);
+        assert_eq!(curve.points.len(), 2);
+        assert!(Curve::new(&[0.0, 0.0], &[1.0; 2], 9).over_mean().points.is_empty());
+    }
+}

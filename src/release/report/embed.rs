@@ -1,0 +1,103 @@
+//! Pictures inside the page: made small on the CPU, and written as `data:` addresses.
+
+use crate::image::{Image, jpeg, png, shrink};
+use std::io::Cursor;
+
+/// Quality of pictures in the page, 1 to 100.
+const QUALITY: u8 = 72;
+
+/// A PNG up to this length whose picture is no wider than asked for is embedded as it stands: drawings are smaller so, and
+/// exact.
+const SMALL_PNG: usize = 12 << 10;
+
+/// A picture of the page.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Picture {
+    /// Its bytes as an address.
+    pub(super) address: String,
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+impl Picture {
+    /// The picture, at most `width` columns wide; `None` where it has no pixels.
+    pub(super) fn of(image: &Image<[u8; 3]>, width: u32) -> Option<Self> {
+        let small = shrink::to_width(image, width);
+        let bytes = jpeg::encode(&small, QUALITY)?;
+        Some(Self::new("image/jpeg", &bytes, &small))
+    }
+
+    /// The picture of a PNG file; `None` where it cannot be read.
+    pub(super) fn of_png(bytes: &[u8], width: u32) -> Option<Self> {
+        let image = png::read(Cursor::new(bytes)).ok()?;
+        if image.size().width <= width && bytes.len() <= SMALL_PNG {
+            return Some(Self::new("image/png", bytes, &image));
+        }
+        Self::of(&image, width)
+    }
+
+    fn new(media: &str, bytes: &[u8], image: &Image<[u8; 3]>) -> Self {
+        let address = format!("data:{media};base64,{}", base64(bytes));
+        Self { address, width: image.size().width, height: image.size().height }
+    }
+}
+
+/// Base 64 with padding (RFC 4648, section 4).
+pub(super) fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for group in bytes.chunks(3) {
+        let word =
+            group.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - group.len()));
+        for place in 0..4 {
+            let digit = DIGITS[(word >> (18 - 6 * place) & 63) as usize];
+            out.push(if place <= group.len() { char::from(digit) } else { '=' });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+
+    #[test]
+    fn base64_is_that_of_the_standard() {
+        // RFC 4648, section 10.
+        for (bytes, wanted) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            assert_eq!(base64(bytes.as_bytes()), wanted);
+        }
+        assert_eq!(base64(&[0xfb, 0xff, 0xfe]), "+//+");
+    }
+
+    #[test]
+    fn drawings_stay_exact_and_views_become_small() {
+        let size = Size { width: 300, height: 100 };
+        let shade = |i: u32| u8::try_from(i.wrapping_mul(0x9e37_79b1) >> 24).expect("8 bits");
+        let noise =
+            Image::from_vec(size, (0..30_000).map(|i| [shade(i), shade(i + 1), shade(i + 2)]).collect());
+        let written = |image: &Image<[u8; 3]>| {
+            let mut bytes = Vec::new();
+            png::write(image, &mut bytes).unwrap();
+            bytes
+        };
+        let drawing = written(&Image::filled(size, [255; 3]));
+        let picture = Picture::of_png(&drawing, 320).unwrap();
+        assert_eq!(picture.address, format!("data:image/png;base64,{}", base64(&drawing)));
+        let picture = Picture::of_png(&written(&noise), 320).unwrap();
+        assert!(picture.address.starts_with("data:image/jpeg;base64,/9j/"));
+        assert_eq!((picture.width, picture.height), (300, 100));
+        let picture = Picture::of_png(&drawing, 150).unwrap();
+        assert_eq!((picture.width, picture.height), (150, 50));
+        assert_eq!(Picture::of_png(b"no picture", 320), None);
+    }
+}

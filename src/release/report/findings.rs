@@ -1,0 +1,237 @@
+//! What checks found: verdicts counted, tables of statements with faults first.
+
+use super::html::Html;
+use crate::check::{Finding, Verdict};
+use crate::trajectory::picture::short;
+
+/// The verdicts, the worst first.
+pub(super) const WORST_FIRST: [Verdict; 5] =
+    [Verdict::Fail, Verdict::Warn, Verdict::Waived, Verdict::NotRun, Verdict::Pass];
+
+/// Where a verdict stands among them.
+pub(super) fn rank(verdict: Verdict) -> usize {
+    WORST_FIRST.iter().position(|other| *other == verdict).unwrap_or(WORST_FIRST.len())
+}
+
+/// Whether something was found to be outside its limits.
+pub(super) fn is_fault(verdict: Verdict) -> bool {
+    matches!(verdict, Verdict::Fail | Verdict::Warn | Verdict::Waived)
+}
+
+/// The worst verdict.
+pub(super) fn worst<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Option<Verdict> {
+    findings.into_iter().map(|finding| finding.verdict).min_by_key(|verdict| rank(*verdict))
+}
+
+/// How many statements have each verdict, the worst first.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Count([usize; 5]);
+
+impl Count {
+    pub(super) fn of<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Self {
+        let mut count = Self::default();
+        findings.into_iter().for_each(|finding| count.0[rank(finding.verdict)] += 1);
+        count
+    }
+
+    pub(super) fn get(self, verdict: Verdict) -> usize {
+        self.0[rank(verdict)]
+    }
+
+    fn total(self) -> usize {
+        self.0.iter().sum()
+    }
+
+    fn present(self) -> impl Iterator<Item = (Verdict, usize)> {
+        WORST_FIRST.into_iter().zip(self.0).filter(|(_, count)| *count > 0)
+    }
+
+    /// In words: `1 warn, 2 not-run, 23 pass`.
+    pub(super) fn words(self) -> String {
+        let words: Vec<String> =
+            self.present().map(|(verdict, count)| format!("{count} {}", verdict.name())).collect();
+        if words.is_empty() { "no statement".to_owned() } else { words.join(", ") }
+    }
+
+    /// A bar whose parts are as long as there are verdicts, the worst at the left.
+    pub(super) fn bar(self, html: &mut Html) {
+        let total = self.total().max(1);
+        let words = self.words();
+        let attributes =
+            [("class", "bar"), ("viewBox", "0 0 1000 10"), ("preserveAspectRatio", "none"), ("role", "img")];
+        html.within("svg", &[attributes.as_slice(), &[("aria-label", &words)]].concat(), |html| {
+            let mut left = 0;
+            for (verdict, count) in self.present() {
+                // What there is at all is seen.
+                let width = (1000 * count / total).max(8);
+                let [x, width] = [left.min(992), width].map(|n: usize| n.to_string());
+                html.empty(
+                    "rect",
+                    &[("class", class(verdict)), ("x", &x), ("width", &width), ("height", "10")],
+                );
+                left += 1000 * count / total;
+            }
+        });
+    }
+
+    /// Each verdict with its count.
+    pub(super) fn badges(self, html: &mut Html) {
+        for (verdict, count) in self.present() {
+            badge(html, verdict, &format!("{count} {}", verdict.name()));
+        }
+    }
+}
+
+/// The class that colours a verdict.
+pub(super) fn class(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Pass => "pass",
+        Verdict::Warn => "warn",
+        Verdict::Fail => "fail",
+        Verdict::Waived => "waived",
+        Verdict::NotRun => "notrun",
+    }
+}
+
+pub(super) fn badge(html: &mut Html, verdict: Verdict, words: &str) {
+    html.leaf("span", &[("class", &format!("badge {}", class(verdict)))], words);
+}
+
+/// A table of statements, faults first, in the order of reports else. Subjects are told without `prefix`.
+pub(super) fn table<'a>(
+    html: &mut Html,
+    caption: &str,
+    prefix: &str,
+    findings: impl IntoIterator<Item = &'a Finding>,
+) {
+    let mut findings: Vec<&Finding> = findings.into_iter().collect();
+    findings.sort_by_key(|finding| rank(finding.verdict));
+    html.within("table", &[("class", "findings")], |html| {
+        html.leaf("caption", &[], caption);
+        heads(
+            html,
+            &[
+                ("check", ""),
+                ("of", ""),
+                ("verdict", ""),
+                ("measured", "n"),
+                ("limit", "n"),
+                ("unit", ""),
+                ("because", ""),
+            ],
+        );
+        html.within("tbody", &[], |html| findings.iter().for_each(|finding| row(html, finding, prefix)));
+    });
+}
+
+/// The same in a line each: what a browser shows sooner where there are thousands.
+pub(super) fn list<'a>(html: &mut Html, prefix: &str, findings: impl IntoIterator<Item = &'a Finding>) {
+    let mut findings: Vec<&Finding> = findings.into_iter().collect();
+    findings.sort_by_key(|finding| rank(finding.verdict));
+    html.within("ul", &[("class", "listed")], |html| {
+        for finding in findings {
+            let number = |name: &str, value: Option<f64>| {
+                value.map_or_else(String::new, |v| format!(", {name} {} {}", short(v), unit(finding)))
+            };
+            let of = match statement(&finding.subject, prefix) {
+                "" => String::new(),
+                of => format!(" {of}"),
+            };
+            let words = format!(
+                "{}: {}{of}{}{}: {}",
+                finding.verdict.name(),
+                finding.check,
+                number("measured", finding.measured).trim_end(),
+                number("limit", finding.limit).trim_end(),
+                finding.because
+            );
+            html.leaf("li", &[("class", class(finding.verdict))], &words);
+        }
+    });
+}
+
+/// The unit; of pure numbers none.
+fn unit(finding: &Finding) -> &str {
+    if finding.unit == "1" { "" } else { &finding.unit }
+}
+
+/// The head of a table: each column's name and class.
+pub(super) fn heads(html: &mut Html, columns: &[(&str, &str)]) {
+    html.within("thead", &[], |html| {
+        html.within("tr", &[], |html| {
+            for (name, class) in columns {
+                html.leaf("th", &[("scope", "col"), ("class", class)], name);
+            }
+        });
+    });
+}
+
+fn row(html: &mut Html, finding: &Finding, prefix: &str) {
+    let number = |value: Option<f64>| value.map_or_else(|| "\u{2013}".to_owned(), short);
+    html.within("tr", &[], |html| {
+        html.leaf("th", &[("scope", "row")], &finding.check);
+        html.leaf("td", &[], statement(&finding.subject, prefix));
+        html.within("td", &[], |html| badge(html, finding.verdict, finding.verdict.name()));
+        html.leaf("td", &[("class", "n")], &number(finding.measured));
+        html.leaf("td", &[("class", "n")], &number(finding.limit));
+        html.leaf("td", &[], unit(finding));
+        html.leaf("td", &[], &finding.because);
+    });
+}
+
+/// What a subject says beyond whose it is: the sensor, and the statement of a check that makes several.
+pub(super) fn statement<'a>(subject: &'a str, prefix: &str) -> &'a str {
+    subject.strip_prefix(prefix).unwrap_or(subject).trim_start_matches(['/', '#'])
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub(in super::super) fn finding(check: &str, subject: &str, verdict: Verdict) -> Finding {
+        Finding {
+            check: check.to_owned(),
+            subject: subject.to_owned(),
+            verdict,
+            measured: Some(0.25),
+            limit: None,
+            unit: "1".to_owned(),
+            because: "a reason".to_owned(),
+        }
+    }
+
+    #[test]
+    fn faults_come_first_and_order_stays() {
+        let findings = [
+            finding("schema", "s/t", Verdict::Pass),
+            finding("stamps", "s/t#order", Verdict::NotRun),
+            finding("speed", "s/t#arc", Verdict::Warn),
+            finding("speed", "s/t#chord", Verdict::Warn),
+            finding("polarity", "s/t/fine", Verdict::Waived),
+        ];
+        let mut html = Html::default();
+        table(&mut html, "all", "s/t", &findings);
+        let page = Html::page(|page| page.append(&html));
+        let place = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words} in {page}"));
+        let order = ["<td>arc", "<td>chord", "<td>fine", "<td>order", ">schema<"].map(place);
+        assert!(order.is_sorted(), "{page}");
+        let mut html = Html::default();
+        list(&mut html, "s/t", &findings[2..]);
+        let page = Html::page(|page| page.append(&html));
+        let [first, last] = ["warn: speed arc, measured 0.25: a reason<", "waived: polarity fine,"];
+        assert!(page.find(first) < page.find(last) && page.contains(first), "{page}");
+        assert_eq!(worst(&findings), Some(Verdict::Warn));
+        assert_eq!(Count::of(&findings).words(), "2 warn, 1 waived, 1 not-run, 1 pass");
+        assert_eq!(Count::default().words(), "no statement");
+    }
+
+    #[test]
+    fn the_rarest_fault_is_seen() {
+        let mut findings = vec![finding("speed", "", Verdict::Warn)];
+        findings.resize(5000, finding("schema", "", Verdict::Pass));
+        let mut html = Html::default();
+        Count::of(&findings).bar(&mut html);
+        let page = Html::page(|page| page.append(&html));
+        assert!(page.contains("class=\"warn\" x=\"0\" width=\"8\""), "{page}");
+    }
+}

@@ -1,0 +1,187 @@
+//! HTML that is whole and inert by construction: elements are closed by whoever opens them, and every text and every
+//! value of an attribute passes one escape. What is written is XML as well, so that a strict reader can judge it.
+
+use std::fmt::Write as _;
+
+/// Names and values of attributes. Names are written in this program; values may come from anywhere.
+type Attributes<'a> = &'a [(&'static str, &'a str)];
+
+/// A piece of a page under construction.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub(super) struct Html(String);
+
+impl Html {
+    /// A whole page.
+    pub(super) fn page(inside: impl FnOnce(&mut Self)) -> String {
+        let mut page = Self("<!DOCTYPE html>\n".to_owned());
+        page.within("html", &[("lang", "en")], inside);
+        page.0.push('\n');
+        page.0
+    }
+
+    /// An element and what is in it.
+    pub(super) fn within(
+        &mut self,
+        tag: &'static str,
+        attributes: Attributes<'_>,
+        inside: impl FnOnce(&mut Self),
+    ) {
+        self.open(tag, attributes, ">");
+        inside(self);
+        self.0.push_str("</");
+        self.0.push_str(tag);
+        self.0.push('>');
+        if BLOCKS.contains(&tag) {
+            self.0.push('\n');
+        }
+    }
+
+    /// An element with nothing but text in it.
+    pub(super) fn leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
+        self.within(tag, attributes, |html| html.text(words));
+    }
+
+    /// An element that has no content: `img`, `meta`, and the shapes of a picture.
+    pub(super) fn empty(&mut self, tag: &'static str, attributes: Attributes<'_>) {
+        self.open(tag, attributes, "/>");
+    }
+
+    /// Text.
+    pub(super) fn text(&mut self, words: &str) {
+        escape(words, &mut self.0);
+    }
+
+    /// The style sheet, which is written in this program and holds nothing that would need an escape.
+    pub(super) fn style(&mut self, sheet: &'static str) {
+        assert!(!sheet.contains(['<', '&']), "a style sheet cannot be escaped");
+        self.within("style", &[], |html| html.0.push_str(sheet));
+    }
+
+    /// Another piece, behind this one.
+    pub(super) fn append(&mut self, piece: &Self) {
+        self.0.push_str(&piece.0);
+    }
+
+    fn open(&mut self, tag: &'static str, attributes: Attributes<'_>, end: &str) {
+        self.0.push('<');
+        self.0.push_str(tag);
+        // Where nothing is classified no class is written.
+        for (name, value) in attributes.iter().filter(|of| **of != ("class", "")) {
+            self.0.push(' ');
+            self.0.push_str(name);
+            self.0.push_str("=\"");
+            escape(value, &mut self.0);
+            self.0.push('"');
+        }
+        self.0.push_str(end);
+    }
+}
+
+/// Elements after which a line ends, for those who read the source.
+const BLOCKS: [&str; 12] =
+    ["head", "title", "style", "body", "section", "article", "details", "table", "tr", "p", "ul", "figure"];
+
+/// Writes text so that it can end no text and no quoted value. Characters that no page may hold become U+FFFD; those that
+/// would reorder the text around them are shown as what they are.
+fn escape(words: &str, out: &mut String) {
+    let mut plain = 0;
+    for (at, character) in words.char_indices() {
+        let instead = match character {
+            '&' => "&amp;",
+            '<' => "&lt;",
+            '>' => "&gt;",
+            '"' => "&quot;",
+            '\'' => "&#39;",
+            '\t' | '\n' => continue,
+            c if is_reordering(c) => "",
+            c if c.is_control() || is_no_character(c) => "\u{fffd}",
+            _ => continue,
+        };
+        out.push_str(&words[plain..at]);
+        plain = at + character.len_utf8();
+        if instead.is_empty() {
+            write!(out, "[U+{:04X}]", u32::from(character)).expect("a String takes any text");
+        } else {
+            out.push_str(instead);
+        }
+    }
+    out.push_str(&words[plain..]);
+}
+
+/// Embeddings, overrides and isolates of writing directions.
+fn is_reordering(c: char) -> bool {
+    matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+fn is_no_character(c: char) -> bool {
+    u32::from(c) & 0xfffe == 0xfffe
+}
+
+/// A path below the page's folder as an address: every byte that could mean anything there is percent-encoded.
+pub(super) fn address(path: &str) -> String {
+    path.bytes().fold(String::with_capacity(path.len()), |mut out, byte| {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
+                out.push(char::from(byte));
+            }
+            _ => write!(out, "%{byte:02X}").expect("a String takes any text"),
+        }
+        out
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WICKED: [&str; 8] = [
+        "<script>alert(1)</script>",
+        "\"><img src=x onerror=alert(1)>",
+        "' onmouseover='alert(1)",
+        "a & b &amp; &#60;c",
+        "]]> --> <!-- <![CDATA[ </style></p>",
+        "\u{202e}gnp.exe\u{2066}",
+        "nul \0 bell \u{7} escape \u{1b} next \u{85} end \u{ffff}",
+        "two\nlines\tand a tab",
+    ];
+
+    /// What a strict reader makes of a text and of a value.
+    fn read_back(words: &str) -> [String; 2] {
+        let page = Html::page(|html| html.leaf("p", &[("title", words)], words));
+        let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+        let document = roxmltree::Document::parse_with_options(&page, options).unwrap();
+        let elements: Vec<_> = document.descendants().filter(|n| n.is_element()).collect();
+        let names: Vec<&str> = elements.iter().map(|n| n.tag_name().name()).collect();
+        assert_eq!(names, ["html", "p"], "{page}");
+        assert_eq!(elements[1].attributes().len(), 1, "{page}");
+        [elements[1].text().unwrap(), elements[1].attribute("title").unwrap()].map(str::to_owned)
+    }
+
+    #[test]
+    fn whatever_is_written_is_text() {
+        for words in &WICKED[..5] {
+            assert_eq!(read_back(words), [*words; 2]);
+        }
+        assert_eq!(read_back(WICKED[7]), [WICKED[7], "two lines and a tab"]);
+    }
+
+    #[test]
+    fn what_reorders_is_shown_and_what_is_no_text_is_replaced() {
+        assert_eq!(read_back(WICKED[5])[0], "[U+202E]gnp.exe[U+2066]");
+        let [text, value] = read_back(WICKED[6]);
+        assert_eq!(text, "nul \u{fffd} bell \u{fffd} escape \u{fffd} next \u{fffd} end \u{fffd}");
+        assert_eq!(value, text);
+    }
+
+    #[test]
+    fn addresses_lead_to_paths_alone() {
+        for (path, wanted) in [
+            ("a/b-1/base/sharp/000000.png", "a/b-1/base/sharp/000000.png"),
+            ("javascript:alert(1)", "javascript%3Aalert%281%29"),
+            ("a b/100%?x#y", "a%20b/100%25%3Fx%23y"),
+            ("räume", "r%C3%A4ume"),
+        ] {
+            assert_eq!(address(path), wanted);
+        }
+    }
+}

@@ -1,0 +1,457 @@
+//! The release as a whole: what there is, the table of scenes, what checks said, what was not run, and what was left out.
+
+use super::Page;
+use super::findings::{self, Count, badge, heads};
+use super::html::Html;
+use super::section::{self, Part, counted, file_link, link, on_share, span, whole};
+use crate::check::{self, Finding, Verdict};
+use crate::release::TOOL;
+use crate::release::left_out::Row;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Faults that are listed at the top of the page.
+const MOST_FAULTS: usize = 200;
+/// Reasons that are listed of a check that was not run.
+const MOST_REASONS: usize = 6;
+
+/// The head of the page: whose release it is, under which terms, and how much there is.
+pub(super) fn head(html: &mut Html, page: &Page<'_>) {
+    let info = page.info;
+    html.within("header", &[], |html| {
+        html.within("h1", &[], |html| {
+            html.text(&info.name);
+            html.leaf("span", &[("class", "version")], &format!(" {}", info.version));
+        });
+        if !info.description.is_empty() {
+            html.leaf("p", &[], &info.description);
+        }
+        html.within("p", &[], |html| {
+            html.text("Licence of the whole: ");
+            html.leaf("code", &[], &page.licence.expression);
+            html.text(&format!(". Creator: {}. Written by {TOOL}.", info.creator));
+        });
+        figures(html, page);
+        html.within("nav", &[("aria-label", "Sections")], |html| {
+            for (anchor, name) in SECTIONS {
+                html.leaf("a", &[("href", anchor)], name);
+                html.text(" ");
+            }
+        });
+    });
+}
+
+const SECTIONS: [(&str, &str); 6] = [
+    ("#scenes", "Scenes"),
+    ("#checks", "Checks"),
+    ("#not-run", "Not run"),
+    ("#left-out", "Left out"),
+    ("#each", "Each scene"),
+    ("#files", "Files and terms"),
+];
+
+/// How much there is, in large figures.
+fn figures(html: &mut Html, page: &Page<'_>) {
+    let parts = || page.entries.iter().flat_map(|entry| &entry.file.trajectories);
+    let streams = || page.entries.iter().flat_map(section::Entry::counted);
+    let sum = |values: &mut dyn Iterator<Item = u64>| whole(values.sum());
+    let frames = page.entries.iter().flat_map(|entry| entry.below("")).filter(|path| section::is_sharp(path));
+    let seconds = parts().map(|part| part.duration_us as f64 * 1e-6).sum::<f64>();
+    let told = [
+        (whole(page.entries.len() as u64), if page.entries.len() == 1 { "scene" } else { "scenes" }),
+        (
+            whole(page.trajectories() as u64),
+            if page.trajectories() == 1 { "trajectory" } else { "trajectories" },
+        ),
+        (sum(&mut parts().map(|part| part.poses as u64)), "poses"),
+        (whole(frames.count() as u64), "sharp frames"),
+        (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
+        (crate::trajectory::picture::short(seconds), "s of motion"),
+        (span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events a pixel and second"),
+        (span(streams().filter_map(on_share)), "share of ON events"),
+    ];
+    html.within("ul", &[("class", "figures-row")], |html| {
+        for (figure, what) in told {
+            html.within("li", &[], |html| {
+                html.leaf("strong", &[], &figure);
+                html.text(&format!(" {what}"));
+            });
+        }
+    });
+    let count = Count::of(page.findings());
+    html.within("div", &[("class", "verdict-line")], |html| {
+        count.bar(html);
+        html.within("p", &[], |html| {
+            html.text("Statements of checks: ");
+            count.badges(html);
+        });
+    });
+}
+
+/// The table of scenes.
+pub(super) fn scenes(html: &mut Html, page: &Page<'_>, parts: &[Part]) {
+    html.within("section", &[("id", "scenes")], |html| {
+        html.leaf("h2", &[], "Scenes");
+        if let Some(words) = page.depth.left_out(page.trajectories()) {
+            html.leaf("p", &[("class", "note")], &words);
+        }
+        filters(html, page);
+        html.within("table", &[("class", "scenes")], |html| {
+            html.leaf(
+                "caption",
+                &[],
+                "A row a scene; rates and shares are over its trajectories and sensors.",
+            );
+            heads(html, &COLUMNS);
+            html.within("tbody", &[], |html| parts.iter().for_each(|part| html.append(&part.row)));
+        });
+    });
+}
+
+const COLUMNS: [(&str, &str); 11] = [
+    ("frame", ""),
+    ("scene", ""),
+    ("source", ""),
+    ("licence", ""),
+    ("traj.", "n"),
+    ("poses", "n"),
+    ("sharp", "n"),
+    ("events", "n"),
+    ("ev/px/s", "n"),
+    ("ON share", "n"),
+    ("checks", ""),
+];
+
+/// Which rows are shown, by the style sheet alone: the table stands behind these and beside them, so that one sibling decides
+/// about the other. (`:has()` would do as well, and have a browser look again with each of thousands of rows.)
+fn filters(html: &mut Html, page: &Page<'_>) {
+    let with = |verdict| page.entries.iter().filter(|entry| entry.count().get(verdict) > 0).count();
+    let kinds = [
+        ("warn", "with a warning", with(Verdict::Warn)),
+        ("waived", "with a waiver", with(Verdict::Waived)),
+        ("notrun", "with a check not run", with(Verdict::NotRun)),
+        ("withheld", "withheld", page.entries.iter().filter(|entry| entry.is_withheld()).count()),
+    ];
+    let kinds: Vec<_> = kinds.into_iter().filter(|(.., count)| *count > 0).collect();
+    if kinds.is_empty() {
+        return;
+    }
+    let choices = [("all", "all", page.entries.len())].into_iter().chain(kinds);
+    html.leaf("span", &[("class", "show")], "Show: ");
+    for (kind, words, count) in choices {
+        let id = format!("show-{kind}");
+        let own = [("class", "show"), ("type", "radio"), ("name", "show"), ("id", id.as_str())];
+        let checked: &[(&str, &str)] = if kind == "all" { &[("checked", "")] } else { &[] };
+        html.empty("input", &[&own, checked].concat());
+        html.leaf("label", &[("class", "show"), ("for", &id)], &format!("{words} ({count})"));
+    }
+}
+
+/// What the checks said of the whole release, by check; and every fault.
+pub(super) fn checks(html: &mut Html, page: &Page<'_>) {
+    html.within("section", &[("id", "checks")], |html| {
+        html.leaf("h2", &[], "Checks");
+        html.leaf("p", &[], VERDICTS);
+        html.within("table", &[("class", "by-check")], |html| {
+            html.leaf("caption", &[], "Statements by check");
+            heads(html, &[("check", ""), ("verdicts", ""), ("statements", "")]);
+            let count = |name| Count::of(page.findings().filter(|finding| finding.check == name));
+            html.within("tbody", &[], |html| {
+                let counts = check::NAMES.into_iter().map(|name| (name, count(name)));
+                counts.filter(|(_, count)| *count != Count::default()).for_each(|of| by_check(html, of));
+            });
+        });
+        faults(html, page);
+    });
+}
+
+const VERDICTS: &str = "pass: within limits. warn: outside a limit that does not stop a release. waived: failed, and accepted \
+    by the recipe with a reason. not-run: could not be judged, and why is told below. A release with a failed check is not \
+    written.";
+
+fn by_check(html: &mut Html, (name, count): (&str, Count)) {
+    html.within("tr", &[], |html| {
+        html.leaf("th", &[("scope", "row")], name);
+        html.within("td", &[("class", "verdicts")], |html| count.bar(html));
+        html.leaf("td", &[], &count.words());
+    });
+}
+
+fn faults(html: &mut Html, page: &Page<'_>) {
+    let mut faults: Vec<(&str, &Finding)> = page
+        .entries
+        .iter()
+        .flat_map(|entry| entry.built.findings().map(|finding| (entry.id(), finding)))
+        .filter(|(_, finding)| findings::is_fault(finding.verdict))
+        .collect();
+    faults.sort_by_key(|(_, finding)| findings::rank(finding.verdict));
+    if faults.is_empty() {
+        html.leaf("p", &[], "No statement is outside its limits.");
+        return;
+    }
+    let words = match faults.len() {
+        n if n > MOST_FAULTS => format!("Outside limits: the first {MOST_FAULTS} of {n} statements"),
+        n => format!("Outside limits: {}", counted(n, "statement", "statements")),
+    };
+    html.within("table", &[("class", "faults")], |html| {
+        html.leaf("caption", &[], &words);
+        heads(html, &[("scene", ""), ("of", ""), ("check", ""), ("verdict", ""), ("because", "")]);
+        html.within("tbody", &[], |html| {
+            for (id, finding) in faults.into_iter().take(MOST_FAULTS) {
+                html.within("tr", &[], |html| {
+                    html.within("td", &[], |html| link(html, id, id));
+                    html.leaf("td", &[], findings::statement(&finding.subject, id));
+                    html.leaf("td", &[], &finding.check);
+                    html.within("td", &[], |html| badge(html, finding.verdict, finding.verdict.name()));
+                    html.leaf("td", &[], &finding.because);
+                });
+            }
+        });
+    });
+}
+
+/// What could not be judged, by check and reason.
+pub(super) fn not_run(html: &mut Html, page: &Page<'_>) {
+    let reasons = reasons(page.findings());
+    let silent: BTreeSet<&str> = page.findings().map(|finding| finding.check.as_str()).collect();
+    let silent: Vec<&str> = check::NAMES.into_iter().filter(|name| !silent.contains(name)).collect();
+    html.within("section", &[("id", "not-run")], |html| {
+        html.leaf("h2", &[], "Not run, and why");
+        if reasons.is_empty() {
+            html.leaf("p", &[], "Every statement that was asked for was judged.");
+        } else {
+            html.within("table", &[("class", "reasons")], |html| {
+                html.leaf("caption", &[], "Statements that were not judged");
+                heads(html, &[("check", ""), ("statements", "n"), ("reason", ""), ("first", "")]);
+                html.within("tbody", &[], |html| reasons.iter().for_each(|reason| reason_row(html, reason)));
+            });
+        }
+        if !silent.is_empty() {
+            let words = format!(
+                "Checks that say nothing in this release, since they are not built or nothing in it is for them: {}.",
+                silent.join(", ")
+            );
+            html.leaf("p", &[], &words);
+        }
+    });
+}
+
+/// Statements that were not run for one reason.
+#[derive(Debug, PartialEq, Eq)]
+struct Reason<'a> {
+    check: &'a str,
+    statements: usize,
+    because: String,
+    first: &'a str,
+}
+
+/// The reasons of each check in the order of names, the commonest first; those past the first few are put together.
+fn reasons<'a>(findings: impl Iterator<Item = &'a Finding>) -> Vec<Reason<'a>> {
+    let mut counted: BTreeMap<(&str, &str), (usize, &str)> = BTreeMap::new();
+    for finding in findings.filter(|finding| finding.verdict == Verdict::NotRun) {
+        let own = counted.entry((&finding.check, &finding.because)).or_insert((0, &finding.subject));
+        own.0 += 1;
+    }
+    let mut all = Vec::new();
+    let checks: BTreeSet<&str> = counted.keys().map(|(check, _)| *check).collect();
+    for check in checks {
+        let of = counted.iter().filter(|((name, _), _)| *name == check);
+        let mut own: Vec<Reason<'_>> = of
+            .map(|((_, because), (statements, first))| Reason {
+                check,
+                statements: *statements,
+                because: (*because).to_owned(),
+                first,
+            })
+            .collect();
+        own.sort_by_key(|reason| std::cmp::Reverse(reason.statements));
+        let rest = own.split_off(own.len().min(MOST_REASONS));
+        all.extend(own);
+        if let Some(first) = rest.first().map(|reason| reason.first) {
+            let statements = rest.iter().map(|reason| reason.statements).sum();
+            let because = format!("{} other reasons, each in checks.json", rest.len());
+            all.push(Reason { check, statements, because, first });
+        }
+    }
+    all
+}
+
+fn reason_row(html: &mut Html, reason: &Reason<'_>) {
+    html.within("tr", &[], |html| {
+        html.leaf("th", &[("scope", "row")], reason.check);
+        html.leaf("td", &[("class", "n")], &whole(reason.statements as u64));
+        html.leaf("td", &[], &reason.because);
+        html.leaf("td", &[], reason.first);
+    });
+}
+
+/// What was left out: of what was asked for, and of the work.
+pub(super) fn left_out(html: &mut Html, page: &Page<'_>) {
+    html.within("section", &[("id", "left-out")], |html| {
+        html.leaf("h2", &[], "Left out");
+        html.within("ul", &[], |html| {
+            for words in absences(page) {
+                html.leaf("li", &[], &words);
+            }
+        });
+        let rows = page.entries.iter().flat_map(|entry| &entry.built.trajectories).flat_map(|t| &t.left_out);
+        let sums = sums(rows);
+        if sums.is_empty() {
+            return;
+        }
+        html.leaf("p", &[], LEFT_OUT);
+        html.within("table", &[("class", "left-out")], |html| {
+            html.leaf("caption", &[], "Work that was not done, over all trajectories");
+            let columns = [
+                ("step", ""),
+                ("what", ""),
+                ("how much", "n"),
+                ("of", "n"),
+                ("share", "n"),
+                ("unit", ""),
+                ("without it", ""),
+            ];
+            heads(html, &columns);
+            html.within("tbody", &[], |html| sums.iter().for_each(|sum| sum_row(html, sum)));
+        });
+    });
+}
+
+const LEFT_OUT: &str = "Rows that end in \"identical bytes\" change no bit of what is in the release; \
+    the others say what they may cost.";
+
+/// What is not in the release, a sentence each: scenes that are withheld, photos, events that nobody asked for. Whatever else
+/// keeps something out of a release is told here too.
+fn absences(page: &Page<'_>) -> Vec<String> {
+    let withheld: Vec<&str> =
+        page.entries.iter().filter(|entry| entry.is_withheld()).map(section::Entry::id).collect();
+    let images = page.entries.iter().flat_map(|entry| &entry.file.images);
+    let [unused, photos] = images.fold([0u64; 2], |[unused, all], i| [unused + u64::from(!i.used), all + 1]);
+    let silent = page.entries.iter().filter(|entry| entry.counted().next().is_none()).count();
+    let mut told = vec![match withheld.len() {
+        0 => "No scene has its pictures and events withheld.".to_owned(),
+        n => format!(
+            "Of {} pictures and events are withheld, as upstream forbids passing them on; recipe, poses and \
+             reports are here.",
+            counted(n, "scene", "scenes")
+        ),
+    }];
+    if photos > 0 {
+        told.push(format!(
+            "No photo is in the release; {} of {} were not used.",
+            whole(unused),
+            whole(photos)
+        ));
+    }
+    if silent > 0 {
+        told.push(format!(
+            "Without events, as no recipe asks for them: {}.",
+            counted(silent, "scene", "scenes")
+        ));
+    }
+    told
+}
+
+/// The same rows of all trajectories, summed. How much there was is not known where one does not say.
+fn sums<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<Row> {
+    let mut sums: BTreeMap<(&str, &str, &str, &str), Row> = BTreeMap::new();
+    for row in rows {
+        let own = sums.entry((&row.step, &row.what, &row.unit, &row.proof));
+        own.and_modify(|sum| {
+            sum.how_much = sum.how_much.saturating_add(row.how_much);
+            sum.of = sum.of.zip(row.of).map(|(a, b)| a.saturating_add(b));
+        })
+        .or_insert_with(|| row.clone());
+    }
+    sums.into_values().collect()
+}
+
+fn sum_row(html: &mut Html, row: &Row) {
+    let none = || "\u{2013}".to_owned();
+    let share = row.of.filter(|of| *of > 0).map(|of| 100.0 * row.how_much as f64 / of as f64);
+    html.within("tr", &[], |html| {
+        html.leaf("td", &[], &row.step);
+        html.leaf("td", &[], &row.what);
+        html.leaf("td", &[("class", "n")], &whole(row.how_much));
+        html.leaf("td", &[("class", "n")], &row.of.map_or_else(none, whole));
+        html.leaf("td", &[("class", "n")], &share.map_or_else(none, |share| format!("{share:.1} %")));
+        html.leaf("td", &[], &row.unit);
+        html.leaf("td", &[], &row.proof);
+    });
+}
+
+/// The files at the top of the tree, and the terms.
+pub(super) fn files(html: &mut Html, page: &Page<'_>) {
+    html.within("section", &[("id", "files")], |html| {
+        html.leaf("h2", &[], "Files and terms");
+        html.within("p", &[("class", "files")], |html| {
+            html.text("At the top: ");
+            for (number, path) in page.top.iter().enumerate() {
+                html.text(if number > 0 { ", " } else { "" });
+                file_link(html, path, path);
+            }
+        });
+        html.leaf("p", &[], READING);
+        let gated = page.entries.iter().filter(|entry| entry.file.licence.gated).count();
+        if gated > 0 {
+            let of = counted(gated, "scene", "scenes");
+            let words = format!("Gated: who receives them must accept the upstream terms of {of} first.");
+            html.leaf("p", &[], &words);
+        }
+        let holders: BTreeSet<&str> = page
+            .entries
+            .iter()
+            .map(|entry| entry.file.licence.attribution.as_str())
+            .filter(|holder| !holder.is_empty())
+            .collect();
+        if !holders.is_empty() {
+            html.leaf("p", &[], &format!("Holders: {}.", holders.into_iter().collect::<Vec<_>>().join("; ")));
+        }
+        if !page.info.cite_as.is_empty() {
+            html.leaf("p", &[], &format!("To be cited as: {}", page.info.cite_as));
+        }
+    });
+}
+
+const READING: &str = "Times are those of the recordings, from the first pose; nothing here says when the release was \
+    built. Pictures in this page are scaled down; those of the release are in sharp/. Event pictures have a pixel red where \
+    it grew brighter and blue where it grew darker.";
+
+#[cfg(test)]
+mod tests {
+    use super::super::findings::tests::finding;
+    use super::*;
+
+    #[test]
+    fn reasons_are_counted_and_the_long_tail_is_put_together() {
+        let mut findings: Vec<Finding> = (0..9)
+            .map(|k| Finding {
+                because: format!("reason {k}"),
+                ..finding("speed", &format!("s{k}/t"), Verdict::NotRun)
+            })
+            .collect();
+        findings.push(Finding { because: "reason 7".into(), ..finding("speed", "s9/t", Verdict::NotRun) });
+        findings.push(finding("batching", "s/t", Verdict::NotRun));
+        findings.push(finding("batching", "s/t", Verdict::Pass));
+        let reasons = reasons(findings.iter());
+        assert_eq!(reasons.len(), 1 + MOST_REASONS + 1);
+        assert_eq!((reasons[0].check, reasons[0].statements), ("batching", 1));
+        let second = &reasons[1];
+        assert_eq!((second.statements, second.because.as_str(), second.first), (2, "reason 7", "s7/t"));
+        let last = reasons.last().unwrap();
+        assert_eq!((last.statements, last.because.as_str()), (3, "3 other reasons, each in checks.json"));
+    }
+
+    #[test]
+    fn rows_are_summed_and_unknown_wholes_stay_unknown() {
+        let row = |what: &str, how_much, of| Row {
+            step: "events".into(),
+            what: what.into(),
+            how_much,
+            of,
+            unit: "pairs".into(),
+            proof: "identical bytes".into(),
+        };
+        let rows = [row("a", 1, Some(4)), row("b", 2, None), row("a", 2, Some(6)), row("b", 3, Some(9))];
+        assert_eq!(sums(rows.iter()), [row("a", 3, Some(10)), row("b", 5, None)]);
+    }
+}

@@ -1,0 +1,336 @@
+//! The part of one scene: its row in the table of scenes, and its section.
+
+use super::Page;
+use super::embed::Picture;
+use super::findings::{self, Count, WORST_FIRST};
+use super::html::{Html, address};
+use super::trajectory;
+use crate::check::{Finding, Verdict};
+use crate::licence::Passing;
+use crate::release::built::BuiltScene;
+use crate::release::manifest::ManifestFile;
+use crate::release::scene::{SceneFile, SensorPart, Statistics, TrajectoryPart};
+use crate::trajectory::picture::short;
+
+/// A scene of the page.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Entry<'a> {
+    pub(super) built: &'a BuiltScene<'a>,
+    pub(super) file: &'a SceneFile,
+    /// Its files in the tree, sorted by path.
+    pub(super) files: &'a [ManifestFile],
+}
+
+/// What one scene adds to the page.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub(super) row: Html,
+    pub(super) section: Html,
+}
+
+impl Entry<'_> {
+    pub(super) fn id(&self) -> &str {
+        &self.file.id
+    }
+
+    /// Whether nothing that shows the scene may be passed on.
+    pub(super) fn is_withheld(&self) -> bool {
+        self.built.licence.passing == Passing::Withheld
+    }
+
+    pub(super) fn count(&self) -> Count {
+        Count::of(self.built.findings())
+    }
+
+    /// Paths of its files below its folder.
+    pub(super) fn below(&self, folder: &str) -> impl Iterator<Item = &str> {
+        let prefix = format!("{}/{folder}", self.id());
+        self.files.iter().map(|file| file.path.as_str()).filter(move |path| path.starts_with(&prefix))
+    }
+
+    /// The counts of its streams.
+    pub(super) fn counted(&self) -> impl Iterator<Item = &Statistics> {
+        self.file.trajectories.iter().flat_map(statistics)
+    }
+}
+
+/// The counts of a trajectory's streams.
+fn statistics(part: &TrajectoryPart) -> impl Iterator<Item = &Statistics> {
+    let named = part.sensors.values().map(|SensorPart { statistics, .. }| statistics);
+    std::iter::once(&part.statistics).chain(named).filter(|counted| counted.events.is_some())
+}
+
+/// The id of a scene's section in the page.
+fn anchor(id: &str) -> String {
+    format!("scene/{id}")
+}
+
+/// A link to a scene's section.
+pub(super) fn link(html: &mut Html, id: &str, words: &str) {
+    html.leaf("a", &[("href", &format!("#{}", address(&anchor(id))))], words);
+}
+
+/// A link to a file of the tree.
+pub(super) fn file_link(html: &mut Html, path: &str, words: &str) {
+    html.leaf("a", &[("href", &address(path))], words);
+}
+
+/// An embedded picture.
+pub(super) fn image(html: &mut Html, picture: &Picture, class: &str, alt: &str) {
+    let [width, height] = [picture.width, picture.height].map(|side| side.to_string());
+    html.empty(
+        "img",
+        &[
+            ("class", class),
+            ("src", &picture.address),
+            ("width", &width),
+            ("height", &height),
+            ("alt", alt),
+            ("decoding", "async"),
+        ],
+    );
+}
+
+/// A number with a comma between thousands.
+pub(super) fn whole(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (at, digit) in digits.chars().enumerate() {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// How many of what, `one` and `more` being its names.
+pub(super) fn counted(n: usize, one: &str, more: &str) -> String {
+    format!("{} {}", whole(n as u64), if n == 1 { one } else { more })
+}
+
+/// From the lowest to the highest; one number where they are the same to the eye.
+pub(super) fn span(values: impl Iterator<Item = f64>) -> String {
+    let bounds = values.fold(None, |bounds: Option<[f64; 2]>, v| {
+        Some(bounds.map_or([v, v], |[low, high]| [low.min(v), high.max(v)]))
+    });
+    let Some(bounds) = bounds else { return "\u{2013}".to_owned() };
+    let [low, high] = bounds.map(short);
+    if low == high { low } else { format!("{low}\u{2013}{high}") }
+}
+
+/// The share of ON events.
+pub(super) fn on_share(counted: &Statistics) -> Option<f64> {
+    let (events, on) = (counted.events?, counted.on?);
+    (events > 0).then(|| on as f64 / events as f64)
+}
+
+/// Composes the scene's part.
+pub(super) fn compose(page: &Page<'_>, entry: &Entry<'_>) -> Part {
+    let (mut row, mut section) = (Html::default(), Html::default());
+    table_row(&mut row, page, entry);
+    details(&mut section, page, entry);
+    Part { row, section }
+}
+
+fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+    let count = entry.count();
+    let kinds = WORST_FIRST.into_iter().filter(|verdict| count.get(*verdict) > 0).map(findings::class);
+    let withheld = entry.is_withheld().then_some("withheld");
+    let class = kinds.chain(withheld).map(|kind| format!("has-{kind}")).collect::<Vec<_>>().join(" ");
+    let file = entry.file;
+    html.within("tr", &[("class", &class)], |html| {
+        html.within("td", &[], |html| thumbnail(html, page, entry));
+        html.within("th", &[("scope", "row")], |html| link(html, entry.id(), entry.id()));
+        html.leaf("td", &[], &file.source.kind);
+        html.within("td", &[], |html| {
+            html.text(&file.licence.expression);
+            marks(html, entry);
+        });
+        let number = |html: &mut Html, words: &str| html.leaf("td", &[("class", "n")], words);
+        let poses: u64 = file.trajectories.iter().map(|t| t.poses as u64).sum();
+        let sharp = entry.below("").filter(|path| is_sharp(path)).count();
+        number(html, &file.trajectories.len().to_string());
+        number(html, &whole(poses));
+        number(html, &whole(sharp as u64));
+        let events: Option<u64> =
+            entry.counted().filter_map(|counted| counted.events).reduce(|sum, events| sum + events);
+        number(html, &events.map_or_else(|| "\u{2013}".to_owned(), whole));
+        number(html, &span(entry.counted().filter_map(|counted| counted.rate_ev_px_s)));
+        number(html, &span(entry.counted().filter_map(on_share)));
+        html.within("td", &[("class", "verdicts")], |html| {
+            if page.depth.every {
+                count.bar(html);
+            }
+            html.text(&count.words());
+        });
+    });
+}
+
+/// Whether a file of a scene is a sharp frame.
+pub(super) fn is_sharp(path: &str) -> bool {
+    path.ends_with(".png") && path.rsplit('/').nth(1) == Some("sharp")
+}
+
+fn thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+    if entry.is_withheld() {
+        return html.leaf("span", &[("class", "none")], "withheld");
+    }
+    let sharp = |built| super::seen::sharp(built, page.store, page.depth.thumbnail);
+    match entry.built.trajectories.iter().find_map(sharp) {
+        Some(shown) => image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words)),
+        None => html.leaf("span", &[("class", "none")], "no frame"),
+    }
+}
+
+/// What binds who has the scene, beside the licence's name.
+fn marks(html: &mut Html, entry: &Entry<'_>) {
+    if entry.file.licence.gated {
+        html.leaf("span", &[("class", "mark")], "gated");
+    }
+    if entry.is_withheld() {
+        html.leaf("span", &[("class", "mark")], "pictures and events withheld");
+    }
+}
+
+fn details(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+    let open = [("class", "scene"), ("open", "")];
+    html.within("details", if page.is_short() { &open } else { &open[..1] }, |html| {
+        html.within("summary", &[], |html| {
+            html.leaf("h3", &[], entry.id());
+            html.text(" ");
+            entry.count().badges(html);
+            marks(html, entry);
+        });
+        html.within("div", &[("class", "inside"), ("id", &anchor(entry.id()))], |html| {
+            facts(html, page, entry);
+            files(html, entry);
+            own_findings(html, page, entry);
+            for (built, part) in entry.built.trajectories.iter().zip(&entry.file.trajectories) {
+                trajectory::compose(html, page, entry, (built, part));
+            }
+        });
+    });
+}
+
+/// Files of the scene itself.
+fn files(html: &mut Html, entry: &Entry<'_>) {
+    let own = entry.below("").filter_map(|path| path.strip_prefix(entry.id())?.strip_prefix('/'));
+    let own: Vec<&str> = own.filter(|name| !name.contains('/')).collect();
+    html.within("p", &[("class", "files")], |html| {
+        html.text("Files: ");
+        for (number, name) in own.iter().enumerate() {
+            html.text(if number > 0 { ", " } else { "" });
+            file_link(html, &format!("{}/{name}", entry.id()), name);
+        }
+    });
+}
+
+fn facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+    let file = entry.file;
+    let camera = &file.camera;
+    let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short);
+    let mut facts = vec![
+        ("Source", source(file)),
+        ("Camera", format!("{} x {} px, f {fx}, {fy}, centre {cx}, {cy}", camera.width, camera.height)),
+        ("Seed", file.seed.to_string()),
+        ("Scene", reconstruction(file)),
+        ("Licence", licence(file)),
+    ];
+    let photos = file.images.len();
+    if photos > 0 {
+        let unused = file.images.iter().filter(|image| !image.used).count();
+        facts.push(("Photos", format!("{photos}, {unused} of them not used; none is in the release")));
+    }
+    if !page.depth.every {
+        let told = facts.into_iter().map(|(name, words)| format!("{name}: {words}.")).collect::<Vec<_>>();
+        return html.leaf("p", &[], &told.join(" "));
+    }
+    html.within("dl", &[], |html| {
+        for (name, words) in facts {
+            html.leaf("dt", &[], name);
+            html.leaf("dd", &[], &words);
+        }
+    });
+}
+
+fn source(file: &SceneFile) -> String {
+    let source = &file.source;
+    let told = [&source.upstream_id, &source.upstream_url].into_iter().flatten().map(String::as_str);
+    std::iter::once(source.kind.as_str()).chain(told).collect::<Vec<_>>().join(", ")
+}
+
+fn reconstruction(file: &SceneFile) -> String {
+    let Some(of) = &file.reconstruction else { return "nothing is rendered".to_owned() };
+    let mut words =
+        format!("{}, {} Gaussians, harmonics of degree {}", of.kind, whole(of.gaussians), of.sh_degree);
+    if let Some(psnr) = &of.psnr {
+        words += &format!(", PSNR {:.2} dB (least {:.2}) over {} views", psnr.mean, psnr.min, psnr.views);
+        if let Some(held_out) = psnr.held_out {
+            words += &format!(", {held_out:.2} dB over those held out");
+        }
+    } else {
+        words.push_str(", PSNR not measured");
+    }
+    if let Some(ssim) = of.ssim {
+        words += &format!(", SSIM {ssim:.4}");
+    }
+    words
+}
+
+fn licence(file: &SceneFile) -> String {
+    let licence = &file.licence;
+    let mut words = licence.expression.clone();
+    if !licence.attribution.is_empty() {
+        words += &format!(", holder: {}", licence.attribution);
+    }
+    if licence.gated {
+        words.push_str("; who receives it must accept the upstream terms first");
+    }
+    if let Some(because) = &licence.redistribution {
+        words += &format!("; passed on, because: {because}");
+    }
+    if licence.withheld {
+        words.push_str(
+            "; upstream forbids passing on what shows the scene, so this is recipe, poses and words alone",
+        );
+    }
+    words
+}
+
+/// The findings on the scene itself, by its photos and its capture.
+fn own_findings(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
+    let Some(photographed) = &entry.built.photographed else { return };
+    listed(html, page, "Checks of the scene", entry.id(), &photographed.findings);
+}
+
+/// Findings as deep as the page goes.
+pub(super) fn listed(html: &mut Html, page: &Page<'_>, caption: &str, prefix: &str, findings: &[Finding]) {
+    let count = Count::of(findings);
+    let shown = |f: &&Finding| page.depth.passes || f.verdict != Verdict::Pass;
+    let shown: Vec<&Finding> = findings.iter().filter(shown).collect();
+    let caption = format!("{caption}: {}", count.words());
+    if shown.is_empty() {
+        html.leaf("p", &[("class", "caption")], &caption);
+    } else if page.depth.every {
+        findings::table(html, &caption, prefix, shown);
+    } else {
+        html.leaf("p", &[("class", "caption")], &caption);
+        findings::list(html, prefix, shown);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_for_people() {
+        for (n, wanted) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_234_567, "1,234,567")] {
+            assert_eq!(whole(n), wanted);
+        }
+        assert_eq!(span([2.0, 1.0, 3.5].into_iter()), "1\u{2013}3.5");
+        assert_eq!(span([0.5, 0.500_001].into_iter()), "0.5");
+        assert_eq!(span(std::iter::empty()), "\u{2013}");
+    }
+}

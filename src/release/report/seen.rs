@@ -1,0 +1,197 @@
+//! What is read from the store for the page: event rates, and pictures of one moment of a trajectory.
+//!
+//! Rates come from `ms_to_idx`, so that no event is read for them. A picture is of the middle of the trajectory: the sharp
+//! frame nearest to it, and the events around that. What cannot be read is not shown; the release finds out why when it
+//! copies the file.
+
+use super::curve::Curve;
+use super::depth::Depth;
+use super::embed::Picture;
+use crate::event::picture::Picture as Balance;
+use crate::event::{EventSink as _, EventSource as _, h5};
+use crate::image::Size;
+use crate::release::built::BuiltTrajectory;
+use crate::store::Store;
+use crate::store::record::Output;
+use std::ops::Range;
+use std::path::Path;
+
+/// A picture and what it shows.
+#[derive(Debug)]
+pub(super) struct Shown {
+    pub(super) picture: Picture,
+    pub(super) words: String,
+}
+
+/// Where the number of the sharp frame of a file name stands.
+fn number(output: &Output) -> Option<usize> {
+    output.name.strip_suffix(".png")?.parse().ok()
+}
+
+/// The sharp frame nearest to the middle of the trajectory, and its number.
+fn middle(built: &BuiltTrajectory) -> Option<(usize, &Output)> {
+    let middle = built.motion.trajectory.stamps_us.len() / 2;
+    let frames = built.sharp.iter().flatten().filter_map(|output| Some((number(output)?, output)));
+    frames.min_by_key(|(number, _)| (number.abs_diff(middle), *number))
+}
+
+/// When it is, us.
+fn moment_us(built: &BuiltTrajectory) -> i64 {
+    let stamps = &built.motion.trajectory.stamps_us;
+    let number = middle(built).map_or(stamps.len() / 2, |(number, _)| number);
+    stamps.get(number).copied().unwrap_or(0)
+}
+
+/// The sharp frame of the middle.
+pub(super) fn sharp(built: &BuiltTrajectory, store: &Store, width: u32) -> Option<Shown> {
+    let (number, output) = middle(built)?;
+    let picture = Picture::of_png(&std::fs::read(store.path_of(&output.digest)).ok()?, width)?;
+    let words = format!("sharp frame {number} at {:.1} ms", moment_us(built) as f64 * 1e-3);
+    Some(Shown { picture, words })
+}
+
+/// The rate of a stream over time, by its file: events per second, over a trajectory of this length.
+pub(super) fn rate(file: &Path, duration_us: i64, points: usize) -> Option<Curve> {
+    let index = h5::Reader::open(file).ok()?.index().ok()?;
+    let counts: Vec<f64> = index.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64).collect();
+    let (hz, ms) = rates(&counts, duration_us as f64 * 1e-3);
+    Some(Curve::new(&hz, &ms, points))
+}
+
+/// Events per second from the counts of milliseconds, and how long each holds, ms. The last millisecond is there in part: less
+/// than half of one is put to the one before it, since a rate over so little says nothing.
+fn rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
+    let length = |k: usize| (whole_ms - k as f64).clamp(0.0, 1.0);
+    let mut held: Vec<[f64; 2]> = counts.iter().enumerate().map(|(k, count)| [*count, length(k)]).collect();
+    while let [.., before, last] = held.as_mut_slice()
+        && last[1] < 0.5
+    {
+        *before = [before[0] + last[0], before[1] + last[1]];
+        held.pop();
+    }
+    held.into_iter().map(|[count, ms]| (count * 1e3 / ms, ms)).unzip()
+}
+
+/// The events of a stream around the middle of its trajectory.
+pub(super) fn events(built: &BuiltTrajectory, file: &Path, size: Size, width: u32) -> Option<Shown> {
+    let mut reader = h5::Reader::open(file).ok()?;
+    let index = reader.index().ok()?;
+    let ms = window(&index, usize::try_from(moment_us(built) / 1000).ok()?, size.pixels() as u64 / DENSITY)?;
+    let us = |ms: usize| i64::try_from(ms).ok()?.checked_mul(1000);
+    let window_us = us(ms.start)?..us(ms.end)?;
+    let mut balance = Balance::new(size, window_us.clone());
+    let mut chunk = Vec::new();
+    reader.seek(index[ms.start]);
+    while reader.next_chunk(&mut chunk).ok()? {
+        balance.append(&chunk).ok()?;
+        if chunk.last().is_some_and(|event| event.t.floor_micros() >= window_us.end) {
+            break;
+        }
+    }
+    let picture = Picture::of(&balance.image(), width)?;
+    let words = format!("events of {} to {} ms: brighter in red, darker in blue", ms.start, ms.end);
+    Some(Shown { picture, words })
+}
+
+/// A picture of events has one on about every so many pixels.
+const DENSITY: u64 = 6;
+/// Most milliseconds of a picture.
+const LONGEST_MS: usize = 40;
+
+/// The milliseconds around `middle` that hold about `wanted` events; `None` in an empty index.
+fn window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>> {
+    let last = index.len().checked_sub(2)?;
+    let mut range = middle.min(last)..middle.min(last) + 1;
+    let held = |range: &Range<usize>| index[range.end].saturating_sub(index[range.start]);
+    while held(&range) < wanted && range.len() < LONGEST_MS && range != (0..last + 1) {
+        range = range.start.saturating_sub(1)..(range.end + 1).min(last + 1);
+    }
+    Some(range)
+}
+
+/// The picture of a check, `<check>.png` or `<sensor>.<check>.png` in the outputs of the step.
+#[derive(Debug)]
+pub(super) struct OfCheck<'a> {
+    pub(super) check: &'a str,
+    pub(super) sensor: Option<&'a str>,
+    output: &'a Output,
+}
+
+impl OfCheck<'_> {
+    pub(super) fn read(&self, store: &Store, width: u32) -> Option<Picture> {
+        Picture::of_png(&std::fs::read(store.path_of(&self.output.digest)).ok()?, width)
+    }
+}
+
+/// The pictures of checks that the page shows, faults first.
+pub(super) fn of_checks(built: &BuiltTrajectory, depth: Depth) -> Vec<OfCheck<'_>> {
+    let mut pictures: Vec<OfCheck<'_>> = built.check_pictures.iter().filter_map(named).collect();
+    let worst =
+        |of: &OfCheck<'_>| super::findings::worst(built.findings.iter().filter(|f| f.check == of.check));
+    pictures.retain(|of| depth.passed_pictures || worst(of).is_some_and(super::findings::is_fault));
+    pictures.sort_by_key(|of| worst(of).map_or(usize::MAX, super::findings::rank));
+    pictures.truncate(depth.check_pictures);
+    pictures
+}
+
+fn named(output: &Output) -> Option<OfCheck<'_>> {
+    let stem = output.name.strip_suffix(".png")?;
+    let (sensor, check) = match stem.rsplit_once('.') {
+        Some((sensor, check)) => (Some(sensor), check),
+        None => (None, stem),
+    };
+    Some(OfCheck { check, sensor, output })
+}
+
+/// The event files of a trajectory in the store, with the names of their sensors.
+pub(super) fn streams(built: &BuiltTrajectory) -> impl Iterator<Item = (Option<&str>, &Path)> {
+    let files = built.events.iter().flat_map(|(streams, _)| streams.files.iter().map(|file| file.as_path()));
+    built.streams().iter().map(|stream| stream.name.as_deref()).zip(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_grows_until_it_holds_enough() {
+        // 10 events a millisecond, 100 ms and the entry past the last.
+        let index: Vec<u64> = (0..=100).map(|k| 10 * k).collect();
+        assert_eq!(window(&index, 50, 5), Some(50..51));
+        assert_eq!(window(&index, 50, 45), Some(48..53));
+        assert_eq!(window(&index, 0, 25), Some(0..3));
+        assert_eq!(window(&index, 200, 15), Some(98..100));
+        assert_eq!(window(&index, 50, u64::MAX), Some(30..71));
+        assert_eq!(window(&[0, 0], 3, 7), Some(0..1));
+        assert_eq!((window(&[0], 3, 7), window(&[], 3, 7)), (None, None));
+    }
+
+    #[test]
+    fn the_last_rate_is_over_what_is_left_of_its_millisecond() {
+        let check = |counts: &[f64], whole_ms, wanted: &[[f64; 2]]| {
+            let (hz, ms) = rates(counts, whole_ms);
+            let found: Vec<[f64; 2]> = hz.into_iter().zip(ms).map(|(hz, ms)| [hz, ms]).collect();
+            assert_eq!(found, wanted, "{counts:?}");
+        };
+        check(&[10.0, 20.0, 15.0], 2.75, &[[1e4, 1.0], [2e4, 1.0], [2e4, 0.75]]);
+        check(&[10.0, 20.0, 5.0], 2.25, &[[1e4, 1.0], [2e4, 1.25]]);
+        // an event at the very end of a whole number of milliseconds
+        check(&[10.0, 19.0, 1.0], 2.0, &[[1e4, 1.0], [2e4, 1.0]]);
+        check(&[], 0.0, &[]);
+    }
+
+    #[test]
+    fn pictures_of_checks_say_whose_they_are() {
+        let output =
+            |name: &str| Output { name: name.to_owned(), digest: crate::store::Digest::of(b""), size: 0 };
+        for (name, wanted) in [
+            ("motion.png", Some((None, "motion"))),
+            ("fine.event_frame.png", Some((Some("fine"), "event_frame"))),
+            ("a.b.motion.png", Some((Some("a.b"), "motion"))),
+            ("verdicts.json", None),
+        ] {
+            let output = output(name);
+            assert_eq!(named(&output).map(|of| (of.sensor, of.check)), wanted);
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! One trajectory in the section of its scene: what was counted, what it looks like, curves, files and checks.
+
+use super::Page;
+use super::curve::{self, Curve, stroke};
+use super::findings::is_fault;
+use super::html::Html;
+use super::section::{self, Entry, file_link, image, on_share, whole};
+use super::seen::{self, Shown};
+use crate::release::built::BuiltTrajectory;
+use crate::release::scene::{Range, Statistics, TrajectoryPart};
+use crate::trajectory::picture::{Sketch, short, sketch};
+use crate::units::amount;
+use std::fmt::Write as _;
+
+/// Size of a view of the path, px.
+const VIEW: [f64; 2] = [240.0, 160.0];
+
+/// Writes it.
+pub(super) fn compose(
+    html: &mut Html,
+    page: &Page<'_>,
+    entry: &Entry<'_>,
+    (built, part): (&BuiltTrajectory, &TrajectoryPart),
+) {
+    html.within("article", &[], |html| {
+        html.within("h4", &[], |html| {
+            html.text(&built.name);
+            html.leaf("span", &[("class", "kind")], &format!(" {}", part.kind));
+        });
+        html.leaf("p", &[("class", "counted")], &counted(part));
+        html.within("div", &[("class", "figures")], |html| {
+            if !entry.is_withheld() {
+                pictures(html, page, entry, built);
+            }
+            path(html, page, built);
+            curves(html, page, entry, (built, part));
+            if !entry.is_withheld() {
+                pictures_of_checks(html, page, built);
+            }
+        });
+        files(html, page, entry, built);
+        let prefix = format!("{}/{}", entry.id(), built.name);
+        section::listed(html, page, "Checks", &prefix, &built.findings);
+    });
+}
+
+/// What was counted, in words.
+fn counted(part: &TrajectoryPart) -> String {
+    let mut words = format!("{} poses, {:.1} ms", whole(part.poses as u64), part.duration_us as f64 * 1e-3);
+    let stream = |words: &mut String, name: Option<&str>, counted: &Statistics| {
+        let Some(events) = counted.events else { return };
+        let _ =
+            write!(words, "; {}{} events", name.map_or(String::new(), |n| format!("{n}: ")), whole(events));
+        if let Some(rate) = counted.rate_ev_px_s {
+            let _ = write!(words, ", {} ev/px/s", short(rate));
+        }
+        if let Some(share) = on_share(counted) {
+            let _ = write!(words, ", ON share {share:.3}");
+        }
+        if let Some(peak) = counted.peak_ev_per_ms {
+            let _ = write!(words, ", peak {} ev/ms", whole(peak));
+        }
+    };
+    stream(&mut words, None, &part.statistics);
+    part.sensors.iter().for_each(|(name, sensor)| stream(&mut words, Some(name), &sensor.statistics));
+    if let Some(step) = part.statistics.max_step_px {
+        let _ = write!(words, "; largest step {} px", short(f64::from(step)));
+    }
+    words
+}
+
+fn figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce(&mut Html)) {
+    html.within("figure", &[("class", class)], |html| {
+        inside(html);
+        html.leaf("figcaption", &[], caption);
+    });
+}
+
+/// The sharp frame of the middle, and the events around it.
+fn pictures(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTrajectory) {
+    let (depth, store) = (page.depth, page.store);
+    let first = entry.built.trajectories.first().is_some_and(|first| std::ptr::eq(first, built));
+    if !depth.every && !first {
+        return;
+    }
+    let mut show = |shown: Option<Shown>| {
+        if let Some(Shown { picture, words }) = shown {
+            figure(html, "", &words, |html| image(html, &picture, "", &words));
+        }
+    };
+    if depth.sharp {
+        show(seen::sharp(built, store, depth.picture));
+    }
+    let Some(simulation) = built.simulation() else { return };
+    for (name, file) in seen::streams(built).take(if depth.every { MOST_STREAMS } else { 1 }) {
+        let shown = seen::events(built, file, simulation.camera.size, depth.picture);
+        let named = |shown: Shown| match name {
+            Some(name) => Shown { words: format!("{name}: {}", shown.words), ..shown },
+            None => shown,
+        };
+        show(shown.map(named));
+    }
+}
+
+/// Streams of a trajectory that are shown.
+const MOST_STREAMS: usize = 4;
+
+/// The path from above and from the side.
+fn path(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory) {
+    let motion = &built.motion;
+    let counts = [page.depth.points, page.depth.cameras];
+    let views = sketch(&motion.trajectory.world_from_camera, &motion.report.linear_unit_s, VIEW, counts);
+    let Some(views) = views else { return };
+    let speeds = Range::of(&motion.report.linear_unit_s);
+    let [from_above, from_the_side] = [0, 1].map(|i: usize| views[i].name);
+    let mut caption = format!("path {from_above}, and {from_the_side}");
+    if let Some(Range { min, max, .. }) = speeds {
+        let _ = write!(caption, "; cameras from {} units/s (dark) to {} (yellow)", short(min), short(max));
+    }
+    figure(html, "wide", &caption, |html| {
+        let [width, height] = VIEW;
+        let view = format!("0 0 {} {height}", 2.0 * width);
+        let attributes = [("class", "path"), ("viewBox", view.as_str()), ("aria-hidden", "true")];
+        html.within("svg", &attributes, |html| draw_views(html, &views));
+    });
+}
+
+/// Both views beside each other, what is drawn alike in one stroke: a page has thousands of them.
+fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
+    let [width, height] = VIEW;
+    let both = |of: &dyn Fn(&Sketch) -> Vec<[f64; 2]>| -> String {
+        let at = |(view, left): (&Sketch, f64)| stroke(of(view).iter().map(|[x, y]| [x + left, *y]));
+        views.iter().zip([0.0, width]).map(at).collect()
+    };
+    let bar = |view: &Sketch| vec![[8.0, height - 8.0], [8.0 + view.bar, height - 8.0]];
+    html.empty("path", &[("class", "way"), ("d", &(both(&|view| view.path.clone()) + &both(&bar)))]);
+    for (number, (_, colour)) in views[0].frusta.iter().enumerate() {
+        html.empty("path", &[("stroke", colour), ("d", &both(&|view| view.frusta[number].0.to_vec()))]);
+    }
+    for (view, left) in views.iter().zip([0.0, width]) {
+        if let Some([x, y]) = view.path.first() {
+            let [x, y] = [x + left, *y].map(|v| format!("{v:.0}"));
+            html.empty("circle", &[("cx", &x), ("cy", &y), ("r", "3")]);
+        }
+    }
+    // Both are to one scale only where their paths are as long; the bar of each says its own.
+    for (view, left) in views.iter().zip([8.0, width + 8.0]) {
+        let [x, y] = [left, height - 13.0].map(|v| format!("{v:.0}"));
+        html.leaf("text", &[("x", &x), ("y", &y)], &view.bar_words);
+    }
+}
+
+/// Event rates and speeds over time.
+fn curves(
+    html: &mut Html,
+    page: &Page<'_>,
+    entry: &Entry<'_>,
+    (built, part): (&BuiltTrajectory, &TrajectoryPart),
+) {
+    let points = page.depth.points;
+    let streams = seen::streams(built).take(MOST_STREAMS);
+    // Of a scene that is withheld the events are not in the release; how many there were is told all the same.
+    for (name, file) in streams.filter(|_| !entry.is_withheld()) {
+        let Some(rate) = seen::rate(file, part.duration_us, points) else { continue };
+        let of = name.map_or(String::new(), |name| format!("{name}: "));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count times 1000")]
+        let highest = amount(rate.highest() as u64, "ev/s");
+        let words = format!("{of}event rate over time, from 0 to {highest}");
+        figure(html, "", &words, |html| curve::draw(html, &[("a", &rate)]));
+    }
+    let report = &built.motion.report;
+    let durations: Vec<f64> = report.durations().collect();
+    let curve = |values: &[f64]| Curve::new(values, &durations, points).over_mean();
+    let (linear, angular) = (curve(&report.linear_unit_s), curve(&report.angular_rad_s));
+    let words = format!("speed over time, from 0, each over its mean: {}", speeds(&part.statistics));
+    let drawn: Vec<(&'static str, &Curve)> =
+        [("a", &linear, report.linear_ratio.is_some()), ("b", &angular, report.angular_ratio.is_some())]
+            .into_iter()
+            .filter(|(.., moves)| *moves)
+            .map(|(class, curve, _)| (class, curve))
+            .collect();
+    if !drawn.is_empty() {
+        figure(html, "", &words, |html| curve::draw(html, &drawn));
+    }
+}
+
+fn speeds(counted: &Statistics) -> String {
+    let of = |range: Option<Range>, name: &str, unit: &str| {
+        range.map(|Range { min, max, .. }| format!("{name} {} to {} {unit}", short(min), short(max)))
+    };
+    let linear = of(counted.linear_unit_s, "linear (blue)", "units/s");
+    let angular = of(counted.angular_rad_s, "angular (red)", "rad/s");
+    [linear, angular].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// Pictures that checks made.
+fn pictures_of_checks(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory) {
+    for of in seen::of_checks(built, page.depth) {
+        let Some(picture) = of.read(page.store, page.depth.picture) else { continue };
+        let own = built.findings.iter().filter(|finding| finding.check == of.check);
+        let fault = super::findings::worst(own).filter(|verdict| is_fault(*verdict));
+        let mut words = format!("check {}", of.check);
+        if let Some(sensor) = of.sensor {
+            let _ = write!(words, ", {sensor}");
+        }
+        if let Some(verdict) = fault {
+            let _ = write!(words, ": {}", verdict.name());
+        }
+        figure(html, "", &words, |html| image(html, &picture, "", &words));
+    }
+}
+
+/// The trajectory's files in the tree; of a folder of many, the first. A brief page links to the most wanted.
+fn files(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTrajectory) {
+    let folder = format!("{}/", built.name);
+    let prefix = format!("{}/{folder}", entry.id());
+    let paths: Vec<&str> = entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();
+    let same = |a: &&str, b: &&str| of_many(a).is_some() && of_many(a) == of_many(b);
+    let groups = paths.chunk_by(same).filter(|group| page.depth.every || is_most_wanted(group[0]));
+    html.within("p", &[("class", "files")], |html| {
+        html.text("Files: ");
+        for (number, group) in groups.enumerate() {
+            html.text(if number > 0 { ", " } else { "" });
+            file_link(html, &format!("{prefix}{}", group[0]), group[0]);
+            if group.len() > 1 {
+                html.text(&format!(" and {} more", group.len() - 1));
+            }
+        }
+        html.text(if page.depth.every { "" } else { ", and others beside them" });
+    });
+}
+
+/// What a brief page links to: the events, what checks found, and the path in full.
+fn is_most_wanted(path: &str) -> bool {
+    path.starts_with("events") || ["checks.json", "trajectory.svg"].contains(&path)
+}
+
+/// The folder of a file that is one of many: numbered frames.
+fn of_many(path: &str) -> Option<&str> {
+    let (folder, name) = path.split_once('/')?;
+    name.starts_with(|c: char| c.is_ascii_digit()).then_some(folder)
+}

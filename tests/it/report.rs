@@ -1,0 +1,253 @@
+//! `report.html`: one page that needs nothing but itself, says only what the release says, and takes every string for text.
+
+use crate::release::small;
+use crate::restricted;
+use crate::support::workspace::{Workspace, same_tree};
+use roxmltree::{Document, Node, ParsingOptions};
+use std::fs;
+use std::path::Path;
+
+/// The page, which must be XML too: every element closed, every value quoted, every character one that a page may hold.
+fn parsed(page: &str) -> Document<'_> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    Document::parse_with_options(page, options).unwrap()
+}
+
+fn page_of(tree: &Path) -> String {
+    fs::read_to_string(tree.join("report.html")).unwrap()
+}
+
+fn elements<'a, 'd>(page: &'a Document<'d>, tag: &'a str) -> impl Iterator<Item = Node<'a, 'd>> {
+    page.descendants().filter(move |node| node.has_tag_name(tag))
+}
+
+fn text(node: Node<'_, '_>) -> String {
+    node.descendants().filter(Node::is_text).map(|n| n.text().unwrap()).collect()
+}
+
+/// The whole text of a page but for its style sheet.
+fn words(page: &Document<'_>) -> String {
+    text(elements(page, "body").next().unwrap())
+}
+
+/// The pictures of frames and events below a node; those of checks are as many as the checks make.
+fn views(node: Node<'_, '_>) -> usize {
+    let of_check = |n: &Node<'_, '_>| n.attribute("alt").is_some_and(|alt| alt.starts_with("check "));
+    node.descendants().filter(|n| n.has_tag_name("img") && !of_check(n)).count()
+}
+
+/// What a link means, `%XX` read back.
+fn decoded(address: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = address.as_bytes();
+    while let Some((first, others)) = rest.split_first() {
+        if *first == b'%' {
+            bytes.push(u8::from_str_radix(std::str::from_utf8(&others[..2]).unwrap(), 16).unwrap());
+            rest = &others[2..];
+        } else {
+            bytes.push(*first);
+            rest = others;
+        }
+    }
+    String::from_utf8(bytes).unwrap()
+}
+
+/// Holds a page against the tree that it lies in: links lead to files or to parts of the page, pictures are inside, nothing is
+/// run or fetched, and what an id names is there once.
+fn sound(tree: &Path) -> String {
+    let source = page_of(tree);
+    let page = parsed(&source);
+    let ids: Vec<&str> = page.descendants().filter_map(|node| node.attribute("id")).collect();
+    let mut once = ids.clone();
+    once.sort_unstable();
+    once.dedup();
+    assert_eq!(once.len(), ids.len(), "{ids:?}");
+    let mut files = 0;
+    for link in elements(&page, "a") {
+        let address = link.attribute("href").unwrap();
+        if let Some(part) = address.strip_prefix('#') {
+            assert!(ids.contains(&decoded(part).as_str()), "{address}");
+        } else {
+            assert!(tree.join(decoded(address)).is_file(), "{address}");
+            files += 1;
+        }
+    }
+    assert!(files > 10, "{files} links to files");
+    for node in page.descendants().filter(Node::is_element) {
+        let name = node.tag_name().name();
+        assert!(!["script", "link", "iframe", "object", "embed", "form", "base"].contains(&name), "{name}");
+        for attribute in node.attributes() {
+            let (name, value) = (attribute.name(), attribute.value());
+            assert!(!name.starts_with("on") && name != "style", "{name}={value}");
+            if name == "src" {
+                assert!(value.starts_with("data:image/"), "{value}");
+                assert!(node.attribute("alt").is_some_and(|alt| !alt.is_empty()));
+            }
+        }
+    }
+    let table_heads = elements(&page, "th").all(|head| head.attribute("scope").is_some());
+    assert!(table_heads, "a head says what it is the head of");
+    source
+}
+
+#[test]
+fn the_page_stands_alone_and_its_links_hold() {
+    let source = sound(small::release());
+    let page = parsed(&source);
+    let policy =
+        elements(&page, "meta").find(|m| m.attribute("http-equiv") == Some("Content-Security-Policy"));
+    let policy = policy.unwrap().attribute("content").unwrap();
+    assert!(
+        policy.starts_with("default-src 'none'; style-src 'sha256-") && !policy.contains("unsafe"),
+        "{policy}"
+    );
+    // A frame in the table; a frame for the first trajectory of the recipe, whose outputs are the same for both.
+    assert_eq!(views(page.root()), 1 + 2 + 2);
+    assert!(source.contains("alt=\"check event_frame"), "a picture of what a check saw");
+    assert_eq!(elements(&page, "article").count(), 2);
+    let all = words(&page);
+    for wanted in
+        ["small/one", "base", "slow", "CC0-1.0", "procedural", "2,000 Gaussians", "PSNR not measured"]
+    {
+        assert!(all.contains(wanted), "{wanted} in {all}");
+    }
+}
+
+#[test]
+fn the_policy_names_the_style_sheet_that_is_there() {
+    use sha2::{Digest as _, Sha256};
+    let source = page_of(small::release());
+    let page = parsed(&source);
+    let sheet = text(elements(&page, "style").next().unwrap());
+    // Base 64 by another hand: six bits a digit.
+    let bits: String = Sha256::digest(sheet.as_bytes()).iter().map(|b| format!("{b:08b}")).collect();
+    let digits: Vec<char> = ('A'..='Z').chain('a'..='z').chain('0'..='9').chain(['+', '/']).collect();
+    let digit = |six: &[u8]| {
+        let six = format!("{:0<6}", std::str::from_utf8(six).unwrap());
+        digits[usize::from_str_radix(&six, 2).unwrap()]
+    };
+    let wanted: String = bits.as_bytes().chunks(6).map(digit).collect();
+    assert!(source.contains(&format!("sha256-{wanted}=&#39;")), "{wanted}");
+}
+
+#[test]
+fn the_page_says_what_the_records_say() {
+    let tree = small::release();
+    let source = page_of(tree);
+    let page = parsed(&source);
+    for trajectory in ["base", "slow"] {
+        let records = fs::read(tree.join(format!("small/one/{trajectory}/checks.json"))).unwrap();
+        let records: Vec<serde_json::Value> = serde_json::from_slice(&records).unwrap();
+        let heading = |node: &Node<'_, '_>| {
+            node.children().any(|n| n.has_tag_name("h4") && text(n).starts_with(trajectory))
+        };
+        let article = elements(&page, "article").find(heading).unwrap();
+        let table = article.descendants().find(|n| n.attribute("class") == Some("findings")).unwrap();
+        let rows: Vec<Vec<String>> = table
+            .descendants()
+            .filter(|n| n.has_tag_name("tbody"))
+            .flat_map(|body| body.children().filter(|n| n.has_tag_name("tr")))
+            .map(|row| row.children().filter(Node::is_element).map(text).collect())
+            .collect();
+        assert_eq!(rows.len(), records.len());
+        for record in &records {
+            let part =
+                record["subject"].as_str().unwrap().strip_prefix(&format!("small/one/{trajectory}")).unwrap();
+            let [check, verdict, because] =
+                ["check", "verdict", "because"].map(|key| record[key].as_str().unwrap());
+            let same = |row: &&Vec<String>| row[0] == check && row[1] == part.trim_start_matches(['/', '#']);
+            let found: Vec<_> = rows.iter().filter(same).collect();
+            assert!(found.iter().any(|row| row[2] == verdict && row[6] == because), "{record}");
+        }
+        let scene: serde_json::Value =
+            serde_json::from_slice(&fs::read(tree.join("small/one/scene.json")).unwrap()).unwrap();
+        let own = scene["trajectories"].as_array().unwrap().iter().find(|t| t["name"] == trajectory).unwrap();
+        let events = own["statistics"]["events"].as_u64().unwrap();
+        let digits: String = text(article).chars().filter(|c| *c != ',').collect();
+        assert!(digits.contains(&format!("{events} events")), "{events} in {digits}");
+    }
+}
+
+/// Strings that a page must not take for markup, as far as a recipe can bring them.
+const WICKED: &str =
+    "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & \u{202e}desrever";
+
+/// As the page tells it.
+const TOLD: &str =
+    "</style></p><script>alert(1)</script>\" onload=\"alert(2) ' ]]> --> &lt;b&gt; & [U+202E]desrever";
+
+const RECIPE: &str = "\
+version: 1
+scene: a-b_c.d/e
+source: { procedural: { gaussians: 200, views: 6, arc: 6 } }
+camera: { width: 32, height: 18 }
+trajectories: [{ name: base, refine: { factor: 2 } }]
+outputs: [events, sharp]
+";
+
+#[test]
+fn whatever_a_recipe_says_is_text() {
+    let place = Workspace::new();
+    let quoted = serde_json::to_string(WICKED).unwrap();
+    place.write(
+        "recipes/wicked.yaml",
+        format!(
+            "{RECIPE}licence: {{ expression: CC0-1.0, holder: {quoted} }}\n\
+             checks: {{ event_rate: {{ max: 0.001 }}, waive: [{{ check: event_rate, because: {quoted} }}] }}\n"
+        ),
+    );
+    place.write(
+        "recipes/release.yaml",
+        format!("{{ name: {quoted}, creator: {quoted}, cite_as: {quoted}, description: {quoted} }}\n"),
+    );
+    place.ok("release --to tree recipes");
+    let source = sound(&place.path("tree"));
+    let page = parsed(&source);
+    let inside = |tag| elements(&page, tag).map(text).collect::<Vec<_>>().join("\n");
+    assert!(inside("title").starts_with(TOLD) && inside("h1").starts_with(TOLD), "{}", inside("title"));
+    assert!(inside("dd").contains(TOLD), "the holder");
+    assert!(inside("td").contains(&format!("accepted: {TOLD}")), "the waiver");
+    assert_eq!(
+        words(&page).matches(TOLD).count(),
+        8,
+        "name, description, creator, holder twice, waiver twice, citation"
+    );
+    // Read as a browser would where it forgives: no tag of a recipe, in any spelling.
+    assert!(!source.to_lowercase().contains("<script") && !source.contains("\u{202e}"));
+    assert_eq!(source.matches("</style>").count(), 1);
+}
+
+#[test]
+fn two_releases_of_one_set_of_recipes_are_the_same_page() {
+    let [one, two] = [Workspace::new(), Workspace::new()];
+    for (place, folder, threads) in [(&one, "out", "1"), (&two, "somewhere/else", "2")] {
+        place.write("recipes/a.yaml", RECIPE);
+        place.write("recipes/b.yaml", RECIPE.replace("a-b_c.d/e", "b"));
+        place.ok(&format!("release -j {threads} --to {folder} recipes"));
+    }
+    same_tree(&one.path("out"), &two.path("somewhere/else"));
+    assert!(!page_of(&one.path("out")).contains(one.path("").to_str().unwrap()));
+}
+
+#[test]
+fn of_a_scene_that_is_withheld_no_pixel_is_shown() {
+    let place = restricted::place();
+    place.ok("release --to tree recipes");
+    let source = sound(&place.path("tree"));
+    let page = parsed(&source);
+    let section = |id: &str| {
+        let anchor = format!("scene/{id}");
+        page.descendants().find(|n| n.attribute("id") == Some(&anchor)).unwrap()
+    };
+    let pictures = |node: Node<'_, '_>| node.descendants().filter(|n| n.has_tag_name("img")).count();
+    let row = |id: &str| elements(&page, "tr").find(|row| text(*row).contains(id)).unwrap();
+    assert_eq!((pictures(section(restricted::SCENE)), pictures(row(restricted::SCENE))), (0, 0));
+    assert_eq!((views(section("own")), views(row("own"))), (2, 1));
+    let all = pictures(section("own")) + pictures(row("own"));
+    assert_eq!(pictures(page.root()), all, "there are no others");
+    let withheld = section(restricted::SCENE);
+    let curves = withheld.descendants().filter(|n| n.attribute("class") == Some("curve")).count();
+    assert_eq!(curves, 1, "its speed, and not its events");
+    assert!(text(withheld).contains("upstream forbids passing on") && text(withheld).contains("pose"));
+    assert!(words(&page).contains("Of 1 scene pictures and events are withheld"));
+}
