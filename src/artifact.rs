@@ -5,6 +5,7 @@
 
 use crate::camera::Camera;
 use crate::check::Finding;
+use crate::foreign::Foreign;
 use crate::frames::anchors::Anchors;
 use crate::render::fidelity::Fidelity;
 use crate::render::flow::Quantiles;
@@ -322,6 +323,14 @@ impl Artifact for Fidelity {
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         files.json("fidelity.json")
+    }
+}
+
+impl Artifact for Foreign {
+    const KIND: &'static str = "foreign";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        files.json("foreign.json")
     }
 }
 

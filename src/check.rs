@@ -15,7 +15,10 @@ pub mod event_frame;
 pub mod event_rate;
 pub mod limits;
 pub mod polarity;
+pub mod pose_colmap;
 pub mod pose_continuity;
+pub mod pose_opencv;
+pub mod readback;
 pub mod recon_psnr;
 pub mod sampling;
 mod scene_subject;
@@ -128,7 +131,7 @@ pub trait Check: Sync {
 }
 
 /// The passes that are built, in the order of reports.
-pub const ALL: [&dyn Check; 12] = [
+pub const ALL: [&dyn Check; 15] = [
     &schema::Schema,
     &stamps::Stamps,
     &duplicates::Duplicates,
@@ -139,7 +142,10 @@ pub const ALL: [&dyn Check; 12] = [
     &sampling::Sampling,
     &affine::Affine,
     &drift_identity::DriftIdentity,
+    &readback::Readback,
     &pose_continuity::PoseContinuity,
+    &pose_colmap::PoseColmap,
+    &pose_opencv::PoseOpencv,
     &speed::Speed,
 ];
 

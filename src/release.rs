@@ -15,7 +15,6 @@ pub mod left_out;
 mod loader;
 mod manifest;
 mod scene;
-mod transforms;
 mod tree;
 
 pub use built::GatherError;
@@ -30,6 +29,7 @@ use crate::recipe::{ReleaseInfo, SourceTerms};
 use crate::run::Summary;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
+use crate::trajectory::transforms;
 use built::{BuiltScene, BuiltTrajectory};
 use croissant::Described;
 use std::collections::{BTreeMap, BTreeSet};
@@ -226,7 +226,8 @@ fn trajectory_files(
     let pictures = trajectory.sharp.iter().flatten().filter(|o| o.name.ends_with(".png"));
     files.extend(pictures.map(|o| (format!("sharp/{}", o.name), blob(o))));
     files.insert("checks.json".into(), Content::json(&trajectory.findings));
-    let transforms = transforms::compose(&scene.camera(), trajectory);
+    let pictures: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
+    let transforms = transforms::compose(&scene.camera(), &trajectory.motion.trajectory, &pictures);
     files.insert("transforms.json".into(), Content::json(&transforms));
     files
 }

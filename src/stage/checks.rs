@@ -9,6 +9,7 @@ use crate::check::drift::DriftLaw;
 use crate::check::tally::Observer;
 use crate::check::{Limits, Subject, Tally, judge};
 use crate::event::{EventSource, h5};
+use crate::foreign::Foreign;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -25,8 +26,8 @@ pub struct Checking {
 
 impl Stage for Checking {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 4;
-    type Inputs = (Target<Motion>, Option<Target<EventStreams>>);
+    const REVISION: u32 = 5;
+    type Inputs = (Target<Motion>, Option<Target<EventStreams>>, Option<Target<Foreign>>);
     type Output = Verdicts;
 
     fn need(&self, files: &[Files]) -> Need {
@@ -41,7 +42,7 @@ impl Stage for Checking {
 
     fn run(
         &self,
-        (motion, events): (Motion, Option<EventStreams>),
+        (motion, events, foreign): (Motion, Option<EventStreams>, Option<Foreign>),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
         let rate: Ratio = motion.report.rate.parse().map_err(StageError::work("read the frame rate"))?;
@@ -61,6 +62,7 @@ impl Stage for Checking {
             tally: None,
             flow: simulation.and_then(|s| s.flow_px),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
+            foreign: foreign.as_ref(),
             limits: &self.limits,
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);
