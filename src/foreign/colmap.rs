@@ -52,16 +52,20 @@ const MOST_SECONDS: u32 = 86_400;
 /// What the mapper says where it ends with exit code 1 and no model.
 const NO_MODEL: &str = "failed to create sparse model";
 
-/// Registers pictures, and holds what is found against `poses`, camera to world, by the pictures' numbers.
+/// Where COLMAP found pictures, in a world of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The program, with its version.
+    pub program: String,
+    /// Number and pose, camera to world, of each picture that was given; `None` where it was not registered.
+    pub poses: Vec<(usize, Option<Se3>)>,
+}
+
+/// Registers pictures.
 ///
 /// # Errors
 /// When a file cannot be used, COLMAP fails, or the work was asked to stop.
-pub fn register(
-    pictures: &[Picture],
-    camera: &Camera,
-    poses: &[Se3],
-    desk: Desk<'_>,
-) -> Result<Told<Registration>, ForeignError> {
+pub fn register(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<Found>, ForeignError> {
     let program = match programs::colmap() {
         Ok(program) => program.to_owned(),
         Err(because) => return Ok(Err(because.to_owned())),
@@ -69,11 +73,18 @@ pub fn register(
     if pictures.len() < LEAST_PICTURES as usize {
         return Ok(Err(format!("there are {} pictures, {LEAST_PICTURES} are the fewest", pictures.len())));
     }
-    let found = match model(pictures, camera, desk)? {
-        Ok(found) => found,
+    let images = match model(pictures, camera, desk)? {
+        Ok(images) => images,
         Err(because) => return Ok(Err(format!("{program} {because}"))),
     };
-    Ok(Ok(compare(program, pictures, poses, &found)))
+    let pose = |picture: &Picture| {
+        let name = name_of(picture.pose);
+        let image = images.iter().find(|image| image.name == name)?;
+        let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
+        Some(camera_from_world.inverse())
+    };
+    let poses = pictures.iter().map(|picture| (picture.pose, pose(picture))).collect();
+    Ok(Ok(Found { program, poses }))
 }
 
 /// The registered images of the model that COLMAP makes of these pictures.
@@ -159,21 +170,24 @@ fn mapping(images: &Path, sparse: &Path) -> Options {
     ]
 }
 
-fn compare(program: String, pictures: &[Picture], poses: &[Se3], found: &[Image]) -> Registration {
-    let pair = |picture: &Picture| {
-        let name = name_of(picture.pose);
-        let image = found.iter().find(|image| image.name == name)?;
-        let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
-        Some((picture.pose, Pair { stated: poses[picture.pose], found: camera_from_world.inverse() }))
-    };
-    let (numbers, pairs): (Vec<usize>, Vec<Pair>) = pictures.iter().filter_map(pair).unzip();
-    let centre = |pair: &Pair| pair.stated.translation;
-    let path: f64 = pairs.windows(2).map(|w| centre(&w[1]).distance(centre(&w[0]))).sum();
-    let registered = |(pose, apart): (usize, Apart)| Registered {
-        pose,
-        rotation_deg: apart.rotation * 180.0 / std::f64::consts::PI,
-        translation: if path > 0.0 { apart.translation / path } else { 0.0 },
-    };
-    let poses = numbers.into_iter().zip(apart(&pairs)).map(registered).collect();
-    Registration { program, given: pictures.len(), path, poses }
+impl Found {
+    /// Holds what was found against the poses of a trajectory, camera to world.
+    #[must_use]
+    pub fn against(self, stated: &[Se3]) -> Registration {
+        let Self { program, poses } = self;
+        let pair = |(pose, found): &(usize, Option<Se3>)| {
+            Some((*pose, Pair { stated: stated[*pose], found: (*found)? }))
+        };
+        let (numbers, pairs): (Vec<usize>, Vec<Pair>) = poses.iter().filter_map(pair).unzip();
+        let centre = |pair: &Pair| pair.stated.translation;
+        let path: f64 = pairs.windows(2).map(|w| centre(&w[1]).distance(centre(&w[0]))).sum();
+        let registered = |(pose, apart): (usize, Apart)| Registered {
+            pose,
+            rotation_deg: apart.rotation * 180.0 / std::f64::consts::PI,
+            translation: if path > 0.0 { apart.translation / path } else { 0.0 },
+        };
+        let given = poses.len();
+        let poses = numbers.into_iter().zip(apart(&pairs)).map(registered).collect();
+        Registration { program, given, path, poses }
+    }
 }

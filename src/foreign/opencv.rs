@@ -73,13 +73,36 @@ const DEPTHS: [f64; 3] = [0.25, 1.0, 16.0];
 /// Pictures from which the motion to a later one is asked for.
 const STARTS: usize = 20;
 
-/// Has OpenCV hold a trajectory against its own projection, and against its pictures, sorted by their poses.
+/// A trajectory's poses and camera, as a release has them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Released {
+    /// `poses.txt`.
+    pub poses_txt: Vec<u8>,
+    /// `transforms.json`.
+    pub transforms_json: Vec<u8>,
+}
+
+impl Released {
+    /// The files of a trajectory with these pictures, sorted by their poses.
+    #[must_use]
+    pub fn of(camera: &Camera, trajectory: &Trajectory, pictures: &[Picture]) -> Self {
+        let mut poses_txt = Vec::new();
+        trajectory.write_poses(&mut poses_txt).expect("memory takes what is written");
+        let names: Vec<String> = pictures.iter().map(|picture| format!("{:06}.png", picture.pose)).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let transforms_json = transforms::compose(camera, trajectory, &names).to_string().into_bytes();
+        Self { poses_txt, transforms_json }
+    }
+}
+
+/// Has OpenCV hold released files against where the renderer's camera sees points, and against pictures, sorted by their
+/// poses.
 ///
 /// # Errors
 /// When a file cannot be used, Python fails, or the work was asked to stop.
 pub fn measure(
-    camera: &Camera,
-    trajectory: &Trajectory,
+    released: &Released,
+    (camera, trajectory): (&Camera, &Trajectory),
     pictures: &[Picture],
     desk: Desk<'_>,
 ) -> Result<Told<Geometry>, ForeignError> {
@@ -87,14 +110,11 @@ pub fn measure(
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
-    let [poses, transforms] = ["poses.txt", "transforms.json"].map(|name| desk.folder.join(name));
-    let mut text = Vec::new();
-    trajectory.write_poses(&mut text).map_err(ForeignError::io(&poses))?;
-    std::fs::write(&poses, text).map_err(ForeignError::io(&poses))?;
-    let names: Vec<String> = pictures.iter().map(|picture| format!("{:06}.png", picture.pose)).collect();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let composed = transforms::compose(camera, trajectory, &names).to_string();
-    std::fs::write(&transforms, composed).map_err(ForeignError::io(&transforms))?;
+    let files = [("poses.txt", &released.poses_txt), ("transforms.json", &released.transforms_json)];
+    for (name, bytes) in files {
+        let file = desk.folder.join(name);
+        std::fs::write(&file, bytes).map_err(ForeignError::io(&file))?;
+    }
     let request = Request { camera, trajectory, pictures }.compose()?;
     let Answer { poses_txt, transforms_json, tried, pairs } = python::ask("geometry", &request, desk)?;
     Ok(Ok(Geometry { program, poses_txt, transforms_json, tried, pairs }))

@@ -78,12 +78,12 @@ impl Stage for Asking {
         if let Some(frames) = self.colmap {
             let chosen = spread(pictures.len(), frames as usize).into_iter().map(|i| pictures[i].clone());
             let chosen: Vec<Picture> = chosen.collect();
-            let ask =
-                |desk: Desk<'_>| colmap::register(&chosen, &camera, &trajectory.world_from_camera, desk);
-            foreign.colmap = Some(at_desk("colmap", cx, ask)?);
+            let found = at_desk("colmap", cx, |desk| colmap::register(&chosen, &camera, desk))?;
+            foreign.colmap = Some(found.map(|found| found.against(&trajectory.world_from_camera)));
         }
         if self.opencv {
-            let ask = |desk: Desk<'_>| opencv::measure(&camera, trajectory, &pictures, desk);
+            let released = opencv::Released::of(&camera, trajectory, &pictures);
+            let ask = |desk: Desk<'_>| opencv::measure(&released, (&camera, trajectory), &pictures, desk);
             foreign.opencv = Some(at_desk("opencv", cx, ask)?);
         }
         if self.readback {

@@ -33,6 +33,7 @@ mod manifest;
 mod memory;
 mod messages;
 mod no_omit;
+mod other_programs;
 mod paths;
 mod progress;
 mod real;
