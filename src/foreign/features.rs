@@ -31,7 +31,8 @@ pub(super) fn read(database: &Path) -> rusqlite::Result<Vec<Described>> {
         "SELECT images.name, descriptors.data FROM images JOIN descriptors USING (image_id) ORDER BY images.name",
     )?;
     let rows = statement.query_map([], |row| {
-        let data: Vec<u8> = row.get(1)?;
+        // A picture without key points has none.
+        let data = row.get::<_, Option<Vec<u8>>>(1)?.unwrap_or_default();
         let descriptors = data.as_chunks::<LENGTH>().0.iter().map(|d| d.map(i16::from)).collect();
         Ok(Described { name: row.get(0)?, descriptors })
     })?;

@@ -308,7 +308,7 @@ fn programs_that_are_absent_are_told_and_asked_once_they_are_there() {
     }
     assert!(part("#projection")["measured"].as_f64().unwrap() < 1e-6);
     assert_eq!(place.build("recipe.yaml"), [""; 0], "what was asked is up to date");
-    place.ok("build --recheck recipe.yaml");
+    place.ok("build --recheck 100% recipe.yaml");
 }
 
 /// A real scene through the whole program.
