@@ -9,8 +9,9 @@
 //! | `translation` | largest distance of a centre from where it was found, over the length of the path | 0.01 |
 //!
 //! `foreign/align.rs` says how the two worlds are brought together. What is left on sound poses is COLMAP's own error: on
-//! renderings of 640x360 the median was 0.02 to 0.08 degrees and the largest 0.03 to 0.33, growing with the arc, and the
-//! centres were within 0.002 of the path (`docs/other-programs.md`).
+//! renderings of 640x360 the median was 0.02 to 0.12 degrees and the largest 0.03 to 0.40, growing with the arc, and the
+//! centres were within 0.003 of the path. A path over half a turn can exceed the limit of `rotation` and be sound
+//! (`docs/other-programs.md`).
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};

@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::image::Size;
     use crate::se3::Se3;
-    use glam::DQuat;
+    use glam::{DQuat, DVec3};
 
     const SIZE: Size = Size { width: 40, height: 30 };
 
