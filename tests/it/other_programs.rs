@@ -126,6 +126,9 @@ fn worst(registration: &Registration) -> (usize, f64) {
     (worst.pose, worst.rotation_deg)
 }
 
+/// What is planted in a pose of this number.
+type Change = Box<dyn Fn(usize, Se3) -> Se3>;
+
 /// Axes of OpenGL where OpenCV's are due.
 fn opengl(pose: Se3) -> Se3 {
     Se3 { rotation: pose.rotation * DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0), ..pose }
@@ -209,7 +212,7 @@ fn opencv_sees_what_the_renderer_does_by_both_files_and_not_by_wrong_ones() {
     assert!(half(|m| m.rotation_deg) < 0.5 && half(|m| m.direction_deg) < 10.0, "{:?}", sound.pairs);
 
     let turned = exp(DVec3::Y * DEGREE);
-    let planted: [(&str, Box<dyn Fn(usize, Se3) -> Se3>); 4] = [
+    let planted: [(&str, Change); 4] = [
         ("opengl", Box::new(|_, pose| opengl(pose))),
         ("inverse", Box::new(|_, pose| pose.inverse())),
         (
