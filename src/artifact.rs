@@ -6,6 +6,7 @@
 use crate::camera::Camera;
 use crate::check::Finding;
 use crate::check::sampling::Resampled;
+use crate::foreign::Foreign;
 use crate::frames::anchors::Anchors;
 use crate::image::{Image, npy};
 use crate::render::fidelity::Fidelity;
@@ -340,6 +341,14 @@ impl Artifact for Fidelity {
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         files.json("fidelity.json")
+    }
+}
+
+impl Artifact for Foreign {
+    const KIND: &'static str = "foreign";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        files.json("foreign.json")
     }
 }
 

@@ -4,6 +4,7 @@
 //! `cx = width / 2`. Camera axes are OpenCV's: x right, y down, z forward.
 
 use crate::image::Size;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// A pinhole camera: what is rendered, and what trajectories carry.
@@ -23,6 +24,19 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// The point of a place on the image at this depth along the optical axis, camera axes.
+    #[must_use]
+    pub fn unproject(&self, [x, y]: [f64; 2], z: f64) -> DVec3 {
+        DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0) * z
+    }
+
+    /// Where a point in camera axes is on the image, px, or `None` where it is not in front of the camera.
+    #[must_use]
+    pub fn project(&self, point: DVec3) -> Option<[f64; 2]> {
+        let in_front = point.z > 0.0;
+        in_front.then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
+    }
+
     /// The camera of another image size with the same horizontal field of view, cropped or extended about the
     /// centre in height: `f' = f W'/W`, `cx' = cx W'/W`, `cy' = cy W'/W + (H' - H W'/W) / 2`.
     #[must_use]

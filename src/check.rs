@@ -18,7 +18,10 @@ pub mod limits;
 pub mod motion;
 pub mod noise_floor;
 pub mod polarity;
+pub mod pose_colmap;
 pub mod pose_continuity;
+pub mod pose_opencv;
+pub mod readback;
 pub mod recon_psnr;
 pub mod refractory;
 pub mod sampling;
@@ -134,7 +137,7 @@ pub trait Check: Sync {
 }
 
 /// The passes that are built, in the order of reports.
-pub const ALL: [&dyn Check; 18] = [
+pub const ALL: [&dyn Check; 21] = [
     &schema::Schema,
     &stamps::Stamps,
     &duplicates::Duplicates,
@@ -151,7 +154,10 @@ pub const ALL: [&dyn Check; 18] = [
     &sampling::Sampling,
     &affine::Affine,
     &drift_identity::DriftIdentity,
+    &readback::Readback,
     &pose_continuity::PoseContinuity,
+    &pose_colmap::PoseColmap,
+    &pose_opencv::PoseOpencv,
     &speed::Speed,
 ];
 

@@ -23,7 +23,7 @@
 //! | room | what lives there |
 //! |---|---|
 //! | [`units`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values |
-//! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`reconstruct`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
+//! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`reconstruct`] [`foreign`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
 //! | [`stage`] | what a step is: parameters, inputs, and one call into a room |
@@ -57,6 +57,7 @@ pub mod check;
 pub mod cli;
 pub(crate) mod elementary;
 pub mod event;
+pub mod foreign;
 pub mod frames;
 pub mod image;
 pub mod licence;

@@ -7,7 +7,7 @@
 mod argument;
 mod command;
 mod layout;
-mod process;
+pub(crate) mod process;
 mod trained;
 
 pub use argument::{Argument, ArgumentError, quoted};

@@ -21,7 +21,6 @@ mod report;
 mod reuse;
 mod scene;
 mod split;
-mod transforms;
 mod tree;
 
 pub use built::GatherError;
@@ -37,6 +36,7 @@ use crate::recipe::{self, Faults, ReleaseInfo, SourceTerms, Takedown};
 use crate::run::Summary;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
+use crate::trajectory::transforms;
 use built::{BuiltScene, BuiltTrajectory};
 use croissant::Described;
 use facts::Facts;
@@ -205,13 +205,14 @@ fn compose(
     top.add(croissant::NAME.into(), Content::json(&croissant::compose(&release)));
     top.add(index::NAME.into(), Content::Bytes(index));
     // Last, since it links to every other file.
-    let others = [manifest::NAME, checksum::NAME].map(str::to_owned);
+    let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
     let told = report::Told {
         info,
         licence: &licence,
         scenes,
         described: &described,
         listed: &listed,
+        taken_down: beside.taken_down,
         top: top.paths().map(str::to_owned).chain(others).collect(),
     };
     top.add(report::NAME.into(), Content::Bytes(report::compose(told, store).into_bytes()));
@@ -312,7 +313,8 @@ fn trajectory_files(
     let pictures = trajectory.sharp.iter().flatten().filter(|o| o.name.ends_with(".png"));
     files.extend(pictures.map(|o| (format!("sharp/{}", o.name), blob(o))));
     files.insert("checks.json".into(), Content::json(&trajectory.findings));
-    let transforms = transforms::compose(&scene.camera(), trajectory);
+    let pictures: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
+    let transforms = transforms::compose(&scene.camera(), &trajectory.motion.trajectory, &pictures);
     files.insert("transforms.json".into(), Content::json(&transforms));
     files
 }

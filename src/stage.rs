@@ -7,6 +7,7 @@ pub mod capture;
 pub mod checks;
 pub mod events;
 pub mod fidelity;
+pub mod foreign;
 pub mod reconstruct;
 pub mod scene_checks;
 pub mod sharp;
@@ -121,6 +122,7 @@ macro_rules! tuple_inputs {
 }
 tuple_inputs!(A 0, B 1);
 tuple_inputs!(A 0, B 1, C 2);
+tuple_inputs!(A 0, B 1, C 2, D 3);
 
 /// A file outside the store that a stage reads.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -176,6 +178,11 @@ pub trait Stage: serde::Serialize {
     /// The programs that it would run, a command a line, as a person may type it.
     fn programs(&self) -> Vec<String> {
         Vec::new()
+    }
+
+    /// Whether it runs programs that need no leave, whatever a recipe says: what they say is kept, too.
+    fn runs_known_programs(&self) -> bool {
+        false
     }
 
     /// Writes the product's files into `cx.out`.
@@ -373,6 +380,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// The programs that it would run, a command a line.
     fn programs(&self) -> Vec<String>;
 
+    /// Whether it runs programs that need no leave.
+    fn runs_known_programs(&self) -> bool;
+
     /// Opens the inputs and does the work.
     ///
     /// # Errors
@@ -425,6 +435,10 @@ where
 
     fn programs(&self) -> Vec<String> {
         self.stage.programs()
+    }
+
+    fn runs_known_programs(&self) -> bool {
+        self.stage.runs_known_programs()
     }
 
     fn run(&self, files: &[Files], cx: &mut Context<'_>) -> Result<(), StageError> {

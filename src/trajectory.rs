@@ -26,6 +26,7 @@ pub mod report;
 pub mod sample;
 pub mod smooth;
 pub mod text;
+pub mod transforms;
 pub mod travel;
 pub mod twist;
 pub mod walk;

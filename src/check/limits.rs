@@ -2,7 +2,8 @@
 
 use super::{
     NAMES, SCENE, affine, batching, capture, duplicates, event_frame, event_rate, hot_pixels, motion,
-    noise_floor, polarity, pose_continuity, recon_psnr, sampling, speed, structure, time_offset,
+    noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv, readback, recon_psnr, sampling, speed,
+    structure, time_offset,
 };
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -39,6 +40,12 @@ pub struct Limits {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose_continuity: Option<pose_continuity::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose_colmap: Option<pose_colmap::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose_opencv: Option<pose_opencv::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub readback: Option<readback::Limits>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub speed: Option<speed::Limits>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recon_psnr: Option<recon_psnr::Limits>,
@@ -62,7 +69,7 @@ pub struct Waiver {
 }
 
 /// Keys of `checks:` that this version knows.
-const KEYS: [&str; 17] = [
+const KEYS: [&str; 20] = [
     "duplicates",
     "event_rate",
     "polarity",
@@ -76,6 +83,9 @@ const KEYS: [&str; 17] = [
     "sampling",
     "affine",
     "pose_continuity",
+    "pose_colmap",
+    "pose_opencv",
+    "readback",
     "speed",
     "recon_psnr",
     "capture",
@@ -92,6 +102,12 @@ impl Limits {
         let mut waive = self.waive.clone();
         waive.retain(|waiver| !SCENE.contains(&waiver.check.as_str()));
         Self { recon_psnr: None, capture: None, waive, ..self.clone() }
+    }
+
+    /// Whether other programs have to be asked.
+    #[must_use]
+    pub fn asks_programs(&self) -> bool {
+        self.pose_colmap.is_some() || self.pose_opencv.is_some() || self.readback.is_some()
     }
 
     /// Those that the passes over a scene read.
@@ -139,6 +155,9 @@ impl<'de> Visitor<'de> for LimitsVisitor {
                 "affine" => limits.affine = Some(map.next_value()?),
                 "sampling" => limits.sampling = Some(map.next_value()?),
                 "pose_continuity" => limits.pose_continuity = Some(map.next_value()?),
+                "pose_colmap" => limits.pose_colmap = Some(map.next_value()?),
+                "pose_opencv" => limits.pose_opencv = Some(map.next_value()?),
+                "readback" => limits.readback = Some(map.next_value()?),
                 "speed" => limits.speed = Some(map.next_value()?),
                 "recon_psnr" => limits.recon_psnr = Some(map.next_value()?),
                 "capture" => limits.capture = Some(map.next_value()?),
@@ -176,6 +195,11 @@ fn reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error
         return Err(D::Error::custom("a fault is only accepted with a reason, and this one is empty"));
     }
     Ok(because)
+}
+
+/// Why a pass was not run that asks other programs only where a recipe says so.
+pub(super) fn not_asked(name: &str) -> String {
+    format!("the recipe does not ask for it; `checks: {{ {name}: {{}} }}` does")
 }
 
 /// A limit that is a finite number above zero.

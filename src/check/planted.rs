@@ -11,6 +11,7 @@ use super::sampling::Resampled;
 use super::tally::{Against, Observer};
 use super::{Finding, Limits, Subject, Verdict, judge};
 use crate::event::{Event, Label, Polarity};
+use crate::foreign::{Foreign, colmap, opencv, readback};
 use crate::frames::Frame;
 use crate::frames::anchors::{Anchors, Choice};
 use crate::image::{Image, Size};
@@ -42,6 +43,7 @@ pub(super) struct World {
     pub(super) resampled: Option<Resampled>,
     pub(super) flow: Option<Quantiles>,
     pub(super) doubtful_share: Option<f64>,
+    pub(super) foreign: Foreign,
     pub(super) limits: Limits,
 }
 
@@ -123,6 +125,7 @@ impl World {
             anchors,
             flow: Some(Quantiles { median: pace, p95: pace, max: pace }),
             doubtful_share: Some(0.001),
+            foreign: foreign(),
             limits: Limits::default(),
         }
     }
@@ -157,6 +160,7 @@ impl World {
             resampled: self.resampled.as_ref(),
             flow: self.flow,
             doubtful_share: self.doubtful_share,
+            foreign: Some(&self.foreign),
             limits: &self.limits,
         };
         judge(&subject, &[subject])
@@ -267,6 +271,39 @@ fn account(events: &[Event]) -> Account {
         same_us_same_pixel: pairs,
         ..Account::default()
     }
+}
+
+/// Programs that agree with what was made, as well as they do with renderings.
+fn foreign() -> Foreign {
+    let pose = |k: usize| colmap::Registered { pose: 7 * k, rotation_deg: 0.05, translation: 0.001 };
+    let registration = colmap::Registration {
+        program: "COLMAP 3.8".into(),
+        given: 20,
+        path: 0.8,
+        poses: (0..20).map(pose).collect(),
+    };
+    let projection = opencv::Projection { px: 1e-9, pose: Some(3), points: 15_000 };
+    let motion = |k: usize| opencv::Motion {
+        from: 7 * k,
+        to: 7 * k + 4,
+        matches: 300,
+        rotation_deg: 0.1,
+        direction_deg: 1.0,
+    };
+    let geometry = opencv::Geometry {
+        program: "OpenCV 5.0.0, numpy 2.4.6".into(),
+        poses_txt: projection,
+        transforms_json: projection,
+        tried: 20,
+        pairs: (0..19).map(motion).collect(),
+    };
+    let stream = readback::StreamRead { events: 1000, differing: Vec::new(), entries: 64, wrong_entries: 0 };
+    let readback = readback::Readback {
+        program: "h5py 3.16.0, numpy 2.4.6, OpenCV 5.0.0".into(),
+        streams: vec![stream],
+        pictures: Ok(readback::PicturesRead { count: 150, differing: Vec::new() }),
+    };
+    Foreign { colmap: Some(Ok(registration)), opencv: Some(Ok(geometry)), readback: Some(Ok(readback)) }
 }
 
 /// An arc that looks at its centre, at an even pace.

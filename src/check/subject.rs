@@ -3,6 +3,7 @@
 use super::drift::DriftLaw;
 use super::sampling::Resampled;
 use super::{Finding, Limits, Tally, Verdict};
+use crate::foreign::Foreign;
 use crate::render::flow::Quantiles;
 use crate::sensor::{Account, Sensor};
 use crate::trajectory::Trajectory;
@@ -37,6 +38,8 @@ pub struct Subject<'a> {
     pub resampled: Option<&'a Resampled>,
     /// The share of the picture that Gaussians too deep for their distance make up.
     pub doubtful_share: Option<f64>,
+    /// What other programs say of it, where the recipe has them asked.
+    pub foreign: Option<&'a Foreign>,
     /// The recipe's limits.
     pub limits: &'a Limits,
 }

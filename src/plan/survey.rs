@@ -142,6 +142,10 @@ pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store
     }
     for (recipe, scene) in plan.scenes().iter().zip(scenes) {
         let Some(scene) = scene else { continue };
+        // Which programs are there is in the keys, and is found out by planning.
+        if recipe.checks.asks_programs() {
+            continue;
+        }
         store.note_recipe(&recipe.scene, &recipe.merged.to_string());
         let Scene { steps, mut seen } = scene;
         seen.extend(recipe.seen.iter().cloned());

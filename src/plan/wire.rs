@@ -15,6 +15,7 @@ use crate::stage::capture::Capturing;
 use crate::stage::checks::Checking;
 use crate::stage::events::Simulating;
 use crate::stage::fidelity::Comparing;
+use crate::stage::foreign::Asking;
 use crate::stage::reconstruct::Reconstructing;
 use crate::stage::scene_checks::CheckingScene;
 use crate::stage::sharp::Photographing;
@@ -122,7 +123,7 @@ fn trajectory(
         };
         wiring.add(name("events"), simulating, (capture, gaussians.expect(RENDERED), motion))
     });
-    if recipe.outputs.contains(&Output::Sharp) {
+    let sharp = recipe.outputs.contains(&Output::Sharp).then(|| {
         let sharp = Photographing {
             camera: recipe.camera,
             render: recipe.render,
@@ -130,9 +131,11 @@ fn trajectory(
             omit,
             backend: backend(),
         };
-        wiring.add(name("sharp"), sharp, (capture, gaussians.expect(RENDERED), motion));
-    }
+        wiring.add(name("sharp"), sharp, (capture, gaussians.expect(RENDERED), motion))
+    });
+    let asking = Asking::of(&recipe.checks, recipe.camera);
+    let foreign = asking.map(|asking| wiring.add(name("foreign"), asking, (capture, motion, sharp, events)));
     let checking = Checking { limits: recipe.checks.of_trajectory() };
-    wiring.add(name("checks"), checking, (motion, events));
+    wiring.add(name("checks"), checking, (motion, events, foreign));
     motion
 }

@@ -4,6 +4,7 @@
 
 use super::argument::quoted;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, WaitIdStatus, kill_process_group, waitid};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::File;
@@ -15,19 +16,19 @@ use std::time::Duration;
 
 /// What is started.
 #[derive(Debug, Clone)]
-pub(super) struct Invocation {
+pub(crate) struct Invocation {
     /// Looked for where the system looks, unless it is a path.
-    pub(super) program: PathBuf,
-    pub(super) arguments: Vec<OsString>,
+    pub(crate) program: PathBuf,
+    pub(crate) arguments: Vec<OsString>,
     /// Beside what this program was started with.
-    pub(super) environment: BTreeMap<String, String>,
+    pub(crate) environment: BTreeMap<String, String>,
     /// Where it works.
-    pub(super) folder: PathBuf,
+    pub(crate) folder: PathBuf,
 }
 
 impl Invocation {
     /// As a person may type it.
-    pub(super) fn to_text(&self) -> String {
+    pub(crate) fn to_text(&self) -> String {
         let assigned = self.environment.iter().map(|(name, value)| PathBuf::from(format!("{name}={value}")));
         let words: Vec<PathBuf> =
             assigned.chain([self.program.clone()]).chain(self.arguments.iter().map(PathBuf::from)).collect();
@@ -69,6 +70,9 @@ pub enum How {
     /// It is another one than the recipe says.
     #[error("it does not say that it is version {0}")]
     Version(String),
+    /// It took too long, and was stopped.
+    #[error("it had not ended after {0} s and was stopped")]
+    TooLong(u32),
     /// What it made cannot be used.
     #[error("{0}")]
     Product(String),
@@ -76,7 +80,7 @@ pub enum How {
 
 /// Why a program was not run to its end.
 #[derive(Debug)]
-pub(super) enum Ended {
+pub(crate) enum Ended {
     /// It was asked to stop, and has.
     Stopped,
     /// It failed.
@@ -94,8 +98,29 @@ const LAST_BYTES: u64 = 1 << 14;
 /// A version stands within so many bytes.
 const MOST_VERSION_BYTES: u64 = 1 << 20;
 
+/// Runs a program to its end, or until `goes_on` says no or so many seconds of looking at it are over. What it says is
+/// added to the file `log`.
+pub(crate) fn run_within(
+    seconds: u32,
+    invocation: &Invocation,
+    log: &Path,
+    goes_on: &dyn Fn() -> bool,
+) -> Result<(), Ended> {
+    // Counted in looks, so that no clock is read: a machine that was asleep has not spent them.
+    let most = u64::from(seconds) * 1000 / u64::from(LOOK.subsec_millis());
+    let looks = Cell::new(0);
+    let ended = run(invocation, log, &|| {
+        looks.set(looks.get() + 1);
+        looks.get() <= most && goes_on()
+    });
+    match ended {
+        Err(Ended::Stopped) if looks.get() > most => Err(Ended::Failed(How::TooLong(seconds))),
+        ended => ended,
+    }
+}
+
 /// Runs a program to its end, or until `goes_on` says no. What it says is added to the file `log`.
-pub(super) fn run(invocation: &Invocation, log: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), Ended> {
+pub(crate) fn run(invocation: &Invocation, log: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), Ended> {
     let mut child = start(invocation, log).map_err(|e| Ended::Failed(How::NotStarted(e)))?;
     let group = Pid::from_child(&child);
     let ended = loop {
@@ -162,7 +187,7 @@ fn outcome(status: &WaitIdStatus) -> Result<(), How> {
 }
 
 /// How long the log is.
-pub(super) fn length(log: &Path) -> u64 {
+pub(crate) fn length(log: &Path) -> u64 {
     std::fs::metadata(log).map_or(0, |about| about.len())
 }
 
@@ -179,7 +204,7 @@ fn said(log: &Path, from: u64, most: u64) -> String {
 }
 
 /// Whether a program whose log begins at byte `from` says this version, and no longer one.
-pub(super) fn says(log: &Path, from: u64, version: &str) -> bool {
+pub(crate) fn says(log: &Path, from: u64, version: &str) -> bool {
     let text = said(log, from, MOST_VERSION_BYTES);
     // The first line is the command, which may hold anything.
     text.split_once('\n').is_some_and(|(_, said)| holds(said, version))
@@ -205,7 +230,7 @@ fn holds(said: &str, version: &str) -> bool {
 
 /// The last lines of what the log holds from byte `from`. Of a line that was written over, as progress is, the last
 /// writing counts.
-pub(super) fn last_lines(log: &Path, from: u64) -> Vec<String> {
+pub(crate) fn last_lines(log: &Path, from: u64) -> Vec<String> {
     let from = from.max(length(log).saturating_sub(LAST_BYTES));
     let text = said(log, from, LAST_BYTES);
     let shown = |line: &str| {
@@ -305,6 +330,17 @@ mod tests {
     fn nothing_outlives_a_program() {
         let folder = tempfile::tempdir().unwrap();
         assert!(run_holding("sleep 600 & echo started", folder.path(), &|| true).is_ok());
+    }
+
+    #[test]
+    fn what_takes_too_long_is_stopped_and_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = |seconds, script: &str| {
+            run_within(seconds, &shell(script, folder.path()), &folder.path().join("log"), &|| true)
+        };
+        let ended = run(0, "sleep 600");
+        assert!(matches!(ended, Err(Ended::Failed(How::TooLong(0)))), "{ended:?}");
+        assert!(run(60, ":").is_ok());
     }
 
     #[test]

@@ -107,6 +107,7 @@ fn of_trajectory(
         account: None,
         tally: None,
         resampled: None,
+        foreign: None,
         flow: None,
         doubtful_share: None,
         limits: &recipe.checks.of_trajectory(),

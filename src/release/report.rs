@@ -42,6 +42,8 @@ pub(super) struct Told<'a> {
     pub(super) described: &'a [SceneFile],
     /// The scenes with their files.
     pub(super) listed: &'a [ManifestScene],
+    /// How many scenes are left out, as they are taken down.
+    pub(super) taken_down: usize,
     /// Files at the top of the tree.
     pub(super) top: Vec<String>,
 }
@@ -52,6 +54,7 @@ struct Page<'a> {
     info: &'a ReleaseInfo,
     licence: &'a Composed,
     entries: Vec<Entry<'a>>,
+    taken_down: usize,
     top: Vec<String>,
     store: &'a Store,
     depth: Depth,
@@ -81,7 +84,8 @@ pub(super) fn compose(told: Told<'_>, store: &Store) -> String {
     let entries: Vec<Entry<'_>> =
         scenes.map(|((built, file), listed)| Entry { built, file, files: &listed.files }).collect();
     let depth = Depth::of(entries.iter().map(|entry| entry.file.trajectories.len()).sum());
-    let page = Page { info: told.info, licence: told.licence, entries, top: told.top, store, depth };
+    let Told { info, licence, taken_down, top, .. } = told;
+    let page = Page { info, licence, entries, taken_down, top, store, depth };
     let parts: Vec<Part> = page.entries.par_iter().map(|entry| section::compose(&page, entry)).collect();
     Html::page(|html| {
         html.within("head", &[], |html| head(html, page.info));

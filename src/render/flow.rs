@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::{Se3, Twist};
 use crate::trajectory::flow::FlowMeter;
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use rayon::prelude::*;
 
 /// How far the world point of each pixel of `from` moves on the image on the way to `to`, px; `depth` is in scene
@@ -30,8 +30,8 @@ pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
     let mut moved = vec![0.0; size.pixels()];
     moved.par_iter_mut().enumerate().for_each(|(i, moved)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
-        let point = unproject(&from.camera, pixel, f64::from(depth.pixels()[i]));
-        *moved = match project(&to.camera, turn * point + shift) {
+        let point = from.camera.unproject(pixel, f64::from(depth.pixels()[i]));
+        *moved = match to.camera.project(turn * point + shift) {
             Some([x, y]) => DVec2::new(x - pixel[0], y - pixel[1]).length() as f32,
             None => f32::NAN,
         };
@@ -119,23 +119,12 @@ pub fn rates(depth: &Image<f32>, view: &View) -> Image<[f32; 2]> {
     let width = size.width as usize;
     let rate = |(i, z): (usize, &f32)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
-        let point = unproject(camera, pixel, f64::from(*z));
+        let point = camera.unproject(pixel, f64::from(*z));
         let moving = -view.velocity.linear - view.velocity.angular.cross(point);
         let slope = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
         (slope * DVec2::new(camera.fx, camera.fy)).as_vec2().to_array()
     };
     Image::from_vec(size, depth.pixels().iter().enumerate().map(rate).collect())
-}
-
-/// The point of a pixel at this depth, camera axes.
-fn unproject(camera: &Camera, [x, y]: [f64; 2], z: f64) -> DVec3 {
-    DVec3::new((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0) * z
-}
-
-/// The pixel of a point in camera axes, or `None` where it is not in front of the camera.
-fn project(camera: &Camera, point: DVec3) -> Option<[f64; 2]> {
-    let in_front = point.z > 0.0;
-    in_front.then(|| [camera.fx * point.x / point.z + camera.cx, camera.fy * point.y / point.z + camera.cy])
 }
 
 /// Order statistics of a set of values.
@@ -182,7 +171,7 @@ mod tests {
     use super::*;
     use crate::image::Size;
     use crate::se3::Se3;
-    use glam::DQuat;
+    use glam::{DQuat, DVec3};
 
     const SIZE: Size = Size { width: 40, height: 30 };
 

@@ -67,7 +67,8 @@ impl Job<'_> {
         let mut cx = Context::new(workspace.path(), self.cancel);
         cx.clock = Some(seconds);
         cx.allows_commands = self.allows_commands;
-        if self.allows_commands && !planned.step.programs().is_empty() {
+        let runs_commands = self.allows_commands && !planned.step.programs().is_empty();
+        if runs_commands || planned.step.runs_known_programs() {
             cx.log = Some(self.store.log_of(&stale.key)?);
         }
         let worked = self.pool()?.install(|| planned.step.run(&stale.files, &mut cx));

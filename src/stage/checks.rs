@@ -13,6 +13,7 @@ use crate::check::motion::warp::FlowAt;
 use crate::check::tally::{Against, Observer};
 use crate::check::{Limits, Subject, Tally, judge};
 use crate::event::{EventSource, h5};
+use crate::foreign::Foreign;
 use crate::image::Image;
 use crate::render::View;
 use crate::render::flow::rates;
@@ -33,7 +34,7 @@ pub struct Checking {
 impl Stage for Checking {
     const NAME: &'static str = NAME;
     const REVISION: u32 = 5;
-    type Inputs = (Target<Motion>, Option<Target<EventStreams>>);
+    type Inputs = (Target<Motion>, Option<Target<EventStreams>>, Option<Target<Foreign>>);
     type Output = Verdicts;
 
     fn need(&self, files: &[Files]) -> Need {
@@ -51,7 +52,7 @@ impl Stage for Checking {
 
     fn run(
         &self,
-        (motion, events): (Motion, Option<EventStreams>),
+        (motion, events, foreign): (Motion, Option<EventStreams>, Option<Foreign>),
         cx: &mut Context<'_>,
     ) -> Result<(), StageError> {
         let rate: Ratio = motion.report.rate.parse().map_err(StageError::work("read the frame rate"))?;
@@ -72,6 +73,7 @@ impl Stage for Checking {
             resampled: None,
             flow: simulation.and_then(|s| s.flow_px),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
+            foreign: foreign.as_ref(),
             limits: &self.limits,
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);

@@ -34,6 +34,7 @@ mod manifest;
 mod memory;
 mod messages;
 mod no_omit;
+mod other_programs;
 mod paths;
 mod progress;
 mod real;

@@ -335,6 +335,13 @@ fn absences(page: &Page<'_>) -> Vec<String> {
             counted(n, "scene", "scenes")
         ),
     }];
+    if page.taken_down > 0 {
+        told.push(format!(
+            "{} on the takedown list {} not here.",
+            counted(page.taken_down, "scene", "scenes"),
+            if page.taken_down == 1 { "is" } else { "are" }
+        ));
+    }
     if photos > 0 {
         told.push(format!(
             "No photo is in the release; {} of {} were not used.",

@@ -23,6 +23,7 @@ const ORDER: &[&str] = &[
     "sensor",
     "sampling",
     "reconstruct",
+    "foreign",
     "check",
     "licence",
     "plot",

@@ -1,6 +1,6 @@
 //! `transforms.json`: a trajectory's poses and camera in nerfstudio's form, with OpenGL camera axes.
 
-use super::built::BuiltTrajectory;
+use super::Trajectory;
 use crate::camera::Camera;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use glam::DMat4;
@@ -8,9 +8,10 @@ use serde_json::{Value, json};
 
 /// Composes the file: the poses that have a picture, since readers of this form open one for each frame; all poses,
 /// without pictures, where the recipe asks for none. `poses.txt` has every pose in any case.
-pub(super) fn compose(camera: &Camera, trajectory: &BuiltTrajectory) -> Value {
-    let path = &trajectory.motion.trajectory;
-    let pictures: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
+///
+/// `pictures` are the names of those that there are, sorted: `000012.png` is that of pose 12.
+#[must_use]
+pub fn compose(camera: &Camera, path: &Trajectory, pictures: &[&str]) -> Value {
     let frames: Vec<Value> = path
         .world_from_camera
         .iter()

@@ -1,0 +1,163 @@
+//! Poses against COLMAP, which finds them anew in a sample of the sharp pictures. Gates; `registered` is a warning. Run where
+//! the recipe asks for it, and COLMAP is there.
+//!
+//! | statement | what | default limit |
+//! |---|---|---|
+//! | `registered` | share of the pictures that COLMAP finds a place for | at least 0.9, warning |
+//! | `rotation` | median angle between stated and found rotation | 0.1 degrees |
+//! | `rotation-worst` | the largest | 0.5 degrees: half of the fault of one degree that it is to find |
+//! | `translation` | largest distance of a centre from where it was found, over the length of the path | 0.01 |
+//!
+//! `foreign/align.rs` says how the two worlds are brought together. What is left on sound poses is COLMAP's own error: on
+//! renderings of 640x360 the median was 0.02 to 0.12 degrees and the largest 0.03 to 0.40, growing with the arc, and the
+//! centres were within 0.003 of the path. A path over half a turn can exceed the limit of `rotation` and be sound
+//! (`docs/other-programs.md`).
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use crate::foreign::colmap::{LEAST_PICTURES, Registered, Registration};
+use crate::foreign::median;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// How many of the sharp pictures are registered, evenly spread.
+    #[serde(deserialize_with = "enough", skip_serializing_if = "Option::is_none")]
+    pub frames: Option<u32>,
+    /// Least share of them that is found a place for.
+    #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
+    pub registered: Option<f64>,
+    /// Largest median angle between rotations, degrees.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub max_deg: Option<f64>,
+    /// Largest angle between rotations, degrees.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub worst_deg: Option<f64>,
+    /// Largest distance of centres over the length of the path.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub translation: Option<f64>,
+}
+
+const REGISTERED: f64 = 0.9;
+const MAX_DEG: f64 = 0.1;
+const WORST_DEG: f64 = 0.5;
+const TRANSLATION: f64 = 0.01;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct PoseColmap;
+
+const NAME: &str = "pose_colmap";
+
+impl Check for PoseColmap {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        match subject.foreign.and_then(|foreign| foreign.colmap.as_ref()) {
+            None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
+            Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
+            Some(Ok(registration)) if registration.poses.len() < LEAST_PICTURES as usize => {
+                let Registration { program, given, poses, .. } = registration;
+                let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
+                vec![subject.not_run(NAME, "", because)]
+            }
+            Some(Ok(registration)) => findings(subject, registration),
+        }
+    }
+}
+
+fn findings(subject: &Subject<'_>, registration: &Registration) -> Vec<Finding> {
+    let limits = subject.limits.pose_colmap.unwrap_or_default();
+    let Registration { program, given, poses, .. } = registration;
+    let of = |value: fn(&Registered) -> f64| {
+        poses.iter().max_by(|a, b| value(a).total_cmp(&value(b))).expect("there are poses")
+    };
+    let at_most = |part, measured: f64, limit: Bound, unit, because| {
+        subject.finding(NAME, part, Judged::of(limit.at_most(measured), measured, limit, unit, because))
+    };
+    let share = poses.len() as f64 / *given as f64;
+    let least = Bound::of(limits.registered, Bound::warning(REGISTERED));
+    let because = format!("{program} finds a place for {} of {given} pictures", poses.len());
+    let registered = Judged::of(least.at_least(share), share, least, "1", because);
+    let middle = median(poses.iter().map(|p| p.rotation_deg).collect());
+    let because = format!("half of {} rotations are within {middle:.4} degrees of {program}'s", poses.len());
+    let (turned, moved) = (of(|p| p.rotation_deg), of(|p| p.translation));
+    let rotation =
+        at_most("rotation", middle, Bound::of(limits.max_deg, Bound::gate(MAX_DEG)), "deg", because);
+    let because =
+        format!("pose {} is turned by {:.4} degrees from {program}'s", turned.pose, turned.rotation_deg);
+    let bound = Bound::of(limits.worst_deg, Bound::gate(WORST_DEG));
+    let worst = at_most("rotation-worst", turned.rotation_deg, bound, "deg", because);
+    let because =
+        format!("pose {} is {:.5} of the path's length from {program}'s", moved.pose, moved.translation);
+    let bound = Bound::of(limits.translation, Bound::gate(TRANSLATION));
+    let translation = at_most("translation", moved.translation, bound, "1", because);
+    vec![subject.finding(NAME, "registered", registered), rotation, worst, translation]
+}
+
+fn enough<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {
+    let frames = u32::deserialize(deserializer)?;
+    if frames >= LEAST_PICTURES {
+        Ok(Some(frames))
+    } else {
+        Err(D::Error::custom(format_args!("{LEAST_PICTURES} frames are the fewest, not {frames}")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Verdict;
+    use super::super::planted::World;
+    use super::*;
+
+    fn registration(world: &mut World) -> &mut Registration {
+        world.foreign.colmap.as_mut().unwrap().as_mut().unwrap()
+    }
+
+    #[test]
+    fn one_pose_that_is_turned_by_a_degree_is_found() {
+        let mut world = World::sound();
+        registration(&mut world).poses[7].rotation_deg = 1.0;
+        assert_eq!(world.faults(), ["pose_colmap#rotation-worst"]);
+        let finding = world.finding("pose_colmap#rotation-worst");
+        assert!(finding.because.starts_with("pose 49 is turned by 1.0000 degrees"), "{}", finding.because);
+    }
+
+    #[test]
+    fn poses_that_are_all_a_little_off_are_found() {
+        let mut world = World::sound();
+        for pose in &mut registration(&mut world).poses {
+            (pose.rotation_deg, pose.translation) = (0.11, 0.011);
+        }
+        assert_eq!(world.faults(), ["pose_colmap#rotation", "pose_colmap#translation"]);
+        world.limits.pose_colmap =
+            Some(Limits { max_deg: Some(0.2), translation: Some(0.1), ..Limits::default() });
+        assert_eq!(world.faults(), [""; 0]);
+    }
+
+    #[test]
+    fn pictures_without_a_place_are_told_and_too_few_say_nothing() {
+        let mut world = World::sound();
+        registration(&mut world).poses.truncate(17);
+        assert_eq!(world.finding("pose_colmap#registered").verdict, Verdict::Warn);
+        registration(&mut world).poses.truncate(2);
+        let finding = world.finding("pose_colmap");
+        assert_eq!(finding.verdict, Verdict::NotRun);
+        assert_eq!(finding.because, "COLMAP 3.8 finds a place for 2 of 20 pictures");
+    }
+
+    #[test]
+    fn nobody_asked_or_nobody_there_is_told() {
+        let mut world = World::sound();
+        world.foreign.colmap = Some(Err("there is no program `colmap`".into()));
+        assert_eq!(world.finding("pose_colmap").because, "there is no program `colmap`");
+        world.foreign.colmap = None;
+        let wanted = "the recipe does not ask for it; `checks: { pose_colmap: {} }` does";
+        assert_eq!(world.finding("pose_colmap").because, wanted);
+    }
+}

@@ -1,0 +1,149 @@
+//! Poses and camera against OpenCV, which is given them as they are released. Run where the recipe asks for it, and OpenCV is
+//! there.
+//!
+//! | statement | what | default limit |
+//! |---|---|---|
+//! | `projection` | largest distance between where OpenCV and where the renderer's camera sees a point, by `poses.txt` and by `transforms.json` | 1e-3 px, gate: no limit can be set |
+//! | `relative-rotation` | median angle between the motion of neighbouring pictures that OpenCV finds and the stated one | 0.5 degrees, warning |
+//! | `relative-direction` | the same of the directions | 10 degrees, warning |
+//!
+//! `projection` holds the conventions of both files: axes, direction, the order of numbers, the pixel's centre. The other two
+//! hold them against what pictures show, if not closely: what two views say of a motion is less sure than what twenty say
+//! (`pose_colmap`).
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use crate::foreign::median;
+use crate::foreign::opencv::{Geometry, Motion, Projection};
+use serde::{Deserialize, Serialize};
+
+/// Limits that a recipe may set; what is absent has its default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Largest median angle between rotations, degrees.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub rotation_deg: Option<f64>,
+    /// Largest median angle between directions, degrees.
+    #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
+    pub direction_deg: Option<f64>,
+}
+
+const PX: f64 = 1e-3;
+const ROTATION_DEG: f64 = 0.5;
+const DIRECTION_DEG: f64 = 10.0;
+/// The median of fewer motions is that of chance.
+const LEAST_PAIRS: usize = 3;
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct PoseOpencv;
+
+const NAME: &str = "pose_opencv";
+
+impl Check for PoseOpencv {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        match subject.foreign.and_then(|foreign| foreign.opencv.as_ref()) {
+            None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
+            Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
+            Some(Ok(geometry)) => {
+                let mut findings = relative(subject, geometry);
+                findings.insert(0, subject.finding(NAME, "projection", projection(geometry)));
+                findings
+            }
+        }
+    }
+}
+
+fn projection(geometry: &Geometry) -> Judged {
+    let files = [("poses.txt", geometry.poses_txt), ("transforms.json", geometry.transforms_json)];
+    let (name, Projection { px, pose, points }) =
+        if files[1].1.px > files[0].1.px { files[1] } else { files[0] };
+    let program = &geometry.program;
+    if let Some((name, _)) = files.iter().find(|(_, seen)| seen.pose.is_none()) {
+        return Judged::not_run(format!("{name} has none of the poses that {program} was asked about"));
+    }
+    let limit = Bound::gate(PX);
+    let pose = pose.unwrap_or_default();
+    let because =
+        format!("{program} sees {points} points within {px:.2e} px of us by {name}, worst in pose {pose}");
+    Judged::of(limit.at_most(px), px, limit, "px", because)
+}
+
+fn relative(subject: &Subject<'_>, geometry: &Geometry) -> Vec<Finding> {
+    let Geometry { program, tried, pairs, .. } = geometry;
+    let limits = subject.limits.pose_opencv.unwrap_or_default();
+    let judge = |part, value: fn(&Motion) -> f64, limit: Bound| {
+        if pairs.len() < LEAST_PAIRS {
+            let because = format!(
+                "{program} finds a motion from {} of {tried} pictures to a later one: too few key points are shared \
+                 by pictures that are 8 px apart or more",
+                pairs.len()
+            );
+            return subject.not_run(NAME, part, because);
+        }
+        let measured = median(pairs.iter().map(value).collect());
+        let because = format!(
+            "half of {} motions between pictures that {program} finds are within {measured:.3} degrees of the poses",
+            pairs.len()
+        );
+        subject.finding(NAME, part, Judged::of(limit.at_most(measured), measured, limit, "deg", because))
+    };
+    let rotation = Bound::of(limits.rotation_deg, Bound::warning(ROTATION_DEG));
+    let direction = Bound::of(limits.direction_deg, Bound::warning(DIRECTION_DEG));
+    vec![
+        judge("relative-rotation", |m| m.rotation_deg, rotation),
+        judge("relative-direction", |m| m.direction_deg, direction),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Verdict;
+    use super::super::planted::World;
+    use super::*;
+
+    fn geometry(world: &mut World) -> &mut Geometry {
+        world.foreign.opencv.as_mut().unwrap().as_mut().unwrap()
+    }
+
+    #[test]
+    fn a_point_that_is_elsewhere_by_either_file_is_found() {
+        let t = |plant: fn(&mut Geometry), file: &str| {
+            let mut world = World::sound();
+            plant(geometry(&mut world));
+            assert_eq!(world.faults(), ["pose_opencv#projection"]);
+            let because = world.finding("pose_opencv#projection").because;
+            assert!(because.contains(&format!("of us by {file}, worst in pose 3")), "{because}");
+        };
+        t(|g| g.poses_txt.px = 1.1e-3, "poses.txt");
+        t(|g| g.transforms_json.px = 0.5, "transforms.json");
+        let mut world = World::sound();
+        geometry(&mut world).transforms_json.pose = None;
+        assert_eq!(world.finding("pose_opencv#projection").verdict, Verdict::NotRun);
+    }
+
+    #[test]
+    fn motions_that_pictures_do_not_show_warn_and_fail_where_the_recipe_says_so() {
+        let mut world = World::sound();
+        for pair in &mut geometry(&mut world).pairs {
+            pair.rotation_deg = 0.6;
+        }
+        assert_eq!(world.finding("pose_opencv#relative-rotation").verdict, Verdict::Warn);
+        world.limits.pose_opencv = Some(Limits { rotation_deg: Some(0.55), direction_deg: Some(0.9) });
+        assert_eq!(world.finding("pose_opencv#relative-rotation").verdict, Verdict::Fail);
+        assert_eq!(world.finding("pose_opencv#relative-direction").verdict, Verdict::Fail);
+    }
+
+    #[test]
+    fn too_few_motions_say_nothing_of_pictures_and_all_of_projection() {
+        let mut world = World::sound();
+        geometry(&mut world).pairs.truncate(2);
+        assert_eq!(world.finding("pose_opencv#relative-rotation").verdict, Verdict::NotRun);
+        assert_eq!(world.finding("pose_opencv#projection").verdict, Verdict::Pass);
+    }
+}

@@ -1,0 +1,132 @@
+//! What is written, as programs that are not ours read it: events and `ms_to_idx` by h5py and numpy, pictures by OpenCV.
+//! Gate: each has to read the very bytes that are read here (`numerics.md` 9). Run where the recipe asks for it.
+
+use super::subject::{Bound, Judged};
+use super::{Check, Finding, Subject, limits};
+use crate::foreign;
+use serde::{Deserialize, Serialize};
+
+/// There is no limit to set: naming the pass asks for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Limits {}
+
+/// The pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Readback;
+
+const NAME: &str = "readback";
+
+impl Check for Readback {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
+        match subject.foreign.and_then(|foreign| foreign.readback.as_ref()) {
+            None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
+            Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
+            Some(Ok(read)) => {
+                [("events", events(read)), ("index", index(read)), ("pictures", pictures(read))]
+                    .map(|(part, judged)| subject.finding(NAME, part, judged))
+                    .to_vec()
+            }
+        }
+    }
+}
+
+const NO_EVENTS: &str = "there are no events";
+
+/// None may differ.
+fn none(differing: usize, because: String) -> Judged {
+    let limit = Bound::gate(0.0);
+    let measured = differing as f64;
+    Judged::of(limit.at_most(measured), measured, limit, "1", because)
+}
+
+fn events(read: &foreign::readback::Readback) -> Judged {
+    if read.streams.is_empty() {
+        return Judged::not_run(NO_EVENTS);
+    }
+    let differing = read.streams.iter().map(|stream| stream.differing.len()).sum();
+    let total: u64 = read.streams.iter().map(|stream| stream.events).sum();
+    let mut names: Vec<&str> =
+        read.streams.iter().flat_map(|stream| &stream.differing).map(String::as_str).collect();
+    names.sort_unstable();
+    names.dedup();
+    let program = &read.program;
+    let because = if names.is_empty() {
+        format!("{program} read {total} events in {} file(s) to the bit", read.streams.len())
+    } else {
+        format!("{program} read other values of {}", names.join(", "))
+    };
+    none(differing, because)
+}
+
+fn index(read: &foreign::readback::Readback) -> Judged {
+    if read.streams.is_empty() {
+        return Judged::not_run(NO_EVENTS);
+    }
+    let sum = |value: fn(&foreign::readback::StreamRead) -> u64| read.streams.iter().map(value).sum::<u64>();
+    let (entries, wrong) = (sum(|s| s.entries), sum(|s| s.wrong_entries));
+    let because = format!("{wrong} of {entries} entries of ms_to_idx are others by {}", read.program);
+    none(usize::try_from(wrong).unwrap_or(usize::MAX), because)
+}
+
+fn pictures(read: &foreign::readback::Readback) -> Judged {
+    match &read.pictures {
+        Err(because) => Judged::not_run(because),
+        Ok(pictures) => {
+            let differing = &pictures.differing;
+            let first =
+                differing.first().map_or_else(String::new, |pose| format!(", the first of pose {pose}"));
+            let because = format!(
+                "{} of {} pictures have other pixels by {}{first}",
+                differing.len(),
+                pictures.count,
+                read.program
+            );
+            none(differing.len(), because)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Verdict;
+    use super::super::planted::World;
+    use super::*;
+
+    #[test]
+    fn what_others_read_otherwise_is_found() {
+        let t = |plant: fn(&mut foreign::readback::Readback), wanted: &str, says: &str| {
+            let mut world = World::sound();
+            plant(world.foreign.readback.as_mut().unwrap().as_mut().unwrap());
+            assert_eq!(world.faults(), [wanted]);
+            let because = world.finding(wanted).because;
+            assert!(because.contains(says), "{because}");
+        };
+        t(
+            |r| r.streams[0].differing = vec!["p".into(), "t".into()],
+            "readback#events",
+            "other values of p, t",
+        );
+        t(|r| r.streams[0].wrong_entries = 1, "readback#index", "1 of 64 entries");
+        t(
+            |r| r.pictures.as_mut().unwrap().differing = vec![12, 13],
+            "readback#pictures",
+            "the first of pose 12",
+        );
+    }
+
+    #[test]
+    fn what_is_not_there_is_not_read() {
+        let mut world = World::sound();
+        let read = world.foreign.readback.as_mut().unwrap().as_mut().unwrap();
+        read.streams.clear();
+        read.pictures = Err("there are no pictures".into());
+        for part in ["events", "index", "pictures"] {
+            assert_eq!(world.finding(&format!("readback#{part}")).verdict, Verdict::NotRun, "{part}");
+        }
+    }
+}

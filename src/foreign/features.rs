@@ -1,0 +1,148 @@
+//! Key points of pictures, matched: COLMAP's descriptors, by the rule that it has itself, but over all pairs.
+//!
+//! COLMAP 3.8 looks for neighbours with randomised trees, whose seed cannot be set, so that its matches differ from run to
+//! run. Here the two nearest are found exactly: the angle between descriptors is at most 0.7 rad and at most 0.8 times that
+//! to the second nearest, and both key points choose each other.
+
+use rayon::prelude::*;
+use rusqlite::{Connection, OpenFlags};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Elements of a descriptor.
+const LENGTH: usize = 128;
+/// The length that descriptors are scaled to before they are rounded, squared.
+const SQUARE: f64 = 512.0 * 512.0;
+/// COLMAP's defaults, `SiftMatching.max_distance` and `SiftMatching.max_ratio`.
+const MOST_ANGLE: f64 = 0.7;
+const MOST_RATIO: f64 = 0.8;
+
+/// The key points of a picture.
+pub(super) struct Described {
+    name: String,
+    /// 16 bits, whose products of pairs processors add in one instruction.
+    descriptors: Vec<[i16; LENGTH]>,
+}
+
+/// The pictures of a database, in the order of their names.
+pub(super) fn read(database: &Path) -> rusqlite::Result<Vec<Described>> {
+    let database = Connection::open_with_flags(database, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
+    let mut statement = database.prepare(
+        "SELECT images.name, descriptors.data FROM images JOIN descriptors USING (image_id) ORDER BY images.name",
+    )?;
+    let rows = statement.query_map([], |row| {
+        // A picture without key points has none.
+        let data = row.get::<_, Option<Vec<u8>>>(1)?.unwrap_or_default();
+        let descriptors = data.as_chunks::<LENGTH>().0.iter().map(|d| d.map(i16::from)).collect();
+        Ok(Described { name: row.get(0)?, descriptors })
+    })?;
+    rows.collect()
+}
+
+/// Matches of all pairs of pictures, as COLMAP's `matches_importer` reads them, and how many pairs have any.
+pub(super) fn matches(pictures: &[Described]) -> (String, usize) {
+    let pairs: Vec<(usize, usize)> =
+        (0..pictures.len()).flat_map(|i| (i + 1..pictures.len()).map(move |j| (i, j))).collect();
+    let found: Vec<Vec<(usize, usize)>> =
+        pairs.par_iter().map(|(i, j)| mutual(&pictures[*i].descriptors, &pictures[*j].descriptors)).collect();
+    let mut text = String::new();
+    let mut any = 0;
+    for ((i, j), found) in pairs.iter().zip(&found).filter(|(_, found)| !found.is_empty()) {
+        any += 1;
+        let write = |text: &mut String| {
+            writeln!(text, "{} {}", pictures[*i].name, pictures[*j].name)?;
+            found.iter().try_for_each(|(a, b)| writeln!(text, "{a} {b}"))?;
+            writeln!(text)
+        };
+        write(&mut text).expect("a text takes what is written");
+    }
+    (text, any)
+}
+
+/// The two nearest of a key point, by their products.
+#[derive(Clone, Copy, Default)]
+struct Nearest {
+    at: usize,
+    first: i32,
+    second: i32,
+}
+
+impl Nearest {
+    fn see(&mut self, at: usize, product: i32) {
+        if product > self.first {
+            *self = Self { at, first: product, second: self.first };
+        } else if product > self.second {
+            self.second = product;
+        }
+    }
+
+    /// The nearest, where it is near and alone.
+    fn chosen(self) -> Option<usize> {
+        let angle = |product: i32| libm::acos((f64::from(product) / SQUARE).min(1.0));
+        let (first, second) = (angle(self.first), angle(self.second));
+        (first <= MOST_ANGLE && first < MOST_RATIO * second).then_some(self.at)
+    }
+}
+
+/// Pairs of key points that choose each other, in the order of the first.
+fn mutual(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
+    let mut of_b = vec![Nearest::default(); b.len()];
+    let of_a = a.iter().enumerate().map(|(i, x)| {
+        let mut nearest = Nearest::default();
+        for (j, (y, back)) in b.iter().zip(&mut of_b).enumerate() {
+            let product = product(x, y);
+            nearest.see(j, product);
+            back.see(i, product);
+        }
+        nearest
+    });
+    let of_a: Vec<Nearest> = of_a.collect();
+    let chosen = of_a.into_iter().enumerate().filter_map(|(i, nearest)| Some((i, nearest.chosen()?)));
+    chosen.filter(|(i, j)| of_b[*j].chosen() == Some(*i)).collect()
+}
+
+fn product(a: &[i16; LENGTH], b: &[i16; LENGTH]) -> i32 {
+    a.iter().zip(b).map(|(a, b)| i32::from(*a) * i32::from(*b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A descriptor that points along these two of its elements.
+    fn along(k: usize, l: usize, share: f64) -> [i16; LENGTH] {
+        #[expect(clippy::cast_possible_truncation, reason = "lengths up to 512")]
+        let part = |x: f64| (512.0 * x).round() as i16;
+        let mut descriptor = [0; LENGTH];
+        descriptor[k] = part(share);
+        descriptor[l] = part((1.0 - share * share).sqrt());
+        descriptor
+    }
+
+    #[test]
+    fn what_chooses_each_other_and_is_alone_is_a_match() {
+        let one = |k| along(k, k + 1, 1.0);
+        let t = |a: &[[i16; LENGTH]], b: &[[i16; LENGTH]], wanted: &[(usize, usize)]| {
+            assert_eq!(mutual(a, b), wanted);
+        };
+        t(&[one(0), one(5), one(9)], &[one(9), one(0)], &[(0, 1), (2, 0)]);
+        t(&[one(0)], &[one(0), one(0)], &[]);
+        // The only one of b is nearer to the second of a.
+        t(&[one(0), along(0, 1, 0.99)], &[along(0, 1, 0.995)], &[(1, 0)]);
+        // cos(0.7) = 0.765.
+        t(&[one(0)], &[along(0, 1, 0.77)], &[(0, 0)]);
+        t(&[one(0)], &[along(0, 1, 0.76)], &[]);
+        // An angle of 0.5 against one of 0.6: more than 0.8 of it.
+        t(&[one(0)], &[along(0, 1, 0.8776), along(0, 2, 0.8253)], &[]);
+        t(&[one(0)], &[along(0, 1, 0.8776), along(0, 2, 0.7648)], &[(0, 0)]);
+        t(&[], &[one(0)], &[]);
+    }
+
+    #[test]
+    fn matches_are_written_pair_by_pair() {
+        let described =
+            |name: &str, k: usize| Described { name: name.into(), descriptors: vec![along(k, k + 1, 1.0)] };
+        let pictures = [described("a.png", 0), described("b.png", 0), described("c.png", 9)];
+        assert_eq!(matches(&pictures), ("a.png b.png\n0 0\n\n".to_owned(), 1));
+    }
+}

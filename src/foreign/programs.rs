@@ -1,0 +1,98 @@
+//! Which of the programs are there, and which versions they are. Each is looked for once, and only where it is asked for.
+
+use serde::Deserialize;
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+/// COLMAP's program.
+pub(super) const COLMAP: &str = "colmap";
+/// Python's.
+pub(super) const PYTHON: &str = "python3";
+
+/// What a Python has of the packages that are asked for, by their versions.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+pub struct Packages {
+    /// Arrays.
+    pub numpy: Option<String>,
+    /// OpenCV.
+    pub cv2: Option<String>,
+    /// HDF5.
+    pub h5py: Option<String>,
+}
+
+const LISTS_PACKAGES: &str = "
+import importlib, json
+def version(name):
+    try:
+        return str(importlib.import_module(name).__version__)
+    except ImportError:
+        return None
+print(json.dumps({name: version(name) for name in ('numpy', 'cv2', 'h5py')}))
+";
+
+/// COLMAP as it calls itself, `COLMAP 3.8`, or that it is absent.
+///
+/// # Errors
+/// A sentence for people where there is none.
+pub fn colmap() -> Result<&'static str, &'static str> {
+    static FOUND: OnceLock<Result<String, String>> = OnceLock::new();
+    let find = || {
+        let said = said_by(COLMAP, &["help"])?;
+        let mut lines = said.lines().map(|line| line.split(" -- ").next().unwrap_or(line).trim());
+        let name = lines.find(|line| line.starts_with("COLMAP "));
+        name.map(str::to_owned)
+            .ok_or_else(|| format!("the program `{COLMAP}` does not say which COLMAP it is"))
+    };
+    FOUND.get_or_init(find).as_ref().map(String::as_str).map_err(String::as_str)
+}
+
+/// The packages of Python that are there, or that there is no Python.
+///
+/// # Errors
+/// A sentence for people where there is none.
+pub fn python() -> Result<&'static Packages, &'static str> {
+    static FOUND: OnceLock<Result<Packages, String>> = OnceLock::new();
+    let find = || {
+        let said = said_by(PYTHON, &["-c", LISTS_PACKAGES])?;
+        serde_json::from_str(&said).map_err(|_| format!("the program `{PYTHON}` does not list its packages"))
+    };
+    FOUND.get_or_init(find).as_ref().map_err(String::as_str)
+}
+
+/// The versions of these packages, each with its name, or the first that is absent.
+///
+/// # Errors
+/// A sentence for people where one is absent.
+pub(super) fn having(wanted: &[&str]) -> Result<String, String> {
+    let packages = python()?;
+    let version = |name: &&str| {
+        let (known, found) = match *name {
+            "cv2" => ("OpenCV", &packages.cv2),
+            "h5py" => ("h5py", &packages.h5py),
+            _ => ("numpy", &packages.numpy),
+        };
+        let found = found.as_ref().ok_or_else(|| format!("{PYTHON} has no package `{name}`"))?;
+        Ok(format!("{known} {found}"))
+    };
+    wanted.iter().map(version).collect::<Result<Vec<_>, String>>().map(|all| all.join(", "))
+}
+
+/// What a program says on its standard output; its code does not count.
+fn said_by(program: &str, arguments: &[&str]) -> Result<String, String> {
+    let mut command = Command::new(program);
+    command.args(arguments).env("QT_QPA_PLATFORM", "offscreen").stdin(Stdio::null());
+    match command.output() {
+        Ok(output) => Ok(String::from_utf8_lossy(&output.stdout).into_owned()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            Err(format!("there is no program `{program}`"))
+        }
+        Err(error) => Err(format!("the program `{program}` cannot be started: {error}")),
+    }
+}
+
+/// Python's packages as one text: versions, and those that are absent.
+#[must_use]
+pub fn packages() -> String {
+    let one = |name| having(&[name]).unwrap_or_else(|absent| absent);
+    ["numpy", "cv2", "h5py"].map(one).join(", ")
+}

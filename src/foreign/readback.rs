@@ -1,0 +1,171 @@
+//! What is written, read by others: events by h5py, their index by numpy, pictures by OpenCV.
+
+use super::{ForeignError, Picture, Told, programs, python};
+use crate::event::{Event, EventSource as _, h5};
+use crate::image::png;
+use crate::reconstruct::Desk;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+/// What others read of a trajectory's files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Readback {
+    /// The programs, with their versions.
+    pub program: String,
+    /// The event streams, in the order of names.
+    pub streams: Vec<StreamRead>,
+    /// The pictures; or why they were not read.
+    pub pictures: Told<PicturesRead>,
+}
+
+/// An event file as others read it, against what is read here.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StreamRead {
+    /// Events that are read here.
+    pub events: u64,
+    /// Columns of which another reader has other bytes, or another number of events.
+    pub differing: Vec<String>,
+    /// Entries of `ms_to_idx`.
+    pub entries: u64,
+    /// Those that numpy finds to be others by their definition.
+    pub wrong_entries: u64,
+}
+
+/// Pictures as others read them.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PicturesRead {
+    /// How many there are.
+    pub count: usize,
+    /// Numbers of the poses whose pictures have other pixels to others.
+    pub differing: Vec<usize>,
+}
+
+/// The answer of the script.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Answer {
+    streams: Vec<Found>,
+    pictures: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Found {
+    count: u64,
+    columns: BTreeMap<String, String>,
+    entries: u64,
+    wrong_entries: u64,
+}
+
+/// Has event files and pictures read by others.
+///
+/// # Errors
+/// When a file cannot be used or read here, Python fails, or the work was asked to stop.
+pub fn read(
+    streams: &[PathBuf],
+    pictures: &[Picture],
+    desk: Desk<'_>,
+) -> Result<Told<Readback>, ForeignError> {
+    let mut program = match programs::having(&["h5py", "numpy"]) {
+        Ok(program) => program,
+        Err(because) => return Ok(Err(because)),
+    };
+    let opencv = programs::having(&["cv2"]);
+    let looks = match &opencv {
+        Ok(opencv) if !pictures.is_empty() => {
+            program = format!("{program}, {opencv}");
+            pictures
+        }
+        _ => &[],
+    };
+    let whole = |file: &Path| std::path::absolute(file).map_err(ForeignError::io(file));
+    let streams: Vec<PathBuf> = streams.iter().map(|file| whole(file)).collect::<Result<_, _>>()?;
+    let files: Vec<PathBuf> = looks.iter().map(|picture| whole(&picture.file)).collect::<Result<_, _>>()?;
+    let request = json!({ "streams": streams, "pictures": files });
+    let answer: Answer = python::ask("readback", &request, desk)?;
+    let own: Vec<Own> = streams.iter().map(|file| Own::of(file, desk)).collect::<Result<_, _>>()?;
+    let streams = own.iter().zip(&answer.streams).map(|(own, found)| own.against(found)).collect();
+    let mut differing = Vec::new();
+    for (picture, found) in looks.iter().zip(&answer.pictures) {
+        if pixels(&picture.file)? != *found {
+            differing.push(picture.pose);
+        }
+    }
+    let pictures = match opencv {
+        _ if pictures.is_empty() => Err("there are no pictures".to_owned()),
+        Err(because) => Err(because),
+        Ok(_) => Ok(PicturesRead { count: pictures.len(), differing }),
+    };
+    Ok(Ok(Readback { program, streams, pictures }))
+}
+
+/// An event file as it is read here: SHA-256 of each column, times as 64 bits and the others as 16, little-endian.
+struct Own {
+    events: u64,
+    columns: BTreeMap<&'static str, String>,
+}
+
+impl Own {
+    fn of(file: &Path, desk: Desk<'_>) -> Result<Self, ForeignError> {
+        let mut reader = h5::Reader::open(file).map_err(ForeignError::own(file))?;
+        let names: &[&'static str] =
+            if reader.labelled() { &["t", "x", "y", "p", "label"] } else { &["t", "x", "y", "p"] };
+        let mut columns: BTreeMap<&'static str, Sha256> =
+            names.iter().map(|name| (*name, Sha256::new())).collect();
+        let (mut chunk, mut events) = (Vec::new(), 0);
+        while reader.next_chunk(&mut chunk).map_err(ForeignError::own(file))? {
+            if !(desk.goes_on)() {
+                return Err(ForeignError::Stopped);
+            }
+            events += chunk.len() as u64;
+            for (name, column) in &mut columns {
+                column.update(bytes(name, &chunk));
+            }
+        }
+        let columns = columns.into_iter().map(|(name, column)| (name, hex(column))).collect();
+        Ok(Self { events, columns })
+    }
+
+    fn against(&self, found: &Found) -> StreamRead {
+        let mut differing: Vec<String> = Vec::new();
+        if self.events != found.count {
+            differing.push("count".to_owned());
+        }
+        let other = |(name, digest): &(&&str, &String)| found.columns.get(**name) != Some(digest);
+        differing.extend(self.columns.iter().filter(other).map(|(name, _)| (*name).to_owned()));
+        let Found { entries, wrong_entries, .. } = *found;
+        StreamRead { events: self.events, differing, entries, wrong_entries }
+    }
+}
+
+fn bytes(column: &str, events: &[Event]) -> Vec<u8> {
+    let narrow = |value: fn(&Event) -> u16| events.iter().flat_map(|e| value(e).to_le_bytes()).collect();
+    match column {
+        "t" => events.iter().flat_map(|e| e.t.floor_micros().to_le_bytes()).collect(),
+        "x" => narrow(|e| e.x),
+        "y" => narrow(|e| e.y),
+        "p" => narrow(|e| e.polarity as u16),
+        _ => narrow(|e| e.label as u16),
+    }
+}
+
+/// SHA-256 of a picture's pixels.
+fn pixels(file: &Path) -> Result<String, ForeignError> {
+    let opened = File::open(file).map_err(ForeignError::io(file))?;
+    let picture = png::read(BufReader::new(opened)).map_err(ForeignError::own(file))?;
+    let mut hash = Sha256::new();
+    hash.update(picture.pixels().as_flattened());
+    Ok(hex(hash))
+}
+
+fn hex(hash: Sha256) -> String {
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,135 @@
+//! Stage `foreign`: asks other programs about a trajectory. It exists where a recipe asks for `pose_colmap`, `pose_opencv` or
+//! `readback`, and its class says which programs are there, so that one that is installed later is asked.
+
+use super::{Context, Need, Stage, StageError, Target};
+use crate::artifact::{EventStreams, Files, Motion, Pictures, write_json};
+use crate::camera::CameraChoice;
+use crate::check::Limits;
+use crate::foreign::{Foreign, ForeignError, Picture, Told, colmap, opencv, programs, readback, spread};
+use crate::reconstruct::Desk;
+use crate::source::Capture;
+use serde::Serialize;
+use std::path::Path;
+
+/// Parameters: who is asked.
+#[derive(Debug, Serialize)]
+pub struct Asking {
+    /// The camera, where it differs from the source's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraChoice>,
+    /// How many pictures COLMAP registers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub colmap: Option<u32>,
+    /// Whether OpenCV is asked about poses.
+    pub opencv: bool,
+    /// Whether others read what was written.
+    pub readback: bool,
+}
+
+impl Asking {
+    /// Who is asked where a recipe has these checks; `None` where nobody is.
+    #[must_use]
+    pub fn of(checks: &Limits, camera: Option<CameraChoice>) -> Option<Self> {
+        checks.asks_programs().then(|| Self {
+            camera,
+            colmap: checks.pose_colmap.map(|limits| limits.frames.unwrap_or(colmap::PICTURES)),
+            opencv: checks.pose_opencv.is_some(),
+            readback: checks.readback.is_some(),
+        })
+    }
+}
+
+/// COLMAP's largest part, the key points of a picture, and a picture that it looks at; by measurement.
+const BYTES: u64 = 600 << 20;
+/// A compressed event takes about two bytes; its time and its place in the index are held whole.
+const BYTES_A_STORED_BYTE: u64 = 16;
+
+impl Stage for Asking {
+    const NAME: &'static str = "foreign";
+    const REVISION: u32 = 1;
+    type Inputs = (Target<Capture>, Target<Motion>, Option<Target<Pictures>>, Option<Target<EventStreams>>);
+    type Output = Foreign;
+
+    fn class(&self) -> Option<String> {
+        let colmap = self.colmap.map(|_| programs::colmap().unwrap_or_else(|absent| absent).to_owned());
+        let python = (self.opencv || self.readback).then(programs::packages);
+        Some(colmap.into_iter().chain(python).collect::<Vec<_>>().join("; "))
+    }
+
+    fn need(&self, files: &[Files]) -> Need {
+        let events =
+            files.last().map_or(0, |files| files.iter().map(|(name, _)| of_events(files, name)).sum());
+        Need::memory([BYTES, BYTES_A_STORED_BYTE * events])
+    }
+
+    fn runs_known_programs(&self) -> bool {
+        true
+    }
+
+    fn run(
+        &self,
+        (capture, motion, pictures, events): (Capture, Motion, Option<Pictures>, Option<EventStreams>),
+        cx: &mut Context<'_>,
+    ) -> Result<(), StageError> {
+        let camera = super::camera(self.camera, &capture, cx);
+        let pictures = pictures.map_or_else(Vec::new, numbered);
+        let trajectory = &motion.trajectory;
+        let mut foreign = Foreign::default();
+        if let Some(frames) = self.colmap {
+            let chosen = spread(pictures.len(), frames as usize).into_iter().map(|i| pictures[i].clone());
+            let chosen: Vec<Picture> = chosen.collect();
+            let found = at_desk("colmap", cx, |desk| colmap::register(&chosen, &camera, desk))?;
+            foreign.colmap = Some(found.map(|found| found.against(&trajectory.world_from_camera)));
+        }
+        if self.opencv {
+            let released = opencv::Released::of(&camera, trajectory, &pictures);
+            let ask = |desk: Desk<'_>| opencv::measure(&released, (&camera, trajectory), &pictures, desk);
+            foreign.opencv = Some(at_desk("opencv", cx, ask)?);
+        }
+        if self.readback {
+            let streams = events.map_or_else(Vec::new, |events| events.files);
+            foreign.readback =
+                Some(at_desk("readback", cx, |desk| readback::read(&streams, &pictures, desk))?);
+        }
+        let out = cx.out.join("foreign.json");
+        write_json(&out, &foreign).map_err(StageError::io(&out))
+    }
+}
+
+/// Bytes of a file of events; 0 of any other.
+fn of_events(files: &Files, name: &str) -> u64 {
+    if Path::new(name).extension().is_some_and(|e| e == "h5") { files.size(name) } else { 0 }
+}
+
+/// Pictures by the numbers that are their names.
+fn numbered(pictures: Pictures) -> Vec<Picture> {
+    let picture = |(name, file): (String, _)| {
+        let pose = name.strip_suffix(".png")?.parse().ok()?;
+        Some(Picture { pose, file })
+    };
+    pictures.files.into_iter().filter_map(picture).collect()
+}
+
+/// Asks in a folder of its own, of which nothing is a part of the product.
+fn at_desk<T>(
+    name: &str,
+    cx: &Context<'_>,
+    ask: impl FnOnce(Desk<'_>) -> Result<Told<T>, ForeignError>,
+) -> Result<Told<T>, StageError> {
+    cx.go_on()?;
+    let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io(cx.out))?;
+    std::fs::create_dir(&folder).map_err(StageError::io(&folder))?;
+    let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
+    let told = ask(Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled() }).map_err(failure)?;
+    std::fs::remove_dir_all(&folder).map_err(StageError::io(&folder))?;
+    Ok(told)
+}
+
+fn failure(error: ForeignError) -> StageError {
+    match error {
+        ForeignError::Stopped => StageError::Cancelled,
+        ForeignError::Failed(failed) => StageError::Program(failed),
+        ForeignError::Io { path, cause } => StageError::Io { path, source: cause },
+        error @ ForeignError::Own { .. } => StageError::work("hold it against other programs")(error),
+    }
+}
