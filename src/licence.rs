@@ -150,13 +150,14 @@ impl Passing {
 }
 
 /// Files of a scene that may be passed on whatever its source: words and numbers, no likeness.
-const METADATA: [&str; 7] = [
+const METADATA: [&str; 8] = [
     "scene.json",
     "poses.txt",
     "timestamps_us.txt",
     "transforms.json",
     "speed.json",
     "trajectory.svg",
+    "trajectory.png",
     "checks.json",
 ];
 

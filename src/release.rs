@@ -16,6 +16,7 @@ mod index;
 pub mod left_out;
 mod loader;
 mod manifest;
+mod path_picture;
 pub mod recheck;
 mod report;
 mod reuse;
@@ -313,6 +314,8 @@ fn trajectory_files(
     let pictures = trajectory.sharp.iter().flatten().filter(|o| o.name.ends_with(".png"));
     files.extend(pictures.map(|o| (format!("sharp/{}", o.name), blob(o))));
     files.insert("checks.json".into(), Content::json(&trajectory.findings));
+    let path = path_picture::compose(trajectory).map(Content::Bytes);
+    files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
     let pictures: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
     let transforms = transforms::compose(&scene.camera(), &trajectory.motion.trajectory, &pictures);
     files.insert("transforms.json".into(), Content::json(&transforms));

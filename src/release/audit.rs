@@ -244,6 +244,16 @@ pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Repo
     Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers })
 }
 
+/// Reads and hashes every byte below `dir`, which is the first of the audit's two passes, and says how many there are.
+///
+/// # Errors
+/// When the folder cannot be listed, or a file not be read.
+pub fn read(dir: &Path) -> io::Result<u64> {
+    let tree = walk::walk(dir)?;
+    let unreadable = || io::Error::other("a file cannot be read");
+    bytes::hash(dir, &tree.files).into_values().map(|hashes| Ok(hashes.ok_or_else(unreadable)?.size)).sum()
+}
+
 /// The part of a tree that can be trusted to be what was released.
 #[derive(Debug)]
 struct Tree<'a> {

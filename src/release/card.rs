@@ -154,6 +154,7 @@ const FILES: &str = "\
 | `timestamps_us.txt` | a stamp a line, microseconds |
 | `speed.json` | asked and achieved speed of the camera |
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
+| `trajectory.png` | the path alone |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
 | `checks.json` | verdicts of the validation passes |
 | `report.html` | the release for people, in one file that opens from disk: pictures, curves, verdicts, what was left out |

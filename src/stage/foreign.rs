@@ -39,7 +39,7 @@ impl Asking {
     }
 }
 
-/// COLMAP's largest part, the key points of a picture, and a picture that it looks at; by measurement.
+/// What COLMAP takes with a picture that it looks at and the key points of the sample; an estimate.
 const BYTES: u64 = 600 << 20;
 /// A compressed event takes about two bytes; its time and its place in the index are held whole.
 const BYTES_A_STORED_BYTE: u64 = 16;

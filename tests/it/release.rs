@@ -37,6 +37,7 @@ fn the_tree_is_that_of_the_contract() {
             "poses.txt",
             "speed.json",
             "timestamps_us.txt",
+            "trajectory.png",
             "trajectory.svg",
             "transforms.json",
         ];

@@ -50,6 +50,7 @@ fn without_a_word_no_likeness_is_passed_on() {
         "/base/poses.txt",
         "/base/speed.json",
         "/base/timestamps_us.txt",
+        "/base/trajectory.png",
         "/base/trajectory.svg",
         "/base/transforms.json",
         "/checks.json",

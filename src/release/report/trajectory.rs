@@ -232,7 +232,7 @@ fn files(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTraje
 
 /// What a brief page links to: the events, what checks found, and the path in full.
 fn is_most_wanted(path: &str) -> bool {
-    path.starts_with("events") || ["checks.json", "trajectory.svg"].contains(&path)
+    path.starts_with("events") || ["checks.json", "trajectory.svg", "trajectory.png"].contains(&path)
 }
 
 /// The folder of a file that is one of many: numbered frames.

@@ -1,0 +1,117 @@
+//! `trajectory.png`: the path from above and from the side, for whoever has no reader of SVG at hand. The scale and the
+//! speed over time are in `trajectory.svg`.
+
+use super::built::BuiltTrajectory;
+use crate::image::{Image, Size, png};
+use crate::trajectory::picture::sketch;
+
+/// Name of the file.
+pub(super) const NAME: &str = "trajectory.png";
+
+/// Each of the two views, px.
+const VIEW: [u32; 2] = [400, 360];
+/// Points of the path and cameras, at most.
+const DRAWN: [usize; 2] = [1500, 19];
+const PATH: [f64; 3] = [153.0; 3];
+const BAR: [f64; 3] = [51.0; 3];
+
+/// The picture; `None` where there is no pose.
+pub(super) fn compose(trajectory: &BuiltTrajectory) -> Option<Vec<u8>> {
+    let [width, height] = VIEW;
+    let (poses, speeds) =
+        (&trajectory.motion.trajectory.world_from_camera, &trajectory.motion.report.linear_unit_s);
+    let views = sketch(poses, speeds, [f64::from(width), f64::from(height)], DRAWN)?;
+    let size = Size { width: 2 * width, height };
+    let mut canvas = Canvas { size, pixels: vec![[255.0; 3]; size.pixels()] };
+    for (view, left) in views.iter().zip([0.0, f64::from(width)]) {
+        let place = |[x, y]: [f64; 2]| [x + left, y];
+        let mut stroke = |points: &[[f64; 2]], colour, thick| {
+            for pair in points.windows(2) {
+                canvas.line([place(pair[0]), place(pair[1])], colour, thick);
+            }
+        };
+        stroke(&view.path, PATH, 1.5);
+        for (strokes, colour) in &view.frusta {
+            stroke(strokes, rgb(colour), 1.2);
+        }
+        let bottom = f64::from(height) - 10.0;
+        stroke(&[[10.0, bottom], [10.0 + view.bar, bottom]], BAR, 2.0);
+    }
+    let mut bytes = Vec::new();
+    png::write(&canvas.image(), &mut bytes).expect("a Vec takes any bytes");
+    Some(bytes)
+}
+
+/// A colour written as `#rrggbb`; black where it is none.
+fn rgb(text: &str) -> [f64; 3] {
+    [1, 3, 5].map(|at| {
+        text.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok()).map_or(0.0, f64::from)
+    })
+}
+
+struct Canvas {
+    size: Size,
+    pixels: Vec<[f64; 3]>,
+}
+
+impl Canvas {
+    /// A straight line: each pixel takes the colour by how much of it, to half a pixel, lies within the line.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
+    fn line(&mut self, [a, b]: [[f64; 2]; 2], colour: [f64; 3], thick: f64) {
+        let [width, height] = [self.size.width, self.size.height];
+        let reach = thick / 2.0 + 1.0;
+        let side = |k: usize, end: u32| {
+            let [low, high] = [a[k].min(b[k]) - reach, a[k].max(b[k]) + reach + 1.0];
+            low.clamp(0.0, f64::from(end)) as u32..high.clamp(0.0, f64::from(end)) as u32
+        };
+        for y in side(1, height) {
+            for x in side(0, width) {
+                let away = distance([f64::from(x) + 0.5, f64::from(y) + 0.5], a, b);
+                let share = (thick / 2.0 + 0.5 - away).clamp(0.0, 1.0);
+                let pixel = &mut self.pixels[(y * width + x) as usize];
+                for (value, colour) in pixel.iter_mut().zip(colour) {
+                    *value += share * (colour - *value);
+                }
+            }
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "mixtures of 0 to 255")]
+    fn image(self) -> Image<[u8; 3]> {
+        let bytes = self.pixels.into_iter().map(|pixel| pixel.map(|v| v.round() as u8));
+        Image::from_vec(self.size, bytes.collect())
+    }
+}
+
+/// From a point to a segment.
+fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
+    let [along, to] = [[b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]];
+    let length = along[0] * along[0] + along[1] * along[1];
+    let share =
+        if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
+    let [x, y] = [to[0] - share * along[0], to[1] - share * along[1]];
+    (x * x + y * y).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_covers_what_it_covers() {
+        let size = Size { width: 8, height: 5 };
+        let mut canvas = Canvas { size, pixels: vec![[255.0; 3]; 40] };
+        // Two px thick along the edge of rows 1 and 2, and beyond the picture on the right.
+        canvas.line([[2.0, 2.0], [20.0, 2.0]], [0.0; 3], 2.0);
+        let grey: Vec<u8> = canvas.image().pixels().iter().map(|p| p[1]).collect();
+        assert_eq!(&grey[8..16], &grey[16..24], "it is symmetric");
+        assert_eq!(&grey[10..16], &[0; 6]);
+        assert_eq!((grey[0], grey[8], grey[4 * 8 + 5]), (255, 255, 255));
+    }
+
+    #[test]
+    fn colours_are_read() {
+        assert_eq!(rgb("#ff8001"), [255.0, 128.0, 1.0]);
+        assert_eq!(rgb("red"), [0.0; 3]);
+    }
+}
