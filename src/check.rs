@@ -2,8 +2,7 @@
 //!
 //! A pass is one file: what it measures, where the formula is from, its default limits, and whether a fault stops a
 //! release (a gate) or not (a warning). A limit that the recipe sets is a gate in every pass: who states a limit
-//! means it. What a pass cannot measure it says with [`Verdict::NotRun`] and the reason; a name of [`NAMES`] that no
-//! finding bears is a pass that is not built.
+//! means it. What a pass cannot measure it says with [`Verdict::NotRun`] and the reason.
 
 pub mod affine;
 pub mod batching;

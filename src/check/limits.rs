@@ -173,8 +173,6 @@ impl<'de> Visitor<'de> for LimitsVisitor {
 fn refusal<E: Error>(key: &str) -> E {
     if EXACT.contains(&key) {
         E::custom(format_args!("the check `{key}` has no limit to set: it is exact"))
-    } else if NAMES.contains(&key) {
-        E::custom(format_args!("the check `{key}` is not built yet, so it has no limits to set"))
     } else {
         E::unknown_field(key, &KEYS)
     }
@@ -265,7 +263,6 @@ mod tests {
             let message = parse(json).unwrap_err();
             assert!(message.contains(wanted), "{json}: {message}");
         };
-        t(r#"{"readback": {}}"#, "`readback` is not built yet");
         t(r#"{"schema": {}}"#, "`schema` has no limit");
         t(r#"{"eventrate": {}}"#, "unknown field `eventrate`");
         t(r#"{"sampling": {"most": 1}}"#, "unknown field `most`");
@@ -278,17 +275,10 @@ mod tests {
     }
 
     #[test]
-    fn every_name_is_a_key_an_exact_pass_or_refused() {
+    fn every_name_is_a_key_or_an_exact_pass() {
         for name in NAMES {
-            let known = KEYS.contains(&name) || EXACT.contains(&name);
             let message = parse(&format!(r#"{{"{name}": {{"nonsense": 1}}}}"#)).unwrap_err();
-            let expected = if !known {
-                "is not built yet"
-            } else if EXACT.contains(&name) {
-                "has no limit"
-            } else {
-                "unknown field `nonsense`"
-            };
+            let expected = if EXACT.contains(&name) { "has no limit" } else { "unknown field `nonsense`" };
             assert!(message.contains(expected), "{name}: {message}");
         }
     }

@@ -86,7 +86,7 @@ fn count(subject: &Subject<'_>, tried: &Resampled) -> Finding {
     let limit = Bound::of(subject.limits.sampling.and_then(|l| l.count), Bound::warning(COUNT));
     let measured = (tried.at_twice as f64 / tried.events as f64 - 1.0).abs();
     let because = format!(
-        "{} intervals have {} events, and {} at twice the frames",
+        "a fourth of the rows has {1} events in {0} intervals, and {2} at twice the frames",
         tried.intervals, tried.events, tried.at_twice
     );
     subject.finding(NAME, "count", Judged::of(limit.at_most(measured), measured, limit, "1", because))

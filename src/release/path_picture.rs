@@ -112,6 +112,6 @@ mod tests {
     #[test]
     fn colours_are_read() {
         assert_eq!(rgb("#ff8001"), [255.0, 128.0, 1.0]);
-        assert_eq!(rgb("red"), [0.0; 3]);
+        assert_eq!(rgb("none"), [0.0; 3]);
     }
 }

@@ -59,8 +59,8 @@ pub struct Simulating {
     pub backend: Backend,
 }
 
-/// State of a sensor, pictures between the renderer and it, and the sample of the flow, by measurement.
-const BYTES_A_PIXEL: u64 = 200;
+/// State of a sensor, pictures between the renderer and it, those that are kept, and the sample of the flow, by measurement.
+const BYTES_A_PIXEL: u64 = 230;
 /// What a front end makes of a frame, and the colours that it makes it of: as the renderer blends them and as they are
 /// read, 32 bits each.
 const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;
@@ -105,9 +105,8 @@ impl Stage for Simulating {
             self.sample(motion, camera, new_renderer()?, cx)?;
         let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
         let own = chosen_own.as_ref().unwrap_or(self);
-        let seen = sample_depth(&mut *new_renderer()?, camera, &trajectory, cx)?;
-        let flow_px = Quantiles::of(seen.moved_px);
-        let choice = Choice::of(&trajectory.stamps_us, apart(flow_px));
+        let seen = look(&mut *new_renderer()?, camera, &trajectory, cx)?;
+        let choice = Choice::of(&trajectory.stamps_us, apart(seen.flow_px));
         let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
         if own.sensors().any(|(_, sensor)| sensor.between() == Between::Hermite) {
             frames = frames.with_rates(velocities);
@@ -120,8 +119,10 @@ impl Stage for Simulating {
         }
         let (mut streams, anchors) =
             own.simulate(&mut frames, (&trajectory.stamps_us, &choice), camera.size, cx)?;
+        let work = frames.work();
         if let Some(path) = path {
-            let tried = own.resample(&path, &trajectory.stamps_us, (camera, new_renderer()?), cx)?;
+            let again = (camera, frames.into_renderer());
+            let tried = own.resample(&path, &trajectory.stamps_us, again, cx)?;
             streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
         }
         own.tell(&trajectory, chosen.as_ref(), (&streams, &anchors), cx);
@@ -134,19 +135,15 @@ impl Stage for Simulating {
             streams,
             seed: self.seed,
             omit: self.omit,
-            work: frames.work(),
-            flow_px,
-            doubtful_share: seen.doubt.share(),
-            depth_unit: flow::nearest_ranks(
-                seen.depths.iter().flat_map(|depth| depth.pixels()).copied().collect(),
-                [5, 50, 95],
-            ),
+            work,
+            flow_px: seen.flow_px,
+            doubtful_share: seen.doubtful_share,
+            depth_unit: seen.depth_unit,
             brightness_stamps_us: anchors[0].stamps_us.clone(),
             brightness_spans: choice.spans,
             depth_stamps_us: seen.stamps_us,
             chosen,
         };
-        write(&cx.out.join(EventStreams::DEPTH), |file| npy::write_stack(&seen.depths, file))?;
         for (i, anchors) in anchors.iter().enumerate() {
             write(&cx.out.join(EventStreams::brightness(i)), |file| anchors.write_images(file))?;
         }
@@ -251,15 +248,14 @@ impl Simulating {
     }
 }
 
-/// Values of all pixels over a sample of the path.
-#[derive(Default)]
+/// What a sample of the path shows.
 struct Seen {
     /// Way of the picture between neighbouring poses.
-    moved_px: Vec<f32>,
-    /// Stamps of the first poses of the pairs, and the depth there.
+    flow_px: Option<Quantiles>,
+    doubtful_share: Option<f64>,
+    depth_unit: Option<[f32; 3]>,
+    /// Stamps of the first poses of the pairs.
     stamps_us: Vec<i64>,
-    depths: Vec<Image<f32>>,
-    doubt: Doubt,
 }
 
 /// The trajectory as a continuous motion; `None` of a single pose.
@@ -275,7 +271,8 @@ fn apart(flow_px: Option<Quantiles>) -> usize {
     flow_px.map_or(1, |flow| (1.0 / flow.median).round() as usize)
 }
 
-fn sample_depth(
+/// Measures depth and flow, and writes the depths.
+fn look(
     renderer: &mut dyn Renderer,
     camera: Camera,
     trajectory: &Trajectory,
@@ -283,19 +280,24 @@ fn sample_depth(
 ) -> Result<Seen, StageError> {
     let poses = &trajectory.world_from_camera;
     let want = Channels { depth: true, alpha: true, doubtful: true, ..Channels::default() };
-    let mut sampled = Seen::default();
+    let (mut moved_px, mut stamps_us, mut depths) = (Vec::new(), Vec::new(), Vec::new());
+    let mut doubt = Doubt::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
         let [from, to] = [a, b].map(|j| View::still(camera, poses[j]));
         let mut rendered = Rendered::default();
         renderer.render(&from, want, &mut rendered).map_err(StageError::work("measure the optical flow"))?;
-        sampled.doubt.add(&rendered);
+        doubt.add(&rendered);
         let depth = rendered.depth.expect("depth was asked for");
-        sampled.moved_px.extend(flow::displacement(&depth, &from, &to).into_pixels());
-        sampled.stamps_us.push(trajectory.stamps_us[a]);
-        sampled.depths.push(depth);
+        moved_px.extend(flow::displacement(&depth, &from, &to).into_pixels());
+        stamps_us.push(trajectory.stamps_us[a]);
+        depths.push(depth);
     }
-    Ok(sampled)
+    write(&cx.out.join(EventStreams::DEPTH), |file| npy::write_stack(&depths, file))?;
+    let flow_px = Quantiles::of(moved_px);
+    let depths = depths.into_iter().flat_map(Image::into_pixels).collect();
+    let depth_unit = flow::nearest_ranks(depths, [5, 50, 95]);
+    Ok(Seen { flow_px, doubtful_share: doubt.share(), depth_unit, stamps_us })
 }
 
 fn write(

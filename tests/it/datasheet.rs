@@ -74,7 +74,9 @@ fn numbers_are_those_of_the_tree() {
     let of = |part: &Value| part["statistics"]["events"].as_u64().unwrap();
     let events: u64 = scene["trajectories"].as_array().unwrap().iter().map(of).sum();
     let pictures = walkdir::WalkDir::new(release()).into_iter().filter(|entry| {
-        entry.as_ref().is_ok_and(|entry| entry.path().extension().is_some_and(|extension| extension == "png"))
+        entry
+            .as_ref()
+            .is_ok_and(|entry| entry.path().parent().is_some_and(|folder| folder.ends_with("sharp")))
     });
     let wanted = format!(
         "1 scenes (1 procedural) with 2 trajectories of 60 poses together; in the release are 2 event streams with \

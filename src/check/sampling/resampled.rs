@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Resampled {
     /// Number of intervals.
     pub intervals: usize,
-    /// Events in them.
+    /// Events in them, of one row in four.
     pub events: u64,
     /// Events at twice the frames.
     pub at_twice: u64,
