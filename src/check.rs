@@ -483,7 +483,7 @@ mod tests {
         let mut world = World::sound();
         let mut draws = super::planted::Draws(1);
         for event in &mut world.events {
-            (event.x, event.y) = (draws.below(96) as u16, draws.below(72) as u16);
+            (event.x, event.y) = (draws.at(96), draws.at(72));
         }
         world.events.sort_by_cached_key(Event::file_order);
         assert_eq!(world.finding("structure").verdict, Verdict::Warn);
@@ -532,8 +532,8 @@ mod tests {
             world.events = (0..2000)
                 .map(|_| Event {
                     t: Timestamp::from_micros(t_us(draws.below(62_000))),
-                    x: draws.below(96) as u16,
-                    y: draws.below(72) as u16,
+                    x: draws.at(96),
+                    y: draws.at(72),
                     polarity: Polarity::On,
                     label: crate::event::Label::Signal,
                 })

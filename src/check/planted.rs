@@ -89,7 +89,7 @@ impl World {
         sensor.initial = setting.initial;
         let images: Vec<Image<f32>> = (0..setting.frames).map(|j| picture(setting, j)).collect();
         let events = fire(&sensor, &images, &stamps_us);
-        let apart = if setting.pace > 0.0 { (1.0 / setting.pace).round() as usize } else { 1 };
+        let apart = (1..50).find(|n| setting.pace * *n as f64 >= 1.0).unwrap_or(50);
         let choice = Choice::of(&stamps_us, apart);
         let mut anchors = Anchors::empty(&choice);
         for j in choice.frames {
@@ -194,6 +194,11 @@ impl Draws {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) % n) as usize
+    }
+
+    /// The same of columns and rows.
+    pub(super) fn at(&mut self, n: u16) -> u16 {
+        u16::try_from(self.below(n.into())).expect("it is below n")
     }
 }
 

@@ -40,7 +40,7 @@ impl Check for Structure {
         let (measured, noise) = (crowding.ratio(), crowding.noise());
         let limit = Bound::of(subject.limits.structure.and_then(|l| l.min), Bound::warning(LEAST));
         // Five standard deviations of a stream without structure must lie below the limit.
-        if !(5.0 * noise < limit.value - 1.0) {
+        if noise.is_nan() || 5.0 * noise >= limit.value - 1.0 {
             let because = format!("{} events are too few to tell structure from chance", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         }

@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn colours_are_read() {
-        assert_eq!(rgb("#ff8001"), [255.0, 128.0, 1.0]);
-        assert_eq!(rgb("none"), [0.0; 3]);
+        assert_eq!(rgb("#ff8001").map(f64::to_bits), [255.0f64, 128.0, 1.0].map(f64::to_bits));
+        assert_eq!(rgb("none").map(f64::to_bits), [0; 3]);
     }
 }

@@ -42,7 +42,7 @@ pub enum RecheckError {
     },
 }
 
-fn unreadable(path: &Path, because: impl ToString) -> RecheckError {
+fn unreadable(path: &Path, because: impl std::fmt::Display) -> RecheckError {
     RecheckError::Unreadable { path: path.to_owned(), because: because.to_string() }
 }
 

@@ -268,9 +268,9 @@ mod tests {
             let mut windows = Windows::new(size, 20_000, &flows);
             let mut draws = Draws(seed);
             for j in 0..4000i64 {
-                let (x, y) = (draws.below(200), draws.below(100));
+                let (x, y) = (draws.at(200), draws.at(100));
                 let polarity = [Polarity::On, Polarity::Off][draws.below(2)];
-                windows.see(Event { polarity, ..event(5 * j, x as u16, y as u16) }, 5 * j);
+                windows.see(Event { polarity, ..event(5 * j, x, y) }, 5 * j);
             }
             windows.finish().0[0]
         };

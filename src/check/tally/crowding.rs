@@ -88,10 +88,10 @@ mod tests {
 
     const SIZE: Size = Size { width: 100, height: 80 };
 
-    fn crowding(pixels: impl Iterator<Item = usize>) -> Crowding {
+    fn crowding(pixels: impl Iterator<Item = u16>) -> Crowding {
         let mut crowds = Crowds::new(SIZE, 1000);
         for (i, pixel) in pixels.enumerate() {
-            crowds.see([(pixel % 100) as u16, (pixel / 100) as u16], i as i64 * 1000 / 40_000);
+            crowds.see([pixel % 100, pixel / 100], i as i64 * 1000 / 40_000);
         }
         crowds.finish()
     }
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn events_anywhere_have_no_structure_and_events_on_half_of_the_sensor_have() {
         let mut draws = Draws(3);
-        let anywhere: Vec<usize> = (0..40_000).map(|_| draws.below(8000)).collect();
+        let anywhere: Vec<u16> = (0..40_000).map(|_| draws.at(8000)).collect();
         let found = crowding(anywhere.iter().copied());
         let z = (found.ratio() - 1.0) / found.noise();
         println!("ratio {:.4}, z {z:.2}", found.ratio());
