@@ -1,6 +1,6 @@
 //! COLMAP registers pictures anew, without being told where they were taken: only with which camera.
 //!
-//! Key points by its SIFT on the CPU, 2,048 of a picture at most; matches by [`super::features`]; verified pairs, and one
+//! Key points by its SIFT on the CPU, 2,048 of a picture at most; matches by our own rule (see `features`); verified pairs, and one
 //! model by its mapper with the intrinsics kept. Points farther than 1 px from their key points are left out of the model
 //! (COLMAP's default, 4 px, is for lenses): on rendered pictures this brings the poses nearer by a factor of three.
 
