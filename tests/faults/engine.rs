@@ -78,7 +78,7 @@ impl Engine {
 
     fn build_unguarded(&self, place: &Place) -> Result<Built, String> {
         let store = self.store(place, Access::Write)?;
-        let (Survey { settled, plan }, mut outputs) = self.survey(&store)?;
+        let (Survey { settled, plan, .. }, mut outputs) = self.survey(&store)?;
         let settled = settled.len();
         if plan.steps().is_empty() {
             return Ok(Built::Done { outputs, made: 0, settled });
