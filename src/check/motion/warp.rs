@@ -75,8 +75,8 @@ pub(in crate::check) struct Windows<'a> {
     waiting: Vec<&'a FlowAt>,
     open: Option<Window<'a>>,
     done: Vec<Sharpness>,
-    /// Both counts of the sharpest window so far, in place and moved.
-    shown: Option<(f64, [Vec<u16>; 2])>,
+    /// Events of the fullest window so far, and its counts in place and moved.
+    shown: Option<(u64, [Vec<u16>; 2])>,
 }
 
 impl<'a> Windows<'a> {
@@ -117,9 +117,9 @@ impl<'a> Windows<'a> {
     fn close(&mut self) {
         let Some(window) = self.open.take() else { return };
         let (until, sharpness) = (window.span_us[1], window.sharpness(self.size));
-        if self.shown.as_ref().is_none_or(|(events, _)| sharpness.events as f64 > *events) {
+        if self.shown.as_ref().is_none_or(|(events, _)| sharpness.events > *events) {
             let counts = [window.in_place, window.moved].map(|[on, off]| add(on, &off));
-            self.shown = Some((sharpness.events as f64, counts));
+            self.shown = Some((sharpness.events, counts));
         }
         self.done.push(sharpness);
         self.open_next(until);
