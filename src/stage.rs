@@ -206,7 +206,7 @@ impl Need {
     #[must_use]
     pub fn memory(parts: impl IntoIterator<Item = u64>) -> Self {
         /// Buffers, stacks and tables; with the program itself.
-        const BASE: u64 = 16 << 20;
+        const BASE: u64 = 24 << 20;
         Self { memory: parts.into_iter().fold(BASE, u64::saturating_add), gpu: false }
     }
 }

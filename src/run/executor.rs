@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
-use std::thread::{self, Scope};
+use std::thread::{self, Scope, ScopedJoinHandle};
 
 /// A step that came to its end.
 pub(super) struct Finished {
@@ -27,7 +27,7 @@ pub(super) struct Finished {
 }
 
 /// A run that goes on.
-pub(super) struct Executor<'a> {
+pub(super) struct Executor<'scope, 'a> {
     plan: &'a Plan,
     store: &'a Store,
     options: Options,
@@ -42,12 +42,12 @@ pub(super) struct Executor<'a> {
     ranks: Vec<Rank>,
     /// Steps that must run and wait for their turn, in that order.
     stale: BTreeMap<Rank, Stale>,
-    /// Running steps, with their key and what they hold.
-    pub(super) running: BTreeMap<StepId, (Key, Grant)>,
+    /// Running steps, with their key, what they hold, and their threads.
+    pub(super) running: BTreeMap<StepId, (Key, Grant, ScopedJoinHandle<'scope, ()>)>,
     pub(super) summary: Summary,
 }
 
-impl<'a> Executor<'a> {
+impl<'scope, 'a> Executor<'scope, 'a> {
     pub(super) fn new(
         plan: &'a Plan,
         store: &'a Store,
@@ -86,15 +86,12 @@ impl<'a> Executor<'a> {
     }
 
     fn left(&self) -> Budget {
-        self.options.budget.left(self.running.values().map(|(_, grant)| grant))
+        self.options.budget.left(self.running.values().map(|(_, grant, _)| grant))
     }
 
     /// Settles every ready step that is up to date, and starts the others while cores are free.
-    pub(super) fn start_ready<'scope>(
-        &mut self,
-        scope: &'scope Scope<'scope, '_>,
-        sender: &mpsc::Sender<Finished>,
-    ) where
+    pub(super) fn start_ready(&mut self, scope: &'scope Scope<'scope, '_>, sender: &mpsc::Sender<Finished>)
+    where
         'a: 'scope,
     {
         while !self.stopped()
@@ -125,7 +122,7 @@ impl<'a> Executor<'a> {
     /// too large for the whole budget runs alone.
     fn next_stale(&self) -> Option<Rank> {
         let left = self.left();
-        let at_work = |key: &Key| self.running.values().any(|(running, _)| running == key);
+        let at_work = |key: &Key| self.running.values().any(|(running, ..)| running == key);
         let fits = |stale: &Stale| left.holds(&stale.need) || self.running.is_empty();
         self.stale.iter().find(|(_, stale)| fits(stale) && !at_work(&stale.key)).map(|(rank, _)| *rank)
     }
@@ -178,7 +175,7 @@ impl<'a> Executor<'a> {
         }
     }
 
-    fn start<'scope>(
+    fn start(
         &mut self,
         step: StepId,
         stale: Stale,
@@ -190,7 +187,7 @@ impl<'a> Executor<'a> {
         let Need { memory, .. } = stale.need;
         let whole = self.options.budget;
         let cores = self.left().cores.div_ceil(self.stale.len() + 1).max(1);
-        self.running.insert(step, (stale.key, Grant { cores, need: stale.need }));
+        let (at_work, grant) = (stale.key, Grant { cores, need: stale.need });
         self.observer.tell(&Event::Started { step, reason: &stale.reason, cores });
         if memory > whole.memory {
             self.observer.tell(&Event::TooLarge { step, memory, budget: whole.memory });
@@ -198,13 +195,14 @@ impl<'a> Executor<'a> {
         let allows_commands = self.options.allow_commands;
         let job = Job { plan: self.plan, store: self.store, cancel: self.cancel, cores, allows_commands };
         let sender = sender.clone();
-        scope.spawn(move || {
+        let thread = scope.spawn(move || {
             // A panic is carried to the thread that waits: it would wait for ever for a step that is gone.
             let result = catch_unwind(AssertUnwindSafe(|| job.run(step, &stale)));
             // The receiver outlives the scope; if it were gone there would be nobody to tell.
             let Stale { key, sources, recheck, .. } = stale;
             let _ = sender.send(Finished { step, key, sources, is_recheck: recheck.is_some(), result });
         });
+        self.running.insert(step, (at_work, grant, thread));
     }
 
     fn open_inputs(&self, step: StepId) -> Vec<Files> {
@@ -214,7 +212,9 @@ impl<'a> Executor<'a> {
 
     pub(super) fn finish(&mut self, finished: Finished) {
         let Finished { step, key, sources, is_recheck, result } = finished;
-        self.running.remove(&step);
+        if let Some((.., thread)) = self.running.remove(&step) {
+            thread.join().expect("the thread has told, and told last, what became of its step");
+        }
         let twins: Vec<Rank> =
             self.stale.iter().filter(|(_, s)| s.key == key).map(|(rank, _)| *rank).collect();
         for twin in twins {

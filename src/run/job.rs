@@ -12,6 +12,7 @@ use crate::store::space::{Space, is_full};
 use crate::store::{Key, Store, StoreError, Workspace};
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
+use std::thread;
 use std::time::Instant;
 
 /// Seconds since this was first asked.
@@ -71,7 +72,7 @@ impl Job<'_> {
         if runs_commands || planned.step.runs_known_programs() {
             cx.log = Some(self.store.log_of(&stale.key)?);
         }
-        let worked = self.pool()?.install(|| planned.step.run(&stale.files, &mut cx));
+        let worked = self.in_threads(|| planned.step.run(&stale.files, &mut cx))?;
         let seconds = started.elapsed().as_secs_f64();
         // Half of a file that somebody is writing is like a broken one: that it moves is the better word for it.
         if !matches!(worked, Err(StageError::Cancelled)) {
@@ -118,8 +119,21 @@ impl Job<'_> {
         now.moved_since(then).map_or(Ok(()), |name| Err(StepError::Moved(name)))
     }
 
-    fn pool(&self) -> Result<rayon::ThreadPool, StageError> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.cores).build();
-        pool.map_err(StageError::work("start threads"))
+    /// Does the work in threads of its own and waits for their end: the allocator gives what they had kept to the next
+    /// threads, and only then. One more set of kept pages is memory that no estimate knows.
+    fn in_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, StageError> {
+        let mut threads = Vec::with_capacity(self.cores);
+        let start = |worker: rayon::ThreadBuilder| {
+            threads.push(thread::Builder::new().spawn(|| worker.run())?);
+            Ok(())
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.cores).spawn_handler(start).build();
+        let pool = pool.map_err(StageError::work("start threads"))?;
+        let worked = pool.install(work);
+        drop(pool);
+        threads
+            .into_iter()
+            .for_each(|thread| thread.join().expect("a panic of the work is passed on by the pool"));
+        Ok(worked)
     }
 }
