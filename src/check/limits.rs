@@ -9,52 +9,56 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
 
-/// Limits that differ from the defaults, and faults that the recipe accepts; the `checks:` of a recipe.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-#[expect(missing_docs, reason = "each field is named like the pass whose limits it holds")]
-pub struct Limits {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub duplicates: Option<duplicates::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub event_rate: Option<event_rate::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub polarity: Option<polarity::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub batching: Option<batching::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub hot_pixels: Option<hot_pixels::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub structure: Option<structure::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub event_frame: Option<event_frame::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub motion: Option<motion::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_offset: Option<time_offset::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub noise_floor: Option<noise_floor::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sampling: Option<sampling::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub affine: Option<affine::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pose_continuity: Option<pose_continuity::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pose_colmap: Option<pose_colmap::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pose_opencv: Option<pose_opencv::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub readback: Option<readback::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub speed: Option<speed::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub recon_psnr: Option<recon_psnr::Limits>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub capture: Option<capture::Limits>,
-    /// Faults that are accepted, each with its reason.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub waive: Vec<Waiver>,
+/// The limits of these passes: a field each, a key each, and how the value of a key is read. Each pass is named once.
+macro_rules! limits_of {
+    ($($pass:ident),+ $(,)?) => {
+        /// Limits that differ from the defaults, and faults that the recipe accepts; the `checks:` of a recipe.
+        #[derive(Debug, Clone, PartialEq, Default, Serialize)]
+        #[expect(missing_docs, reason = "each field is named like the pass whose limits it holds")]
+        pub struct Limits {
+            $(#[serde(skip_serializing_if = "Option::is_none")] pub $pass: Option<$pass::Limits>,)+
+            /// Faults that are accepted, each with its reason.
+            #[serde(skip_serializing_if = "Vec::is_empty")]
+            pub waive: Vec<Waiver>,
+        }
+
+        /// Keys of `checks:` that this version knows.
+        const KEYS: &[&str] = &[$(stringify!($pass),)+ "waive"];
+
+        impl Limits {
+            fn read<'de, A: MapAccess<'de>>(&mut self, key: &str, map: &mut A) -> Result<(), A::Error> {
+                match key {
+                    $(stringify!($pass) => self.$pass = Some(map.next_value()?),)+
+                    "waive" => self.waive = map.next_value()?,
+                    other => return Err(refusal(other)),
+                }
+                Ok(())
+            }
+        }
+    };
 }
+
+limits_of!(
+    duplicates,
+    event_rate,
+    polarity,
+    batching,
+    hot_pixels,
+    structure,
+    event_frame,
+    motion,
+    time_offset,
+    noise_floor,
+    sampling,
+    affine,
+    pose_continuity,
+    pose_colmap,
+    pose_opencv,
+    readback,
+    speed,
+    recon_psnr,
+    capture,
+);
 
 /// A fault that is accepted.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,30 +71,6 @@ pub struct Waiver {
     #[serde(deserialize_with = "reason")]
     pub because: String,
 }
-
-/// Keys of `checks:` that this version knows.
-const KEYS: [&str; 20] = [
-    "duplicates",
-    "event_rate",
-    "polarity",
-    "batching",
-    "hot_pixels",
-    "structure",
-    "event_frame",
-    "motion",
-    "time_offset",
-    "noise_floor",
-    "sampling",
-    "affine",
-    "pose_continuity",
-    "pose_colmap",
-    "pose_opencv",
-    "readback",
-    "speed",
-    "recon_psnr",
-    "capture",
-    "waive",
-];
 
 /// Passes that are built and have no limit to set: what they find is wrong or right.
 const EXACT: [&str; 4] = ["schema", "stamps", "refractory", "drift_identity"];
@@ -141,29 +121,7 @@ impl<'de> Visitor<'de> for LimitsVisitor {
             if seen.contains(&key) {
                 return Err(A::Error::custom(format_args!("duplicate field `{key}`")));
             }
-            match key.as_str() {
-                "duplicates" => limits.duplicates = Some(map.next_value()?),
-                "event_rate" => limits.event_rate = Some(map.next_value()?),
-                "polarity" => limits.polarity = Some(map.next_value()?),
-                "batching" => limits.batching = Some(map.next_value()?),
-                "hot_pixels" => limits.hot_pixels = Some(map.next_value()?),
-                "structure" => limits.structure = Some(map.next_value()?),
-                "event_frame" => limits.event_frame = Some(map.next_value()?),
-                "motion" => limits.motion = Some(map.next_value()?),
-                "time_offset" => limits.time_offset = Some(map.next_value()?),
-                "noise_floor" => limits.noise_floor = Some(map.next_value()?),
-                "affine" => limits.affine = Some(map.next_value()?),
-                "sampling" => limits.sampling = Some(map.next_value()?),
-                "pose_continuity" => limits.pose_continuity = Some(map.next_value()?),
-                "pose_colmap" => limits.pose_colmap = Some(map.next_value()?),
-                "pose_opencv" => limits.pose_opencv = Some(map.next_value()?),
-                "readback" => limits.readback = Some(map.next_value()?),
-                "speed" => limits.speed = Some(map.next_value()?),
-                "recon_psnr" => limits.recon_psnr = Some(map.next_value()?),
-                "capture" => limits.capture = Some(map.next_value()?),
-                "waive" => limits.waive = map.next_value()?,
-                other => return Err(refusal(other)),
-            }
+            limits.read(&key, &mut map)?;
             seen.push(key);
         }
         Ok(limits)
@@ -174,7 +132,7 @@ fn refusal<E: Error>(key: &str) -> E {
     if EXACT.contains(&key) {
         E::custom(format_args!("the check `{key}` has no limit to set: it is exact"))
     } else {
-        E::unknown_field(key, &KEYS)
+        E::unknown_field(key, KEYS)
     }
 }
 

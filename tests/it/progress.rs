@@ -94,6 +94,7 @@ fn steps_that_were_settled_count() {
     place.ok("build -q tiny.yaml other.yaml");
     place.write("other.yaml", TINY.replace("scene: tiny", "scene: other").replace("seed: 1 }", "seed: 3 }"));
     let told = place.ok("build -j 1 tiny.yaml other.yaml").stderr;
-    assert!(told.contains("[12/12] other/base/checks "), "{told}");
+    // Checks or pictures: the order of steps goes by what they took before.
+    assert!(told.contains("[12/12] other/base/"), "{told}");
     assert!(told.contains("made 6, up to date 6, failed 0; "), "{told}");
 }

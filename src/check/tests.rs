@@ -1,0 +1,401 @@
+//! Faults that are planted in sound worlds, each found by its pass; and sound worlds, in which nothing is.
+
+use super::planted::{Setting, World};
+use super::*;
+use crate::event::{Event, Polarity};
+use crate::units::Timestamp;
+use glam::DVec3;
+
+#[test]
+fn every_pass_has_a_name_of_the_list_and_says_something() {
+    let world = World::sound();
+    let findings = world.findings();
+    for check in ALL {
+        assert!(NAMES.contains(&check.name()), "{}", check.name());
+        assert!(findings.iter().any(|f| f.check == check.name()), "{}", check.name());
+    }
+    // Everything moves in this world, and its sensor has no dead time.
+    let silent = findings.iter().filter(|f| f.verdict == Verdict::NotRun);
+    let silent: Vec<&str> = silent.map(|f| f.check.as_str()).collect();
+    assert_eq!(silent, ["refractory", "noise_floor"], "{findings:#?}");
+}
+
+#[test]
+fn sound_worlds_raise_no_alarm() {
+    let (paces, thresholds) = ([0.05, 0.3, 0.8], [[1.0, 1.0], [0.6, 0.9], [1.4, 1.0]]);
+    let lights = [(0.6, 0.0), (0.25, 0.0), (0.4, 1.5)];
+    // A Latin square: each pace, pair of thresholds and light meets each other once.
+    for i in 0..9 {
+        let (contrast, dawn) = lights[(i / 3 + i) % 3];
+        let thresholds = thresholds[i % 3];
+        let setting = Setting { pace: paces[i / 3], thresholds, contrast, dawn, ..Setting::default() };
+        let mut world = World::new(setting);
+        // The usual rate per flow is that of scenes, which these waves are not.
+        world.flow = None;
+        assert_eq!(world.faults(), [""; 0], "{setting:?}: {:#?}", world.findings());
+    }
+}
+
+#[test]
+fn verdicts_have_one_name() {
+    for verdict in [Verdict::Pass, Verdict::Warn, Verdict::Fail, Verdict::Waived, Verdict::NotRun] {
+        assert_eq!(serde_json::to_value(verdict).unwrap(), verdict.name());
+    }
+}
+
+/// Plants a fault in a sound world: the passes must find exactly `wanted`.
+fn check(plant: impl FnOnce(&mut World), wanted: &[&str]) {
+    let mut world = World::sound();
+    plant(&mut world);
+    assert_eq!(world.faults(), wanted, "{:#?}", world.findings());
+}
+
+#[test]
+fn flipped_polarity_is_found() {
+    let flip = |w: &mut World| {
+        for event in &mut w.events {
+            event.polarity = if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
+        }
+        w.events.sort_by_cached_key(Event::file_order);
+    };
+    let wanted = [
+        "event_frame#gain",
+        "event_frame#gain-on",
+        "event_frame#gain-off",
+        "event_frame#threshold-on",
+        "event_frame#threshold-off",
+        "event_frame#residual",
+        "event_frame#sign",
+        "drift_identity#events",
+    ];
+    check(flip, &wanted);
+}
+
+#[test]
+fn thresholds_off_by_a_tenth_are_found() {
+    let t = |on: f64, off: f64, wanted: &str| {
+        let mut world = World::sound();
+        world.sensor.threshold_on = on;
+        world.sensor.threshold_off = off;
+        assert!(world.faults().contains(&wanted.to_owned()), "{on} {off}: {:#?}", world.findings());
+    };
+    t(0.9, 1.0, "event_frame#threshold-on");
+    t(1.1, 1.0, "event_frame#threshold-on");
+    t(1.0, 0.9, "event_frame#threshold-off");
+    t(1.0, 1.1, "event_frame#threshold-off");
+}
+
+#[test]
+fn the_shown_threshold_is_that_of_the_sensor() {
+    for [on, off] in [[1.0, 1.0], [0.6, 0.9]] {
+        let world = World::new(Setting { thresholds: [on, off], ..Setting::default() });
+        for (part, wanted) in [("on", on), ("off", off)] {
+            let shown = world.finding(&format!("event_frame#threshold-{part}")).measured.unwrap();
+            assert!((shown / wanted - 1.0).abs() < 0.02, "{part}: {shown} for {wanted}");
+        }
+    }
+}
+
+#[test]
+fn voltages_may_start_anywhere() {
+    let initial = crate::sensor::voltmeter::Initial::Stationary;
+    let mut world = World::new(Setting { initial, dawn: 0.5, ..Setting::default() });
+    world.flow = None;
+    assert_eq!(world.faults(), [""; 0], "{:#?}", world.findings());
+    assert_eq!(world.finding("event_frame#threshold-on").verdict, Verdict::NotRun);
+    world.events.retain(|e| e.polarity == Polarity::On);
+    assert_eq!(world.finding("event_frame#residual").verdict, Verdict::Fail);
+}
+
+#[test]
+fn a_dropped_chunk_is_found() {
+    let drop = |w: &mut World| {
+        let tenth = w.events.len() / 10;
+        w.events.drain(3 * tenth..4 * tenth);
+    };
+    let mut world = World::sound();
+    drop(&mut world);
+    let faults = world.faults();
+    for wanted in ["event_frame#residual", "drift_identity#events"] {
+        assert!(faults.contains(&wanted.to_owned()), "{faults:?}");
+    }
+}
+
+#[test]
+fn a_repeated_chunk_is_found() {
+    let repeat = |w: &mut World| {
+        let tenth = w.events[..w.events.len() / 10].to_vec();
+        w.events.extend(tenth);
+        w.events.sort_by_cached_key(Event::file_order);
+    };
+    let mut world = World::sound();
+    repeat(&mut world);
+    let faults = world.faults();
+    for wanted in ["duplicates#share", "duplicates#account", "event_frame#residual", "drift_identity#events"]
+    {
+        assert!(faults.contains(&wanted.to_owned()), "{faults:?}");
+    }
+}
+
+#[test]
+fn shifted_time_is_found() {
+    let shift = |w: &mut World| {
+        for event in &mut w.events {
+            event.t = Timestamp(event.t.0 + 1_000_000);
+        }
+    };
+    let mut world = World::sound();
+    shift(&mut world);
+    let faults = world.faults();
+    assert!(faults.contains(&"stamps#events".to_owned()), "{faults:?}");
+}
+
+#[test]
+fn frame_times_are_found() {
+    let snap = |w: &mut World| {
+        let stamps = w.trajectory.stamps_us.clone();
+        for event in &mut w.events {
+            let later = stamps.partition_point(|stamp| *stamp < event.t.floor_micros());
+            event.t = Timestamp::from_micros(stamps[later]);
+        }
+        w.events.sort_by_cached_key(Event::file_order);
+    };
+    let mut world = World::sound();
+    snap(&mut world);
+    let faults = world.faults();
+    assert!(faults.contains(&"batching#times".to_owned()), "{faults:?}");
+    assert!(faults.contains(&"batching#phase".to_owned()), "{faults:?}");
+}
+
+#[test]
+fn disorder_and_strange_pixels_are_found() {
+    check(|w| w.events.swap(10, 5000), &["schema#order"]);
+    check(|w| w.events[7].x = 96, &["schema#place"]);
+}
+
+#[test]
+fn a_pose_jump_is_found() {
+    let shift = |w: &mut World| w.trajectory.world_from_camera[70].translation += DVec3::X * 0.05;
+    check(shift, &["pose_continuity#translation"]);
+    let turn = |w: &mut World| {
+        let pose = &mut w.trajectory.world_from_camera[70];
+        pose.rotation *= glam::DQuat::from_rotation_x(0.02);
+    };
+    check(turn, &["pose_continuity#rotation"]);
+}
+
+#[test]
+fn a_path_that_changes_its_speed_is_no_jump() {
+    // From pose 70 on every step is fifty times as long.
+    let hurry = |w: &mut World| {
+        for (j, pose) in w.trajectory.world_from_camera.iter_mut().enumerate() {
+            let steps = j.min(70) + 50 * j.saturating_sub(70);
+            pose.translation = DVec3::X * 1e-3 * steps as f64;
+            pose.rotation = glam::DQuat::IDENTITY;
+        }
+    };
+    check(hurry, &[]);
+}
+
+#[test]
+fn a_wrong_stamp_is_found() {
+    check(|w| w.trajectory.stamps_us[20] += 1, &["stamps#poses"]);
+}
+
+#[test]
+fn a_law_that_is_not_followed_is_found() {
+    check(|w| w.report.mixed_ratio.as_mut().unwrap().max = 1.00001, &["speed#arc"]);
+    check(|w| w.report.mixed_chord_ratio.as_mut().unwrap().min = 0.96, &["speed#chord"]);
+}
+
+#[test]
+fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
+    let mut world = World::sound();
+    world.flow.as_mut().unwrap().p95 = 1.2;
+    assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
+    world.limits.sampling = Some(sampling::Limits { max: Some(1.0), ..Default::default() });
+    assert_eq!(world.finding("sampling").verdict, Verdict::Fail);
+}
+
+#[test]
+fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
+    let mut world = World::sound();
+    world.doubtful_share = Some(0.02);
+    assert_eq!(world.finding("affine").verdict, Verdict::Warn);
+    world.limits.affine = Some(affine::Limits { max: Some(0.01) });
+    assert_eq!(world.finding("affine").verdict, Verdict::Fail);
+    world.doubtful_share = None;
+    assert_eq!(world.finding("affine").verdict, Verdict::NotRun);
+}
+
+#[test]
+fn events_in_the_dead_time_are_found() {
+    use crate::sensor::Sensor;
+    use crate::sensor::esim::Esim;
+    let mut world = World::sound();
+    let mut last = std::collections::BTreeMap::new();
+    let mut gap_us = i64::MAX;
+    for event in &world.events {
+        let t_us = event.t.floor_micros();
+        if let Some(before) = last.insert((event.x, event.y), t_us) {
+            gap_us = gap_us.min(t_us - before);
+        }
+    }
+    let mut verdict = |period_us: i64| {
+        let mut sensor = Esim::default();
+        sensor.refractory.period_us = period_us as f64;
+        world.stated = Some(Sensor::Esim(sensor));
+        world.finding("refractory").verdict
+    };
+    assert_eq!([verdict(gap_us), verdict(gap_us + 1)], [Verdict::Pass, Verdict::Fail]);
+    assert_eq!(verdict(0), Verdict::NotRun);
+}
+
+#[test]
+fn hot_and_dead_pixels_are_found() {
+    let mut world = World::sound();
+    let hot = |i: i64| Event {
+        t: Timestamp::from_micros(60 * i),
+        x: 40,
+        y: 30,
+        polarity: Polarity::On,
+        label: crate::event::Label::Signal,
+    };
+    world.events.extend((0..1000).map(hot));
+    world.events.sort_by_cached_key(Event::file_order);
+    assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Warn);
+    world.sensor.hot_pixels = crate::sensor::noise::HotPixels { share: 1e-3, rate: 1e4 };
+    assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Pass, "the recipe says so");
+    world.limits.hot_pixels = Some(hot_pixels::Limits { hot: Some(0.0), dead: None });
+    assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Fail);
+    check(|w| w.events.retain(|e| e.y != 30 || e.x / 3 != 9), &["hot_pixels#dead", "drift_identity#events"]);
+}
+
+#[test]
+fn events_without_structure_are_found() {
+    let mut world = World::sound();
+    let mut draws = super::planted::Draws(1);
+    for event in &mut world.events {
+        (event.x, event.y) = (draws.at(96), draws.at(72));
+    }
+    world.events.sort_by_cached_key(Event::file_order);
+    assert_eq!(world.finding("structure").verdict, Verdict::Warn);
+}
+
+#[test]
+fn events_that_do_not_move_with_the_scene_are_found() {
+    let turned = |flow: fn([f32; 2]) -> [f32; 2], verdict: Verdict| {
+        let mut world = World::sound();
+        for at in &mut world.flows {
+            at.px_s.pixels_mut().iter_mut().for_each(|v| *v = flow(*v));
+        }
+        let found = world.finding("motion#median");
+        assert_eq!(found.verdict, verdict, "{found:?}");
+    };
+    // As with poses from world to camera, or the camera axes of OpenGL.
+    turned(|[u, v]| [-u, v], Verdict::Fail);
+    turned(|[u, v]| [u, v], Verdict::Pass);
+    let mut world = World::sound();
+    world.flow.as_mut().unwrap().median = 3.0;
+    assert_eq!(world.finding("motion").verdict, Verdict::NotRun);
+}
+
+#[test]
+fn an_offset_of_a_frame_is_found() {
+    for (late_us, verdict) in
+        [(417, Verdict::Fail), (-417, Verdict::Fail), (150, Verdict::Pass), (-150, Verdict::Pass)]
+    {
+        let mut world = World::sound();
+        let end = *world.trajectory.stamps_us.last().unwrap();
+        world.events.iter_mut().for_each(|e| e.t = Timestamp(e.t.0 + 1000 * late_us));
+        world.events.retain(|e| (0..=end).contains(&e.t.floor_micros()));
+        let found = world.finding("time_offset");
+        assert_eq!(found.verdict, verdict, "{late_us}: {found:?}");
+        assert!((found.measured.unwrap() - late_us as f64).abs() < 60.0, "{late_us}: {found:?}");
+    }
+}
+
+#[test]
+fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
+    let mut world = World::new(Setting { pace: 0.0, ..Setting::default() });
+    world.flow = None;
+    assert_eq!(world.finding("noise_floor#rate").verdict, Verdict::Pass);
+    let mut draws = super::planted::Draws(2);
+    let mut noise = |world: &mut World, t_us: &dyn Fn(usize) -> i64| {
+        world.events = (0..2000)
+            .map(|_| Event {
+                t: Timestamp::from_micros(t_us(draws.below(62_000))),
+                x: draws.at(96),
+                y: draws.at(72),
+                polarity: Polarity::On,
+                label: crate::event::Label::Signal,
+            })
+            .collect();
+        world.events.sort_by_cached_key(Event::file_order);
+    };
+    // The leak of 1e-7 a us makes 43 events.
+    noise(&mut world, &|t| t as i64);
+    let [rate, rhythm] = ["rate", "rhythm"].map(|part| world.finding(&format!("noise_floor#{part}")).verdict);
+    assert_eq!([rate, rhythm], [Verdict::Warn, Verdict::Pass]);
+    noise(&mut world, &|t| if t % 4 == 0 { t as i64 / 8000 * 8000 } else { t as i64 });
+    assert_eq!(world.finding("noise_floor#rhythm").verdict, Verdict::Warn);
+    world.limits.noise_floor = Some(noise_floor::Limits { factor: Some(100.0) });
+    assert_eq!(world.finding("noise_floor#rate").verdict, Verdict::Pass);
+}
+
+#[test]
+fn frames_too_far_apart_are_found_by_doing() {
+    let part = |part: &str, plant: fn(&mut sampling::Resampled)| {
+        let mut world = World::sound();
+        plant(world.resampled.as_mut().unwrap());
+        world.finding(&format!("sampling#{part}")).verdict
+    };
+    assert_eq!(part("count", |r| r.at_twice = 1051), Verdict::Warn);
+    assert_eq!(part("count", |r| r.at_twice = 951), Verdict::Pass);
+    assert_eq!(part("shift", |r| r.shift_us = Some(20.5)), Verdict::Warn);
+    let asked = |r: &mut sampling::Resampled| (r.shift_us, r.tolerance) = (Some(20.5), Some(0.05));
+    assert_eq!(part("shift", asked), Verdict::Pass);
+    assert_eq!(part("twice", |r| r.events = 30), Verdict::NotRun);
+}
+
+#[test]
+fn a_recipes_rate_is_a_gate() {
+    let mut world = World::sound();
+    let rate = world.finding("event_rate#rate").measured.unwrap();
+    world.limits.event_rate = Some(event_rate::Limits { min: None, max: Some(rate * 0.99) });
+    assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Fail);
+    world.limits.event_rate = Some(event_rate::Limits { min: None, max: Some(rate * 1.01) });
+    assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Pass);
+}
+
+#[test]
+fn a_brightening_scene_is_predicted_to_be_on() {
+    let setting = Setting { pace: 0.0, dawn: 3.0, ..Setting::default() };
+    let world = World::new(setting);
+    let finding = world.finding("polarity");
+    assert_eq!((finding.verdict, finding.measured), (Verdict::Pass, Some(1.0)), "{finding:?}");
+    let mut flipped = world;
+    for event in &mut flipped.events {
+        event.polarity = Polarity::Off;
+    }
+    assert_eq!(flipped.finding("polarity").verdict, Verdict::Warn);
+}
+
+#[test]
+fn an_account_of_broken_pixels_is_a_fault() {
+    let breaks = |w: &mut World| {
+        w.account.drift_violations = 1;
+        w.account.drift_worst = 1.5;
+    };
+    check(breaks, &["drift_identity#pixels"]);
+}
+
+#[test]
+fn waived_faults_say_why() {
+    let mut world = World::sound();
+    world.trajectory.stamps_us[20] += 1;
+    world.limits.waive = vec![Waiver { check: "stamps".into(), because: "a test".into() }];
+    let finding = world.finding("stamps#poses");
+    assert_eq!(finding.verdict, Verdict::Waived);
+    assert!(finding.because.ends_with("; accepted: a test"), "{}", finding.because);
+}

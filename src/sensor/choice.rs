@@ -1,0 +1,105 @@
+//! The sensor that a recipe asks for, of the whole family, and the sensors that see one rendering.
+
+use super::screening::{ScreenError, Screening};
+use super::voltmeter::{self, Between};
+use super::{Model, esim, noise, v2e};
+use crate::units::Hertz;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A sensor of the recipe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sensor {
+    /// The stochastic model of DVS-Voltmeter.
+    Voltmeter(voltmeter::Voltmeter),
+    /// Thresholds on the logarithm, as in ESIM.
+    Esim(esim::Esim),
+    /// A low-pass filter, leak and shot noise, as in v2e.
+    V2e(v2e::V2e),
+}
+
+impl Sensor {
+    /// The model behind the recipe's choice.
+    #[must_use]
+    pub fn as_model(&self) -> &dyn Model {
+        match self {
+            Self::Voltmeter(sensor) => sensor,
+            Self::Esim(sensor) => sensor,
+            Self::V2e(sensor) => sensor,
+        }
+    }
+
+    /// The model's name in recipes.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Voltmeter(_) => "voltmeter",
+            Self::Esim(_) => "esim",
+            Self::V2e(_) => "v2e",
+        }
+    }
+
+    /// How it takes brightness between frames.
+    #[must_use]
+    pub fn between(&self) -> Between {
+        match self {
+            Self::Voltmeter(sensor) => sensor.between,
+            Self::Esim(_) | Self::V2e(_) => Between::Linear,
+        }
+    }
+
+    /// Whole microseconds between two events of a pixel, as files stamp them, at least; 0 where there is no refractory
+    /// period.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "a thousand seconds at most")]
+    pub fn dead_us(&self) -> i64 {
+        match self {
+            Self::Voltmeter(_) => 0,
+            Self::Esim(sensor) => sensor.refractory.period_us.floor() as i64,
+            Self::V2e(sensor) => sensor.refractory.period_us.floor() as i64,
+        }
+    }
+
+    /// The pixels that fire by themselves.
+    #[must_use]
+    pub fn hot_pixels(&self) -> noise::HotPixels {
+        match self {
+            Self::Voltmeter(sensor) => sensor.hot_pixels,
+            Self::Esim(sensor) => sensor.hot_pixels,
+            Self::V2e(sensor) => sensor.hot_pixels,
+        }
+    }
+
+    /// What the sensor will do by itself at this frame rate.
+    ///
+    /// # Errors
+    /// When its parameters make no usable stream.
+    pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
+        match self {
+            Self::Voltmeter(sensor) => sensor.screen(rate),
+            Self::Esim(sensor) => sensor.screen(rate),
+            Self::V2e(sensor) => sensor.screen(rate),
+        }
+    }
+}
+
+/// The sensors that see one rendering.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sensors {
+    /// The one.
+    One(Sensor),
+    /// Several, by name.
+    Named(BTreeMap<String, Sensor>),
+}
+
+impl Sensors {
+    /// Each, with its name where it has one, in the order of names.
+    pub fn iter(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
+        let (one, named) = match self {
+            Self::One(sensor) => (Some((None, sensor)), None),
+            Self::Named(sensors) => (None, Some(sensors.iter().map(|(name, s)| (Some(name.as_str()), s)))),
+        };
+        one.into_iter().chain(named.into_iter().flatten())
+    }
+}

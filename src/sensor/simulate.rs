@@ -1,0 +1,306 @@
+//! Sensors at work: a sequence of frames goes past them once, and their events go where they belong.
+
+use super::front_end::FrontEnd;
+use super::{Account, Model, Pixels, SensorError};
+use crate::event::EventSink;
+use crate::frames::{Frame, FrameError, Frames};
+use crate::seed::Seed;
+use std::ops::ControlFlow;
+
+/// Why a simulation over a sequence of frames ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulateError {
+    /// The next frame could not be had.
+    #[error(transparent)]
+    Frames(#[from] FrameError),
+    /// The sensor could not go on.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The caller asked for the end.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// A sensor at work, and where its events go.
+pub struct Channel<'a> {
+    pixels: Box<dyn Pixels>,
+    sink: &'a mut dyn EventSink,
+    front_end: FrontEnd,
+    watch: Option<&'a mut dyn FnMut(&Frame)>,
+}
+
+impl<'a> Channel<'a> {
+    /// Pixels at rest whose events will go to `sink`; they see the frames as they are.
+    pub fn new(pixels: Box<dyn Pixels>, sink: &'a mut dyn EventSink) -> Self {
+        Self { pixels, sink, front_end: FrontEnd::default(), watch: None }
+    }
+
+    /// The same behind a front end.
+    #[must_use]
+    pub fn behind(self, front_end: FrontEnd) -> Self {
+        Self { front_end, ..self }
+    }
+
+    /// The same with somebody who is shown each frame as the pixels see it.
+    #[must_use]
+    pub fn watched(self, watch: &'a mut dyn FnMut(&Frame)) -> Self {
+        Self { watch: Some(watch), ..self }
+    }
+
+    fn see(&mut self, frame: &Frame) -> Result<(), SensorError> {
+        self.pixels.advance(frame, self.sink)?;
+        self.watch.iter_mut().for_each(|watch| watch(frame));
+        Ok(())
+    }
+}
+
+impl std::fmt::Debug for Channel<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Channel").finish_non_exhaustive()
+    }
+}
+
+/// Shows a whole sequence of frames to sensors, all in one pass, and gives the account of each. Every front end sees a
+/// frame once, however many sensors are behind it. `tap` is shown each frame itself after the sensors; it may break the
+/// run off.
+///
+/// # Errors
+/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+pub fn simulate_all(
+    frames: &mut dyn Frames,
+    channels: &mut [Channel<'_>],
+    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
+) -> Result<Vec<Account>, SimulateError> {
+    let front_ends: Vec<FrontEnd> = channels.iter().map(|channel| channel.front_end).collect();
+    for front_end in &front_ends {
+        front_end.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
+    }
+    if front_ends.iter().any(FrontEnd::needs_colour) {
+        frames.want_colour();
+    }
+    while let Some(frame) = frames.next()? {
+        for (i, front_end) in front_ends.iter().enumerate() {
+            if front_ends[..i].contains(front_end) {
+                continue;
+            }
+            let seen = (!front_end.is_plain()).then(|| front_end.see(&frame, frames.colour()));
+            let alike = channels.iter_mut().filter(|channel| channel.front_end == *front_end);
+            for channel in alike {
+                channel.see(seen.as_ref().unwrap_or(&frame))?;
+            }
+        }
+        if tap(&frame).is_break() {
+            return Err(SimulateError::Interrupted);
+        }
+    }
+    channels.iter_mut().map(|Channel { pixels, sink, .. }| Ok(pixels.finish(*sink)?)).collect()
+}
+
+/// Shows a whole sequence of frames to one sensor, as [`simulate_all`].
+///
+/// # Errors
+/// As [`simulate_all`].
+pub fn simulate(
+    frames: &mut dyn Frames,
+    model: &dyn Model,
+    seed: Seed,
+    sink: &mut dyn EventSink,
+    tap: &mut dyn FnMut(&Frame) -> ControlFlow<()>,
+) -> Result<Account, SimulateError> {
+    let pixels = model.start(frames.size(), [0, 0], seed)?;
+    let channel = Channel::new(pixels, sink).behind(model.front_end());
+    let mut accounts = simulate_all(frames, &mut [channel], tap)?;
+    Ok(accounts.pop().expect("an account a sensor"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Sensor, esim, front_end, noise, v2e, voltmeter};
+    use super::*;
+    use crate::event::Event;
+    use crate::frames::array::{ArrayFrames, FullScale, Samples};
+    use crate::image::{Image, Size};
+
+    /// Every member of the family, without noise.
+    fn quiet() -> Vec<Sensor> {
+        let [k1, k2, ..] = voltmeter::Preset::Dvs346.k();
+        let voltmeter = voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..voltmeter.clone() };
+        vec![
+            Sensor::Voltmeter(voltmeter),
+            Sensor::Voltmeter(official),
+            Sensor::Esim(esim::Esim::default()),
+            Sensor::V2e(v2e::V2e::from(v2e::Preset::Clean)),
+        ]
+    }
+
+    /// Every member as it is.
+    fn usual() -> Vec<Sensor> {
+        let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
+        let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..presets[0].clone() };
+        let threshold = noise::Threshold { on: 0.15, off: 0.2, spread: 0.03 };
+        let refractory = noise::Refractory { period_us: 50.0, reference: noise::Reference::AtEnd };
+        let hot_pixels = noise::HotPixels { share: 0.1, rate: 1000.0 };
+        let esim = esim::Esim { threshold, refractory, hot_pixels, ..esim::Esim::default() };
+        let redrawn = esim::Esim { mismatch: noise::Redraw::PerFrame, ..esim.clone() };
+        let noisy = v2e::V2e { hot_pixels, ..v2e::V2e::from(v2e::Preset::Noisy) };
+        let voltmeters = presets.into_iter().chain([official]).map(Sensor::Voltmeter);
+        voltmeters.chain([Sensor::Esim(esim), Sensor::Esim(redrawn), Sensor::V2e(noisy)]).collect()
+    }
+
+    fn clip(grey: impl Fn(usize, usize) -> f32) -> ArrayFrames {
+        let size = Size { width: 16, height: 9 };
+        let stamps: Vec<i64> = (0..12).map(|i| 417 * i).collect();
+        let samples = (0..12).flat_map(|i| (0..size.pixels()).map(move |p| (i, p)));
+        let samples = samples.map(|(i, p)| grey(i, p)).collect();
+        ArrayFrames::new(size, Samples::Floats(samples, FullScale::Grey255), &stamps).unwrap()
+    }
+
+    fn moving() -> ArrayFrames {
+        clip(|i, p| 128.0 + 120.0 * ((p % 16 + 3 * i) as f32).sin())
+    }
+
+    fn run(sensor: &Sensor, mut frames: ArrayFrames) -> (Vec<Event>, Account) {
+        let mut events = Vec::new();
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let account = simulate(&mut frames, sensor.as_model(), Seed(1), &mut events, &mut go_on).unwrap();
+        (events, account)
+    }
+
+    #[test]
+    fn constant_light_without_noise_makes_no_event() {
+        for sensor in quiet() {
+            assert_eq!(run(&sensor, clip(|_, p| p as f32)).1, Account::default(), "{sensor:?}");
+        }
+    }
+
+    #[test]
+    fn streams_are_in_file_order_within_the_clip_and_counted() {
+        for sensor in quiet().into_iter().chain(usual()) {
+            let (events, account) = run(&sensor, moving());
+            assert!(account.events > 100, "{sensor:?}");
+            assert_eq!((events.len() as u64, account.on + account.off), (account.events, account.events));
+            assert!(events.is_sorted_by_key(Event::file_order));
+            assert!(events.iter().all(|event| event.t.0 > 0 && event.t.floor_micros() <= 417 * 11));
+        }
+    }
+
+    #[test]
+    fn a_seed_is_a_stream() {
+        for sensor in usual() {
+            assert_eq!(run(&sensor, moving()), run(&sensor, moving()));
+        }
+    }
+
+    #[test]
+    fn sensors_that_share_their_frames_see_what_each_sees_alone() {
+        let sensors = usual();
+        let mut streams: Vec<Vec<Event>> = vec![Vec::new(); sensors.len()];
+        let size = moving().size();
+        let start = |sensor: &Sensor| sensor.as_model().start(size, [0, 0], Seed(1)).unwrap();
+        let channel = |(sensor, stream)| Channel::new(start(sensor), stream);
+        let mut channels: Vec<Channel<'_>> = sensors
+            .iter()
+            .zip(streams.iter_mut().map(|s| -> &mut dyn EventSink { s }))
+            .map(channel)
+            .collect();
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let accounts = simulate_all(&mut moving(), &mut channels, &mut go_on).unwrap();
+        for ((sensor, stream), account) in sensors.iter().zip(streams).zip(accounts) {
+            assert_eq!((stream, account), run(sensor, moving()), "{sensor:?}");
+        }
+    }
+
+    /// Frames of three colours that change, and the encoded luminance of them.
+    struct Coloured {
+        greys: ArrayFrames,
+        wanted: bool,
+        colour: Option<Image<[f32; 3]>>,
+    }
+
+    impl Frames for Coloured {
+        fn size(&self) -> Size {
+            self.greys.size()
+        }
+
+        fn len(&self) -> usize {
+            self.greys.len()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+            let frame = self.greys.next()?;
+            let colours = frame.as_ref().map(|frame| {
+                let colours = frame.luminance.pixels().iter().map(|l| [*l, 0.5 * l, 255.0 - l]).collect();
+                Image::from_vec(self.size(), colours)
+            });
+            self.colour = colours.filter(|_| self.wanted);
+            Ok(frame)
+        }
+
+        fn want_colour(&mut self) {
+            self.wanted = true;
+        }
+
+        fn colour(&self) -> Option<&Image<[f32; 3]>> {
+            self.colour.as_ref()
+        }
+    }
+
+    #[test]
+    fn each_sees_the_frames_through_its_own_front_end() {
+        let weights = |rgb| front_end::Luminance::of(rgb).unwrap();
+        let plain = FrontEnd::default();
+        let front_ends = [
+            FrontEnd { luminance: weights([1.0, 0.0, 0.0]), ..plain },
+            plain,
+            FrontEnd { luminance: weights([0.0, 0.0, 1.0]), ..plain },
+            FrontEnd { luminance: weights([1.0, 0.0, 0.0]), ..plain },
+        ];
+        let mut frames = Coloured { greys: moving(), wanted: false, colour: None };
+        let mut streams: [Vec<Event>; 4] = Default::default();
+        let mut seen: [Vec<f32>; 4] = Default::default();
+        let mut watchers: Vec<_> =
+            seen.iter_mut().map(|seen| |frame: &Frame| seen.extend(frame.luminance.pixels())).collect();
+        let sensor = &usual()[0];
+        let mut channels = Vec::new();
+        for ((stream, watch), front_end) in streams.iter_mut().zip(&mut watchers).zip(front_ends) {
+            let pixels = sensor.as_model().start(frames.size(), [0, 0], Seed(1)).unwrap();
+            channels.push(Channel::new(pixels, stream).behind(front_end).watched(watch));
+        }
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        simulate_all(&mut frames, &mut channels, &mut go_on).unwrap();
+        drop(channels);
+        drop(watchers);
+        // Red is what the greys are, blue its negative.
+        let wanted = run(sensor, moving()).0;
+        assert!(streams[0] == wanted && streams[1] == wanted && streams[3] == wanted);
+        let negative = clip(|i, p| 255.0 - (128.0 + 120.0 * ((p % 16 + 3 * i) as f32).sin()));
+        assert!(streams[2] == run(sensor, negative).0);
+        assert!(seen[0] == seen[1] && seen[0] == seen[3]);
+        assert!(seen[0].iter().zip(&seen[2]).all(|(red, blue)| blue.to_bits() == (255.0 - red).to_bits()));
+    }
+
+    #[test]
+    fn a_front_end_that_is_none_is_refused() {
+        let pixels = usual()[0].as_model().start(moving().size(), [0, 0], Seed(1)).unwrap();
+        let mut events = Vec::new();
+        let front_end = FrontEnd { exposure: 0.0, ..FrontEnd::default() };
+        let mut channel = [Channel::new(pixels, &mut events).behind(front_end)];
+        let mut go_on = |_: &Frame| ControlFlow::Continue(());
+        let error = simulate_all(&mut moving(), &mut channel, &mut go_on).unwrap_err().to_string();
+        assert_eq!(error, "the exposure is 0, wanted a finite number above 0");
+    }
+
+    #[test]
+    fn a_run_can_be_broken_off() {
+        let mut seen = Vec::new();
+        let mut stop = |frame: &Frame| {
+            seen.push(frame.index);
+            if frame.index == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let sensor = &usual()[0];
+        let result = simulate(&mut moving(), sensor.as_model(), Seed(1), &mut Vec::new(), &mut stop);
+        assert!(matches!(result, Err(SimulateError::Interrupted)));
+        assert_eq!(seen, [0, 1, 2]);
+    }
+}
