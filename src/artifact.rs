@@ -13,6 +13,7 @@ use crate::render::fidelity::Fidelity;
 use crate::render::flow::Quantiles;
 use crate::render::{Omit, Velocity, Work};
 use crate::sampling::Chosen;
+use crate::sampling::exposure::Exposure;
 use crate::scene::{Gaussians, Screening};
 use crate::se3::{Se3, Twist};
 use crate::seed::Seed;
@@ -321,7 +322,7 @@ impl Artifact for EventStreams {
     }
 }
 
-/// PNG files by name.
+/// Pictures by name: PNG, or arrays of numbers.
 #[derive(Debug)]
 pub struct Pictures {
     /// Name and path, sorted by name.
@@ -333,6 +334,26 @@ impl Artifact for Pictures {
 
     fn open(files: &Files) -> Result<Self, ArtifactError> {
         Ok(Self { files: files.iter().map(|(name, path)| (name.to_owned(), path.to_owned())).collect() })
+    }
+}
+
+/// Blurred frames: PNG files, and how each was exposed.
+#[derive(Debug)]
+pub struct Blurred {
+    /// In the order of poses.
+    pub exposures: Vec<Exposure>,
+}
+
+impl Blurred {
+    /// The name of the file that says how they were exposed.
+    pub const EXPOSURES: &str = "exposures.json";
+}
+
+impl Artifact for Blurred {
+    const KIND: &'static str = "blurred";
+
+    fn open(files: &Files) -> Result<Self, ArtifactError> {
+        Ok(Self { exposures: files.json(Self::EXPOSURES)? })
     }
 }
 

@@ -1,6 +1,7 @@
 //! Images in memory and the colour arithmetic that all of the program shares.
 
 pub mod jpeg;
+pub mod light;
 pub mod likeness;
 pub mod npy;
 pub mod photo;

@@ -36,6 +36,7 @@ use crate::licence::{Grant, ledger};
 use crate::reconstruct::Command;
 use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
+use crate::sampling::exposure::Shutter;
 use crate::scene::procedural::StillLife;
 use crate::sensor::Sensors;
 use crate::source::Captured;
@@ -85,8 +86,12 @@ pub struct Recipe {
     pub sensors: Sensors,
     /// What is made for each trajectory.
     pub outputs: BTreeSet<Output>,
-    /// Every how many poses a sharp frame is kept.
-    pub sharp_every: u32,
+    /// Every how many poses there is a picture.
+    pub every: Spacing,
+    /// How blurred frames are exposed.
+    pub shutter: Shutter,
+    /// How large the scene is, where the recipe says.
+    pub scale: Option<SceneScale>,
     /// Limits and waivers.
     pub checks: Limits,
     /// The owner's part of the licence.
@@ -229,6 +234,46 @@ pub enum Output {
     Events,
     /// Sharp frames.
     Sharp,
+    /// Blurred frames.
+    Blur,
+    /// Depth images.
+    Depth,
+    /// Images of optical flow.
+    Flow,
+}
+
+/// Every how many poses there is a picture of a kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spacing {
+    /// A sharp frame; those in the middle of an exposure are kept beside.
+    pub sharp: u32,
+    /// A depth image.
+    pub depth: u32,
+    /// An image of optical flow.
+    pub flow: u32,
+}
+
+/// How large a scene is, by the axes of the paper's appendix D.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SceneScale {
+    /// One thing.
+    Object,
+    /// A room, or a few things.
+    Medium,
+    /// A building, a street, a landscape.
+    Large,
+}
+
+impl SceneScale {
+    /// Its name in recipes and in `scene.json`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Object => "object",
+            Self::Medium => "medium",
+            Self::Large => "large",
+        }
+    }
 }
 
 /// The owner's part of the licence.

@@ -35,6 +35,7 @@ use crate::licence::{Passing, is_metadata};
 use crate::plan::Plan;
 use crate::recipe::{self, Faults, ReleaseInfo, SourceTerms, Takedown};
 use crate::run::Summary;
+use crate::sampling::exposure::Exposure;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
 use crate::trajectory::transforms;
@@ -311,13 +312,20 @@ fn trajectory_files(
         let stored = outputs.filter(|o| o.name == Stream::stored(name));
         files.extend(stored.map(|o| (Stream::released(name), blob(o))));
     }
-    let pictures = trajectory.sharp.iter().flatten().filter(|o| o.name.ends_with(".png"));
-    files.extend(pictures.map(|o| (format!("sharp/{}", o.name), blob(o))));
+    for (folder, extension, outputs) in trajectory.pictures() {
+        let pictures = outputs.iter().filter(|o| o.name.ends_with(extension));
+        files.extend(pictures.map(|o| (format!("{folder}/{}", o.name), blob(o))));
+    }
     files.insert("checks.json".into(), Content::json(&trajectory.findings));
     let path = path_picture::compose(trajectory).map(Content::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
-    let pictures: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
-    let transforms = transforms::compose(&scene.camera(), &trajectory.motion.trajectory, &pictures);
+    let sharp: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
+    let blurred = trajectory.blur.as_ref().map_or(&[][..], |(blurred, _)| &blurred.exposures);
+    let transforms = transforms::compose(
+        &scene.camera(),
+        &trajectory.motion.trajectory,
+        &transforms::Pictures { sharp: &sharp, blurred: &blurred.iter().map(Exposure::times).collect() },
+    );
     files.insert("transforms.json".into(), Content::json(&transforms));
     files
 }

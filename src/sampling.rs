@@ -10,6 +10,7 @@
 
 pub mod between;
 pub mod choose;
+pub mod exposure;
 pub mod flow;
 pub mod jitter;
 pub mod law;

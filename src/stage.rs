@@ -3,14 +3,17 @@
 //! A stage's own fields are its parameters: nothing else of a recipe can enter its key. What must not enter
 //! (paths, a back end already told by the class) is skipped in its serialisation. No stage holds arithmetic.
 
+pub mod blur;
 pub mod capture;
 pub mod checks;
 pub mod events;
 pub mod fidelity;
 pub mod foreign;
+pub mod geometry;
 pub mod reconstruct;
 pub mod scene_checks;
 pub mod sharp;
+pub mod shot;
 pub mod trajectory;
 
 use crate::artifact::{Artifact, ArtifactError, Files};

@@ -9,6 +9,7 @@ use crate::trajectory::{Trajectory, transforms};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use std::collections::BTreeMap;
 
 /// What OpenCV finds of a trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -90,7 +91,8 @@ impl Released {
         trajectory.write_poses(&mut poses_txt).expect("memory takes what is written");
         let names: Vec<String> = pictures.iter().map(|picture| format!("{:06}.png", picture.pose)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let transforms_json = transforms::compose(camera, trajectory, &names).to_string().into_bytes();
+        let pictures = transforms::Pictures { sharp: &names, blurred: &BTreeMap::new() };
+        let transforms_json = transforms::compose(camera, trajectory, &pictures).to_string().into_bytes();
         Self { poses_txt, transforms_json }
     }
 }

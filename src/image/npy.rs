@@ -75,6 +75,25 @@ pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>>
     Ok(values.chunks(size.pixels().max(1)).map(|v| Image::from_vec(size, v.to_vec())).collect())
 }
 
+/// Reads the numbers of a float32 array that has this shape, in C order, and nothing behind it.
+///
+/// # Errors
+/// When the bytes are no such array.
+pub fn read_values(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>> {
+    let invalid = |because: String| io::Error::new(io::ErrorKind::InvalidData, because);
+    let head = head(input)?;
+    let file = npyz::NpyFile::new(head.as_slice().chain(&mut *input))?;
+    if file.shape() != shape || file.order() != npyz::Order::C {
+        let found = (file.shape(), file.order());
+        return Err(invalid(format!("an array of shape and order {found:?}, wanted {shape:?} in C order")));
+    }
+    let values = file.into_vec::<f32>()?;
+    match input.read(&mut [0])? {
+        0 => Ok(values),
+        _ => Err(invalid("bytes behind the array".to_owned())),
+    }
+}
+
 /// The head of an array as it is stored, if it is one that the parser is safe to be given: its time doubles with every
 /// bracket that is open, and the head of a plain array has two, of its dictionary and its shape; and it counts the
 /// elements without a look at how many they are.

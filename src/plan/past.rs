@@ -3,7 +3,9 @@
 use super::{Plan, PlannedStep};
 use crate::recipe::Recipe;
 use crate::stage::Stage as _;
+use crate::stage::blur::Exposing;
 use crate::stage::events::Simulating;
+use crate::stage::geometry::{Depth, Flow, Quantity as _};
 use crate::stage::sharp::Photographing;
 use crate::stage::trajectory::Moving;
 use crate::store::record::Brief;
@@ -59,7 +61,9 @@ pub fn past(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError>
 /// When a record cannot be read.
 pub fn class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
     // Those that take longest to make again come first.
-    for step in [Simulating::NAME, Photographing::NAME, Moving::NAME] {
+    let steps =
+        [Simulating::NAME, Exposing::NAME, Photographing::NAME, Depth::NAME, Flow::NAME, Moving::NAME];
+    for step in steps {
         for trajectory in &recipe.trajectories {
             let key = store.last_key(&recipe.scene, &format!("{}/{step}", trajectory.name));
             let record = key.map(|key| store.full_record(&key)).transpose()?.flatten();

@@ -2,7 +2,7 @@
 //! asks for does not exist.
 
 use super::Wiring;
-use crate::artifact::Motion;
+use crate::artifact::{Motion, Pictures};
 use crate::recipe::{Output, Recipe, Reconstruct, Source, TrajectoryRecipe};
 use crate::render::Omit;
 use crate::render::backend::Backend;
@@ -11,14 +11,17 @@ use crate::seed::{Purpose, Seed};
 use crate::source::Capture;
 use crate::speed::Speed;
 use crate::stage::Target;
+use crate::stage::blur::Exposing;
 use crate::stage::capture::Capturing;
 use crate::stage::checks::Checking;
 use crate::stage::events::Simulating;
 use crate::stage::fidelity::Comparing;
 use crate::stage::foreign::Asking;
+use crate::stage::geometry::{Depth, Flow, Measuring};
 use crate::stage::reconstruct::Reconstructing;
 use crate::stage::scene_checks::CheckingScene;
 use crate::stage::sharp::Photographing;
+use crate::stage::shot::Shot;
 use crate::stage::trajectory::{Moving, Seeing};
 use std::collections::BTreeMap;
 
@@ -123,19 +126,41 @@ fn trajectory(
         };
         wiring.add(name("events"), simulating, (capture, gaussians.expect(RENDERED), motion))
     });
-    let sharp = recipe.outputs.contains(&Output::Sharp).then(|| {
-        let sharp = Photographing {
-            camera: recipe.camera,
-            render: recipe.render,
-            every: recipe.sharp_every,
-            omit,
-            backend: backend(),
-        };
-        wiring.add(name("sharp"), sharp, (capture, gaussians.expect(RENDERED), motion))
-    });
+    let sharp = pictures(recipe, &trajectory.name, motion, ground, wiring);
     let asking = Asking::of(&recipe.checks, recipe.camera);
     let foreign = asking.map(|asking| wiring.add(name("foreign"), asking, (capture, motion, sharp, events)));
     let checking = Checking { limits: recipe.checks.of_trajectory() };
     wiring.add(name("checks"), checking, (motion, events, foreign));
     motion
+}
+
+/// The steps that render the pictures of a release, each where it is asked for; the sharp ones are seen by others.
+fn pictures(
+    recipe: &Recipe,
+    trajectory: &str,
+    motion: Target<Motion>,
+    ground: Ground<'_>,
+    wiring: &mut Wiring<'_>,
+) -> Option<Target<Pictures>> {
+    let Ground { capture, gaussians, backend, omit } = ground;
+    let shot = || Shot { camera: recipe.camera, render: recipe.render, omit, backend: backend.clone() };
+    let name = |step: &str| format!("{trajectory}/{step}");
+    let inputs = || (capture, gaussians.expect(RENDERED), motion);
+    let asks = |output: Output| recipe.outputs.contains(&output);
+    let sharp = asks(Output::Sharp).then(|| {
+        // Where every frame is kept, those in the middle of exposures are.
+        let exposed = (asks(Output::Blur) && recipe.every.sharp > 1).then_some(recipe.shutter.frames);
+        let sharp = Photographing { shot: shot(), every: recipe.every.sharp, exposed };
+        wiring.add(name("sharp"), sharp, inputs())
+    });
+    if asks(Output::Blur) {
+        wiring.add(name("blur"), Exposing { shot: shot(), shutter: recipe.shutter }, inputs());
+    }
+    if asks(Output::Depth) {
+        wiring.add(name("depth"), Measuring::<Depth>::new(shot(), recipe.every.depth), inputs());
+    }
+    if asks(Output::Flow) {
+        wiring.add(name("flow"), Measuring::<Flow>::new(shot(), recipe.every.flow), inputs());
+    }
+    sharp
 }

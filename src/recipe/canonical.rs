@@ -29,7 +29,7 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
             "background": recipe.render.background,
         },
         "outputs": recipe.outputs.iter().map(|o| output(*o)).collect::<Vec<_>>(),
-        "sharp": { "every": recipe.sharp_every },
+        "sharp": { "every": recipe.every.sharp },
         "checks": recipe.checks,
     });
     let mut add = |key: &str, value: Value| out[key] = value;
@@ -56,6 +56,12 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
         }
         add("camera", sides);
     }
+    for (key, value) in pictures(recipe) {
+        add(key, value);
+    }
+    if let Some(scale) = recipe.scale {
+        add("attributes", json!({ "scene_scale": scale.name() }));
+    }
     if let Some(group) = &recipe.group {
         add("group", json!(group));
     }
@@ -68,6 +74,17 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
         add("licence", said);
     }
     out
+}
+
+/// What is said of pictures beside the sharp ones, where they are asked for.
+fn pictures(recipe: &Resolved) -> impl Iterator<Item = (&'static str, Value)> {
+    let said = [
+        (Output::Blur, "blur", json!(recipe.shutter)),
+        (Output::Depth, "depth", json!({ "every": recipe.every.depth })),
+        (Output::Flow, "flow", json!({ "every": recipe.every.flow })),
+    ];
+    let asked = said.into_iter().filter(|(output, ..)| recipe.outputs.contains(output));
+    asked.map(|(_, key, value)| (key, value))
 }
 
 fn sampling(recipe: &Resolved) -> Value {
@@ -204,5 +221,8 @@ fn output(output: Output) -> &'static str {
     match output {
         Output::Events => "events",
         Output::Sharp => "sharp",
+        Output::Blur => "blur",
+        Output::Depth => "depth",
+        Output::Flow => "flow",
     }
 }

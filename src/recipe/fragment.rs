@@ -28,7 +28,7 @@ pub struct Fragment {
 }
 
 /// The keys of a recipe that bear on no trajectory: whatever they hold, and whether they are there, is not looked at.
-const OTHERS: [&str; 11] = [
+const OTHERS: [&str; 13] = [
     "source",
     "reconstruct",
     "sensor",
@@ -36,6 +36,8 @@ const OTHERS: [&str; 11] = [
     "outputs",
     "sharp",
     "blur",
+    "depth",
+    "flow",
     "checks",
     "licence",
     "release",
@@ -61,7 +63,7 @@ pub fn read_fragment(path: &Path) -> Result<Fragment, Faults> {
 }
 
 /// The keys of a recipe that bear on no sensor.
-const NOT_OF_THE_SENSOR: [&str; 14] = [
+const NOT_OF_THE_SENSOR: [&str; 16] = [
     "scene",
     "source",
     "reconstruct",
@@ -72,6 +74,8 @@ const NOT_OF_THE_SENSOR: [&str; 14] = [
     "outputs",
     "sharp",
     "blur",
+    "depth",
+    "flow",
     "checks",
     "licence",
     "release",

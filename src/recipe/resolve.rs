@@ -2,6 +2,7 @@
 
 mod licence;
 mod number;
+mod outputs;
 mod picture;
 mod reconstruct;
 mod sampling;
@@ -13,16 +14,18 @@ use super::field::{Field, Later};
 use super::problem::{Problem, quoted};
 use super::reader::Problems;
 use super::text::Place;
-use super::{LicenceChoice, Output, Reconstruct, Source, TrajectoryRecipe, names, schema};
+use super::{
+    LicenceChoice, Output, Reconstruct, SceneScale, Source, Spacing, TrajectoryRecipe, names, schema,
+};
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderChoice;
 use crate::sampling::Tolerance;
+use crate::sampling::exposure::Shutter;
 use crate::sensor::Sensors;
 use crate::speed::Speed;
 use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
-use number::Whole;
 use reconstruct::Ground;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -56,7 +59,9 @@ pub(super) struct Resolved {
     pub render: RenderChoice,
     pub sensors: Sensors,
     pub outputs: BTreeSet<Output>,
-    pub sharp_every: u32,
+    pub every: Spacing,
+    pub shutter: Shutter,
+    pub scale: Option<SceneScale>,
     pub checks: Limits,
     pub licence: Option<LicenceChoice>,
 }
@@ -65,7 +70,7 @@ impl Resolver<'_> {
     /// The recipe, or `None` where something is wrong with it, which then was reported.
     pub(super) fn recipe(&self, raw: &schema::Recipe) -> Option<Resolved> {
         self.required(&raw.version, "version", self.root, "write version: 1");
-        self.refuse_later(raw);
+        self.later(&raw.release, "this gs2e releases the products alone");
         let scene = self.scene(&raw.scene);
         let seed = self.or(&raw.seed, 0);
         let source = self.source(&raw.source);
@@ -84,7 +89,9 @@ impl Resolver<'_> {
             || trajectories.iter().flatten().any(|t: &TrajectoryRecipe| matches!(t.speed, Speed::Flow(_)));
         let ground = Ground { source: source.as_ref(), seed, renders };
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
-        let sharp_every = self.sharp_every(&raw.sharp);
+        let every = self.spacing(raw);
+        let shutter = self.shutter(&raw.blur);
+        let scale = self.scene_scale(&raw.attributes);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         Some(Resolved {
@@ -101,16 +108,23 @@ impl Resolver<'_> {
             render: render?,
             sensors: sensors?,
             outputs: outputs?,
-            sharp_every: sharp_every?,
+            every: every?,
+            shutter: shutter?,
+            scale: scale?,
             checks: checks?,
             licence: licence?,
         })
     }
 
-    fn refuse_later(&self, raw: &schema::Recipe) {
-        self.later(&raw.blur, PRODUCTS);
-        self.later(&raw.release, "this gs2e releases the products alone");
-        self.later(&raw.attributes, "this gs2e takes attributes from the source");
+    fn scene_scale(&self, field: &Field<schema::Attributes>) -> Option<Option<SceneScale>> {
+        let absent = schema::Attributes::default();
+        let field = &self.section(field, &absent)?.scene_scale;
+        let Some((scale, _)) = field.given() else { return field.is_absent().then_some(None) };
+        Some(Some(match scale {
+            schema::SceneScale::Object => SceneScale::Object,
+            schema::SceneScale::Medium => SceneScale::Medium,
+            schema::SceneScale::Large => SceneScale::Large,
+        }))
     }
 
     fn scene(&self, field: &Field<String>) -> Option<String> {
@@ -135,39 +149,6 @@ impl Resolver<'_> {
         }
     }
 
-    fn outputs(&self, field: &Field<Vec<Field<schema::Output>>>) -> Option<BTreeSet<Output>> {
-        let list = match field {
-            Field::Absent => return Some(BTreeSet::from([Output::Events, Output::Sharp])),
-            Field::Bad => return None,
-            Field::Given(list, _) => list,
-        };
-        let found: Vec<Option<(Output, Place)>> = list.iter().map(|item| self.output(item)).collect();
-        let mut outputs = BTreeSet::new();
-        for (output, place) in found.into_iter().collect::<Option<Vec<_>>>()? {
-            if !outputs.insert(output) {
-                self.report(Problem::of_field("names an output for the second time").at(place));
-            }
-        }
-        Some(outputs)
-    }
-
-    fn output(&self, item: &Field<schema::Output>) -> Option<(Output, Place)> {
-        let (output, place) = item.given()?;
-        let name = match output {
-            schema::Output::Events => return Some((Output::Events, place)),
-            schema::Output::Sharp => return Some((Output::Sharp, place)),
-            schema::Output::Blur => "blur",
-            schema::Output::Depth => "depth",
-            schema::Output::Flow => "flow",
-        };
-        self.word_later(name, place, PRODUCTS)
-    }
-
-    fn sharp_every(&self, field: &Field<schema::Sharp>) -> Option<u32> {
-        let absent = schema::Sharp::default();
-        self.small(&self.section(field, &absent)?.every, 1, Whole::new(1, MAX_FRAMES))
-    }
-
     fn report(&self, problem: Problem) {
         self.problems.borrow_mut().push(problem);
     }
@@ -183,11 +164,6 @@ impl Resolver<'_> {
         if let Some(place) = field.place() {
             self.report(Problem::of_key("is not built yet").help(instead).at(place));
         }
-    }
-
-    /// Refuses a choice whose feature is not there yet.
-    fn word_later<T>(&self, word: &str, place: Place, instead: &str) -> Option<T> {
-        self.refuse(Problem::new(format!("\"{word}\" is not built yet")).help(instead).at(place))
     }
 
     /// A section that may be left out; `None` where it is faulty.
@@ -233,5 +209,3 @@ fn usual_rules(sampling: &Field<schema::Sampling>) -> schema::Rules {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
     if tolerant { schema::Rules::Soft } else { schema::Rules::Official }
 }
-
-const PRODUCTS: &str = "this gs2e makes events and sharp frames";

@@ -54,17 +54,21 @@ pub(super) struct Recipe {
     /// Default: events and sharp.
     pub outputs: Field<Vec<Field<Output>>>,
     /// Sharp frames.
-    pub sharp: Field<Sharp>,
-    /// Blurred frames: `frames`, `subframes`.
-    pub blur: Field<Later>,
+    pub sharp: Field<Every>,
+    /// Blurred frames.
+    pub blur: Field<Blur>,
+    /// Depth images.
+    pub depth: Field<Every>,
+    /// Images of optical flow.
+    pub flow: Field<Every>,
     /// Limits that differ from the defaults, and waivers.
     pub checks: Field<Limits>,
     /// The owner's part of the licence.
     pub licence: Field<Licence>,
     /// What a release holds beside its products: `include`.
     pub release: Field<Later>,
-    /// What the tool cannot know, for catalogues: `scene_scale`.
-    pub attributes: Field<Later>,
+    /// What the tool cannot know, for catalogues.
+    pub attributes: Field<Attributes>,
 }
 
 /// Where poses come from.
@@ -263,8 +267,40 @@ pub(super) enum Output {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Sharp {
+pub(super) struct Every {
+    /// Default: 1, each pose.
     pub every: Field<u64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Blur {
+    /// Of an exposure, odd. Default: 15.
+    pub frames: Field<u64>,
+    /// Default: `auto`.
+    pub subframes: Field<Subframes>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Subframes {
+    Auto,
+    Literal,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Attributes {
+    /// Default: what is known of the source.
+    pub scene_scale: Field<SceneScale>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum SceneScale {
+    Object,
+    Medium,
+    Large,
 }
 
 #[derive(Debug, Default, Deserialize)]

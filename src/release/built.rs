@@ -1,7 +1,9 @@
 //! What was built, gathered from the store for a release.
 
 use super::left_out::{self, Row};
-use crate::artifact::{Artifact, ArtifactError, EventStreams, Files, Motion, Simulation, Stream, Verdicts};
+use crate::artifact::{
+    Artifact, ArtifactError, Blurred, EventStreams, Files, Motion, Simulation, Stream, Verdicts,
+};
 use crate::camera::{self, Camera};
 use crate::check::Finding;
 use crate::licence::{Composed, Stated};
@@ -57,6 +59,9 @@ pub(super) struct BuiltTrajectory {
     pub(super) motion_files: Vec<Output>,
     pub(super) events: Option<(EventStreams, Vec<Output>)>,
     pub(super) sharp: Option<Vec<Output>>,
+    pub(super) blur: Option<(Blurred, Vec<Output>)>,
+    pub(super) depth: Option<Vec<Output>>,
+    pub(super) flow: Option<Vec<Output>>,
     pub(super) left_out: Vec<Row>,
     pub(super) findings: Vec<Finding>,
     pub(super) peaks_ev_per_ms: Vec<u64>,
@@ -73,6 +78,16 @@ impl BuiltTrajectory {
             Kind::Orbit => "orbit",
             Kind::Keyframes => "keyframes",
         }
+    }
+
+    /// Its pictures of each kind: the folder in a release, what the names of files end with, and what is in the store.
+    pub(super) fn pictures(&self) -> [(&'static str, &'static str, &[Output]); 4] {
+        [
+            ("sharp", ".png", self.sharp.as_deref().unwrap_or_default()),
+            ("blur", ".png", self.blur.as_ref().map_or(&[], |(_, outputs)| outputs)),
+            ("depth", ".npy", self.depth.as_deref().unwrap_or_default()),
+            ("flow", ".npy", self.flow.as_deref().unwrap_or_default()),
+        ]
     }
 
     pub(super) fn simulation(&self) -> Option<&Simulation> {
@@ -234,6 +249,9 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
         events: shelf.open_optional(&step("events"))?,
         left_out: shelf.left_out(name)?,
         sharp: shelf.find(&step("sharp")).map(<[Output]>::to_vec),
+        blur: shelf.open_optional(&step("blur"))?,
+        depth: shelf.find(&step("depth")).map(<[Output]>::to_vec),
+        flow: shelf.find(&step("flow")).map(<[Output]>::to_vec),
         peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),
         check_pictures: pictures,

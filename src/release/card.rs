@@ -91,11 +91,12 @@ fn introduction(facts: &Facts<'_>) -> String {
     if !info.description.is_empty() {
         let _ = writeln!(text, "{}\n", plain(&info.description));
     }
-    let Counts { scenes, trajectories, events, frames, withheld, .. } = facts.counts();
+    let Counts { scenes, trajectories, events, withheld, .. } = facts.counts();
+    let pictures = facts.pictures();
     let _ = writeln!(
         text,
         "Synthetic event-camera streams with exact poses: {scenes} scene(s), {trajectories} trajectory(ies), {events} \
-         events, {frames} sharp frames. Each stream was simulated from renderings of a 3D Gaussian splat along a dense \
+         events, {pictures}. Each stream was simulated from renderings of a 3D Gaussian splat along a dense \
          camera path. `DATASHEET.md` has more."
     );
     if withheld > 0 {
@@ -156,6 +157,9 @@ const FILES: &str = "\
 | `trajectory.svg` | the path from above and from the side, and its speed over time |
 | `trajectory.png` | the path alone |
 | `sharp/%06d.png` | 8-bit sRGB rendering at the pose of that number |
+| `blur/%06d.png` | 8-bit sRGB mean, in linear light, over an exposure around that pose, which `transforms.json` times |
+| `depth/%06d.npy` | float32 `[H, W]`, scene units along the optical axis: the mean of the Gaussians that a pixel shows, by their weight, so that soft edges mix near and far; NaN where opacity is below 0.5 |
+| `flow/%06d.npy` | float32 `[H, W, 2]`, px/s: image velocity at that pose's time of the static point at a pixel's depth; NaN where depth is |
 | `checks.json` | verdicts of the validation passes |
 | `report.html` | the release for people, in one file that opens from disk: pictures, curves, verdicts, what was left out |
 | `index.parquet` | a row a trajectory, to choose by |
@@ -177,7 +181,7 @@ from gs2e import Scene  # gs2e.py, copied beside your own code
 scene = Scene(\"<scene>\", \"<trajectory>\")
 t, x, y, p, label = scene.events(10_000, 20_000)  # t0_us <= t < t1_us
 world_from_camera = scene.pose(15_000)  # [4, 4], between poses by lerp and slerp
-voxel = scene.voxel(10_000, 20_000, bins=5)  # [bins, H, W]; also .event_frame(), .K, .frames
+voxel = scene.voxel(10_000, 20_000, bins=5)  # [bins, H, W]; also .event_frame(), .K, .frames, .blurred, .depth(j), .flow(j)
 ```
 ";
 

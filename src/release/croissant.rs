@@ -70,10 +70,23 @@ const ROOT_SUM: &str = "https://github.com/mlcommons/croissant/issues/80";
 const SCENE_FILES: &str = "scene-files";
 
 /// Sets of files: id, media type, which, and what they are. A release has those that are not empty.
-const FILE_SETS: [(&str, &str, &str, &str); 8] = [
+const FILE_SETS: [(&str, &str, &str, &str); 11] = [
     ("event-files", HDF5, "**/events.h5", "events of a trajectory, in DSEC's layout"),
     ("sensor-event-files", HDF5, "**/events/*.h5", "events of one of several sensors, in DSEC's layout"),
     ("picture-files", "image/png", "**/sharp/*.png", "sharp pictures, 8-bit sRGB"),
+    (
+        "blur-files",
+        "image/png",
+        "**/blur/*.png",
+        "blurred pictures, 8-bit sRGB: means over an exposure, in linear light",
+    ),
+    (
+        "depth-files",
+        NPY,
+        "**/depth/*.npy",
+        "depth, float32 [H, W], scene units along the optical axis; NaN: undefined",
+    ),
+    ("flow-files", NPY, "**/flow/*.npy", "optical flow, float32 [H, W, 2], px/s; NaN: undefined"),
     ("pose-files", "text/plain", "**/poses.txt", "t_us tx ty tz qx qy qz qw, camera to world"),
     ("transform-files", JSON, "**/transforms.json", "poses and camera in nerfstudio's form"),
     ("speed-files", JSON, "**/speed.json", "asked and achieved speed of the camera"),
@@ -82,6 +95,7 @@ const FILE_SETS: [(&str, &str, &str, &str); 8] = [
 ];
 
 const HDF5: &str = "application/x-hdf5";
+const NPY: &str = "application/x-npy";
 const JSON: &str = "application/json";
 
 /// What is described.

@@ -28,7 +28,12 @@ pub(super) struct Counts {
     pub(super) poses: usize,
     pub(super) streams: usize,
     pub(super) events: u64,
+    /// Sharp frames.
     pub(super) frames: usize,
+    /// Blurred ones.
+    pub(super) blurred: usize,
+    /// Images of depth and of flow.
+    pub(super) geometry: [usize; 2],
     /// Scenes of which nothing is passed on that shows them.
     pub(super) withheld: usize,
 }
@@ -39,15 +44,22 @@ impl Facts<'_> {
         let shown_paths = || shown().flat_map(|scene| &scene.trajectories);
         let streams = || shown_paths().flat_map(BuiltTrajectory::streams);
         let paths = || self.scenes.iter().flat_map(|scene| &scene.trajectories);
-        let frames =
-            |t: &BuiltTrajectory| t.sharp.iter().flatten().filter(|output| is_png(&output.name)).count();
+        let pictures = |kind: &str| -> usize {
+            let of = |t: &BuiltTrajectory| -> usize {
+                let kinds = t.pictures().into_iter().filter(|(folder, ..)| *folder == kind);
+                kinds.flat_map(|(_, end, all)| all.iter().filter(move |o| o.name.ends_with(end))).count()
+            };
+            shown_paths().map(of).sum()
+        };
         Counts {
             scenes: self.scenes.len(),
             trajectories: paths().count(),
             poses: paths().map(|t| t.motion.trajectory.stamps_us.len()).sum(),
             streams: streams().count(),
             events: streams().map(|stream| stream.account.events).sum(),
-            frames: shown_paths().map(frames).sum(),
+            frames: pictures("sharp"),
+            blurred: pictures("blur"),
+            geometry: [pictures("depth"), pictures("flow")],
             withheld: self.scenes.len() - shown().count(),
         }
     }
@@ -85,6 +97,15 @@ impl Facts<'_> {
     /// Everything that receivers are asked for.
     pub(super) fn obligations(&self) -> BTreeSet<Obligation> {
         self.parts().flat_map(|part| part.obligations.iter().copied()).collect()
+    }
+
+    /// The pictures in words: sharp ones always, others where there are any.
+    pub(super) fn pictures(&self) -> String {
+        let Counts { frames, blurred, geometry: [depth, flow], .. } = self.counts();
+        let beside = [(blurred, "blurred frames"), (depth, "depth images"), (flow, "flow images")];
+        let beside = beside.into_iter().filter(|(count, _)| *count > 0);
+        let words = beside.map(|(count, what)| format!(", {count} {what}")).collect::<String>();
+        format!("{frames} sharp frames{words}")
     }
 
     fn parts(&self) -> impl Iterator<Item = &Part> {
@@ -187,10 +208,6 @@ fn tally<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, usize> {
         *counts.entry(name).or_default() += 1;
         counts
     })
-}
-
-fn is_png(name: &str) -> bool {
-    name.ends_with(".png")
 }
 
 /// A text of a user as it stands, on one line of Markdown: nothing in it is markup.

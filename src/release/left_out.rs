@@ -11,7 +11,9 @@ use crate::scene::sh;
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::Voltmeter;
 use crate::stage::Stage as _;
+use crate::stage::blur::Exposing;
 use crate::stage::events::Simulating;
+use crate::stage::geometry::{Depth, Flow, Quantity as _};
 use crate::stage::sharp::Photographing;
 use serde::{Deserialize, Serialize};
 
@@ -34,7 +36,8 @@ pub struct Row {
 }
 
 /// The stages that render frames, and so leave something out.
-pub const RENDER: [&str; 2] = [Simulating::NAME, Photographing::NAME];
+pub const RENDER: [&str; 5] =
+    [Simulating::NAME, Photographing::NAME, Exposing::NAME, Depth::NAME, Flow::NAME];
 
 /// What a row's bytes are without it.
 const IDENTICAL: &str = "identical bytes";
@@ -46,7 +49,7 @@ const IDENTICAL: &str = "identical bytes";
 pub fn of_step(stage: &str, class: Option<&str>, files: &Files) -> Result<Vec<Row>, ArtifactError> {
     match stage {
         Simulating::NAME => Ok(of_events(&files.json("simulation.json")?, class.unwrap_or_default())),
-        Photographing::NAME => Ok(of_work(stage, &files.json("work.json")?, None)),
+        other if RENDER.contains(&other) => Ok(of_work(stage, &files.json("work.json")?, None)),
         _ => Ok(Vec::new()),
     }
 }

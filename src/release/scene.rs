@@ -6,10 +6,10 @@ mod trajectory;
 
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
-use super::built::BuiltScene;
+use super::built::{BuiltScene, BuiltTrajectory};
 use crate::camera::Camera;
 use crate::licence::Passing;
-use crate::recipe::{Recipe, Reconstruct, Source, Upstream};
+use crate::recipe::{Recipe, Reconstruct, SceneScale, Source, Upstream};
 use crate::reconstruct::Command;
 use crate::render::fidelity::Psnr;
 use crate::seed::{Purpose, Seed};
@@ -449,7 +449,8 @@ fn seeds(scene: &BuiltScene<'_>) -> BTreeMap<String, String> {
 
 fn attributes(scene: &BuiltScene<'_>) -> Attributes {
     let shown = scene.licence.passing != Passing::Withheld;
-    let sharp = shown && scene.trajectories.iter().any(|t| t.sharp.is_some());
+    let has = |kind: &dyn Fn(&BuiltTrajectory) -> bool| shown && scene.trajectories.iter().any(kind);
+    let data_type = [("sharp", has(&|t| t.sharp.is_some())), ("blurry", has(&|t| t.blur.is_some()))];
     // Where the frame rate varies in the speed's place, steps are as short as they are quick.
     let is_uniform = |report: &Report| {
         report.meaning == Meaning::FrameRate
@@ -467,8 +468,8 @@ fn attributes(scene: &BuiltScene<'_>) -> Attributes {
     };
     let uniform = scene.trajectories.iter().all(|t| is_uniform(&t.motion.report));
     Attributes {
-        data_type: if sharp { vec!["sharp".into()] } else { Vec::new() },
-        scene_scale: scale.into(),
+        data_type: data_type.into_iter().filter(|(_, has)| *has).map(|(name, _)| name.into()).collect(),
+        scene_scale: scene.recipe.scale.map_or(scale, SceneScale::name).into(),
         gt_poses: true,
         speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
         multi_trajectory: scene.trajectories.len() > 1,

@@ -5,13 +5,21 @@ use crate::camera::Camera;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use glam::DMat4;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
-/// Composes the file: the poses that have a picture, since readers of this form open one for each frame; all poses,
-/// without pictures, where the recipe asks for none. `poses.txt` has every pose in any case.
-///
-/// `pictures` are the names of those that there are, sorted: `000012.png` is that of pose 12.
+/// The pictures that there are of a trajectory.
+#[derive(Debug, Clone, Copy)]
+pub struct Pictures<'a> {
+    /// Names of sharp ones, sorted: `000012.png` is that of pose 12.
+    pub sharp: &'a [&'a str],
+    /// When the shutter was open for each blurred one, microseconds, by the number of its pose.
+    pub blurred: &'a BTreeMap<usize, [i64; 2]>,
+}
+
+/// Composes the file: the poses that have a sharp picture, since readers of this form open one for each frame; all poses,
+/// where the recipe asks for none. `poses.txt` has every pose in any case. A frame names its blurred picture beside.
 #[must_use]
-pub fn compose(camera: &Camera, path: &Trajectory, pictures: &[&str]) -> Value {
+pub fn compose(camera: &Camera, path: &Trajectory, pictures: &Pictures<'_>) -> Value {
     let frames: Vec<Value> = path
         .world_from_camera
         .iter()
@@ -20,9 +28,14 @@ pub fn compose(camera: &Camera, path: &Trajectory, pictures: &[&str]) -> Value {
         .filter_map(|(j, (pose, t_us))| {
             let name = format!("{j:06}.png");
             let mut frame = json!({ "transform_matrix": opengl_matrix(pose), "t_us": t_us });
-            if !pictures.is_empty() {
-                pictures.binary_search(&name.as_str()).ok()?;
+            if !pictures.sharp.is_empty() {
+                pictures.sharp.binary_search(&name.as_str()).ok()?;
                 frame["file_path"] = json!(format!("sharp/{name}"));
+            }
+            if let Some([start_us, end_us]) = pictures.blurred.get(&j) {
+                frame["blur_file_path"] = json!(format!("blur/{name}"));
+                frame["exposure_start_us"] = json!(start_us);
+                frame["exposure_end_us"] = json!(end_us);
             }
             Some(frame)
         })

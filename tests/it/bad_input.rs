@@ -56,7 +56,7 @@ fn a_recipe_that_says_what_is_not_understood() {
     t("rate: 2400", "rate: -1", &["rate", "-1"]);
     t("0.25*sin(t) + 1.1", "sin(t)", &["speed", "positive"]);
     t("0.25*sin(t) + 1.1", "0.25*sin(t", &["speed"]);
-    t("outputs: [events, sharp]", "outputs: [events, blur]", &["blur"]);
+    t("outputs: [events, sharp]", "outputs: [events, blurr]", &["blurr"]);
     t("between: linear", "between: quintic", &["quintic"]);
     t("version: 1", "version: 2", &["version", "2"]);
 }

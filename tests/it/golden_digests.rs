@@ -38,7 +38,10 @@ spelled/capture capture 1 - 8fbda1239547ab3a4bfa6a46f504f7a88dd613ab58b5545cd419
 spelled/reconstruct reconstruct 1 - bb522cd35603c8faa21430c3e65be173ba1e0af66737cadcfdaf000c44de2c8e 992bae2d6968045bc8f05e821f5414130d32cd1806221cc0e17cca847572c39d
 spelled/base/trajectory trajectory 2 - a124f5048c89e3ed2c5e8d13167dfa3ab52a94c54b0f3fb6cdf4ed1393f82e78 bc3d6236918fdd1d0589e995cceb31a15871308727960a6c385e233ed2e1c640
 spelled/base/events events 5 cpu/1 38535b66fa602214e45b2c1d94383d08e9db84676897924e445afe32504116ed 9e0658ca3239f05fe5d86a129d0a403a477e83cb72e76638802f142c97c2ac74
-spelled/base/sharp sharp 2 cpu/1 5a11dfc9aac211c6266dd1ccfcb86fabb61d5810cbdb7bc31d8309c4d6c8de14 33bf2126a261ba07204d7acc893b2bdf0f17a1c71b9c86087f0ea21adbb806b5
+spelled/base/sharp sharp 2 cpu/1 9e70b9d306674523a1d50f7e49852e34016270afb38b650b22bf698883fb9304 a4c22a3972dc28126ec4d9cfea06384f365c186efeac22171b9d0548cd32c205
+spelled/base/blur blur 1 cpu/1 e31795adc297bb8b54a3fb6b53b68abca4656f471ea405b4ffafed265cf7745f 8f39a9779b9f6903a0a52931312fc244a7aa1e2ec9202c17acb81aef3d671556
+spelled/base/depth depth 1 cpu/1 9ef57dc12265f7fafb924d79a4f4babf033f688c6ccf25accfa5004036d645e3 6138a782339e1f7cd8493e3c41c9deedc423004e07b1fbfcc6b77bbbcbffb354
+spelled/base/flow flow 1 cpu/1 228378ea723c7ead71c0fa20e93c82cbe8e5ddeb486c8780b0fbe1a9af05a3da dd7e0f4f5c0e8a7bd08bfd3f1597235427a9ccacb4194876c307365505080653
 spelled/base/checks checks 5 - 4dd50886a66c7fea19ada5756d2c100376cb3c024f6fe04d21e5a306e0bd5df0 146c3d5fb24ed4eb1d1fca15439b00edf343a7c0c9903b61fe585050902c7317
 ";
 
@@ -57,8 +60,11 @@ sampling: { rate: 2400, between: linear }
 render: { rules: official, antialiased: false, background: [0.1, 0.2, 0.3] }
 sensor:
   voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }
-outputs: [events, sharp]
+outputs: [events, sharp, blur, depth, flow]
 sharp: { every: 3 }
+blur: { frames: 3, subframes: auto }
+depth: { every: 4 }
+flow: { every: 4 }
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 

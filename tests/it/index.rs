@@ -73,7 +73,7 @@ fn rows_say_what_the_recipe_asked_for_and_the_files_hold() {
             .iter()
             .for_each(|(column, value)| assert_eq!(text(row, column).as_deref(), *value, "{column}"));
         assert_eq!([whole(row, "width"), whole(row, "height"), whole(row, "frames")], [64, 48, poses]);
-        assert_eq!((&row["gated"], &row["blur"]), (&Field::Bool(false), &Field::Bool(false)));
+        assert_eq!((&row["gated"], &row["blur"]), (&Field::Bool(false), &Field::Bool(true)));
         let asked = [("rate", 2400.0), ("threshold_on", 1.0), ("threshold_off", 1.0)];
         asked.iter().for_each(|(column, value)| assert_eq!(row[*column], Field::Double(*value), "{column}"));
         // The threshold over the gain k1 of the preset.

@@ -68,6 +68,11 @@ fn pictures_are_what_another_decoder_reads() {
     ask(release(), &["pictures", base.to_str().unwrap(), place.path("").to_str().unwrap()]);
 }
 
+#[test]
+fn exposures_and_geometry_are_read() {
+    ask(release(), &["exposures", release().join("small/one/base").to_str().unwrap()]);
+}
+
 fn raw(image: &gs2e::image::Image<[u8; 3]>) -> Vec<u8> {
     image.pixels().as_flattened().to_vec()
 }

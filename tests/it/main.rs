@@ -36,6 +36,7 @@ mod messages;
 mod no_omit;
 mod other_programs;
 mod paths;
+mod pictures;
 mod progress;
 mod real;
 mod recipes;

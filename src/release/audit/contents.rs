@@ -88,11 +88,7 @@ fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
     if asked("events") {
         wanted.extend(streams(folder.part).into_iter().map(|(name, _)| name));
     }
-    if asked("sharp") {
-        let every = scene.recipe.pointer("/sharp/every").and_then(serde_json::Value::as_u64).unwrap_or(1);
-        let every = usize::try_from(every).unwrap_or(usize::MAX).max(1);
-        wanted.extend((0..folder.part.poses).step_by(every).map(|j| format!("sharp/{j:06}.png")));
-    }
+    wanted.extend(pictures::wanted(folder.part.poses, &scene.recipe, &asked));
     let absent = wanted.iter().filter(|name| !folder.has(name));
     absent.map(|name| folder.fault(Code::SceneIncomplete, name, ABSENT)).collect()
 }

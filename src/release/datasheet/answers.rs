@@ -71,10 +71,11 @@ impl Answers<'_> {
     }
 
     fn how_many(&self) -> String {
-        let Counts { scenes, trajectories, poses, streams, events, frames, withheld } = self.facts.counts();
+        let Counts { scenes, trajectories, poses, streams, events, withheld, .. } = self.facts.counts();
+        let pictures = self.facts.pictures();
         let mut text = format!(
             "{scenes} scenes ({}) with {trajectories} trajectories of {poses} poses together; in the release are {streams} \
-             event streams with {events} events, and {frames} sharp frames.",
+             event streams with {events} events, and {pictures}.",
             counted(&self.facts.sources())
         );
         if withheld > 0 {
@@ -347,12 +348,12 @@ impl Answers<'_> {
 }
 
 const INSTANCES: &str = "Trajectories of a camera through scenes of 3D Gaussians, each with the events that a model of an \
-    event sensor makes of it, exact poses, and sharp frames where they were asked for.";
+    event sensor makes of it, exact poses, and sharp and blurred frames, depth and optical flow where they were asked for.";
 
 const SAMPLE: &str = "The scenes that its recipes name; how they were chosen is not stated by the publisher.";
 
-const EACH: &str = "Events (time in microseconds, column, row, polarity), poses, time stamps, speed report, checks, and 8-bit \
-    sRGB frames; source, camera, recipe, seeds and statistics in the scene's `scene.json`.";
+const EACH: &str = "Events (time in microseconds, column, row, polarity), poses, time stamps, speed report, checks, 8-bit \
+    sRGB frames, and float32 depth (scene units) and optical flow (px/s), as the recipe asks; source, camera, recipe, seeds and statistics in the scene's `scene.json`.";
 
 const MECHANISMS: &str = "A renderer of Gaussian splats and models of event sensors, in one program. Every trajectory was \
     held against a list of checks, whose records are in `checks.json`.";

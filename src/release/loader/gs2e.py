@@ -11,6 +11,9 @@ Copy it beside your own code: where Python imports it from the release, it leave
     voxel = scene.voxel(10_000, 20_000, bins=5)        # [5, H, W]
     for frame in scene.frames:
         image = frame.read()                           # [H, W, 3]
+    for frame in scene.blurred:
+        image = frame.read()                           # of the exposure [frame.t0_us, frame.t1_us]
+    depth, flow = scene.depth(0), scene.flow(0)        # [H, W] unit, [H, W, 2] px/s, of pose 0; NaN: undefined
 
 Times are microseconds from the first pose, and windows half open: [t0_us, t1_us). Camera axes are OpenCV's: x right, y
 down, z forward. Pixel (i, j) has its centre at (i + 0.5, j + 0.5). Polarity 1 is brighter, 0 darker. Lengths are in the
@@ -52,6 +55,25 @@ class Frame(NamedTuple):
     """Number of the pose: row of `Scene.poses`, and the picture's name."""
     t_us: int
     """When, in microseconds."""
+    path: str
+    """A PNG."""
+
+    def read(self):
+        """uint8 [H, W, 3]: encoded sRGB."""
+        return read_png(self.path)
+
+
+class Blurred(NamedTuple):
+    """A blurred picture: the mean of what the camera sees over an exposure, in linear light."""
+
+    index: int
+    """Number of the pose in the middle: row of `Scene.poses`, and the picture's name."""
+    t_us: int
+    """When that is, in microseconds."""
+    t0_us: int
+    """When the shutter opens."""
+    t1_us: int
+    """When it closes."""
     path: str
     """A PNG."""
 
@@ -167,6 +189,28 @@ class Scene:
         names = sorted(os.listdir(folder)) if os.path.isdir(folder) else []
         numbers = [int(name[:-4]) for name in names if name.endswith(".png")]
         return [Frame(j, int(self.stamps_us[j]), os.path.join(folder, f"{j:06d}.png")) for j in numbers]
+
+    @property
+    def blurred(self):
+        """The blurred pictures by time: a list of Blurred; empty where the recipe asks for none."""
+        with open(os.path.join(self.folder, "transforms.json"), encoding="utf-8") as file:
+            frames = [frame for frame in json.load(file)["frames"] if "blur_file_path" in frame]
+        found = []
+        for frame in frames:
+            path = os.path.join(self.folder, *frame["blur_file_path"].split("/"))
+            number = int(os.path.basename(path)[:-4])
+            found.append(
+                Blurred(number, frame["t_us"], frame["exposure_start_us"], frame["exposure_end_us"], path)
+            )
+        return found
+
+    def depth(self, index):
+        """float32 [H, W]: depth at a pose, by its number, along the optical axis in the scene's unit; NaN: undefined."""
+        return np.load(os.path.join(self.folder, "depth", f"{index:06d}.npy"))
+
+    def flow(self, index):
+        """float32 [H, W, 2]: optical flow at a pose, by its number: image velocity in px/s, right and down; NaN: undefined."""
+        return np.load(os.path.join(self.folder, "flow", f"{index:06d}.npy"))
 
     def _open(self):
         """Has the file of events open; opens it anew in a process that was forked."""

@@ -54,7 +54,10 @@ fn figures(html: &mut Html, page: &Page<'_>) {
     let parts = || page.entries.iter().flat_map(|entry| &entry.file.trajectories);
     let streams = || page.entries.iter().flat_map(section::Entry::counted);
     let sum = |values: &mut dyn Iterator<Item = u64>| whole(values.sum());
-    let frames = page.entries.iter().flat_map(|entry| entry.below("")).filter(|path| section::is_sharp(path));
+    let frames = |kind: &str| {
+        let paths = page.entries.iter().flat_map(|entry| entry.below(""));
+        paths.filter(|path| section::is_frame(path, kind)).count() as u64
+    };
     let seconds = parts().map(|part| part.duration_us as f64 * 1e-6).sum::<f64>();
     let told = [
         (whole(page.entries.len() as u64), if page.entries.len() == 1 { "scene" } else { "scenes" }),
@@ -63,14 +66,17 @@ fn figures(html: &mut Html, page: &Page<'_>) {
             if page.trajectories() == 1 { "trajectory" } else { "trajectories" },
         ),
         (sum(&mut parts().map(|part| part.poses as u64)), "poses"),
-        (whole(frames.count() as u64), "sharp frames"),
+        (whole(frames("sharp")), "sharp frames"),
+        (whole(frames("blur")), "blurred frames"),
         (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
         (crate::trajectory::picture::short(seconds), "s of motion"),
         (span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events a pixel and second"),
         (span(streams().filter_map(on_share)), "share of ON events"),
     ];
     html.within("ul", &[("class", "figures-row")], |html| {
-        for (figure, what) in told {
+        for (figure, what) in
+            told.into_iter().filter(|(figure, what)| *what != "blurred frames" || figure != "0")
+        {
             html.within("li", &[], |html| {
                 html.leaf("strong", &[], &figure);
                 html.text(&format!(" {what}"));

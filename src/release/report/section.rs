@@ -149,7 +149,7 @@ fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
         });
         let number = |html: &mut Html, words: &str| html.leaf("td", &[("class", "n")], words);
         let poses: u64 = file.trajectories.iter().map(|t| t.poses as u64).sum();
-        let sharp = entry.below("").filter(|path| is_sharp(path)).count();
+        let sharp = entry.below("").filter(|path| is_frame(path, "sharp")).count();
         number(html, &file.trajectories.len().to_string());
         number(html, &whole(poses));
         number(html, &whole(sharp as u64));
@@ -167,9 +167,9 @@ fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     });
 }
 
-/// Whether a file of a scene is a sharp frame.
-pub(super) fn is_sharp(path: &str) -> bool {
-    path.ends_with(".png") && path.rsplit('/').nth(1) == Some("sharp")
+/// Whether a file of a scene is a frame of this kind, `sharp` or `blur`.
+pub(super) fn is_frame(path: &str, kind: &str) -> bool {
+    path.ends_with(".png") && path.rsplit('/').nth(1) == Some(kind)
 }
 
 fn thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {

@@ -23,7 +23,7 @@ pub(super) struct Shown {
     pub(super) words: String,
 }
 
-/// Where the number of the sharp frame of a file name stands.
+/// Where the number of the frame of a file name stands.
 fn number(output: &Output) -> Option<usize> {
     output.name.strip_suffix(".png")?.parse().ok()
 }
@@ -48,6 +48,20 @@ pub(super) fn sharp(built: &BuiltTrajectory, store: &Store, width: u32) -> Optio
     let picture = Picture::of_png(&std::fs::read(store.path_of(&output.digest)).ok()?, width)?;
     let words = format!("sharp frame {number} at {:.1} ms", moment_us(built) as f64 * 1e-3);
     Some(Shown { picture, words })
+}
+
+/// The blurred frame nearest to that.
+pub(super) fn blurred(built: &BuiltTrajectory, store: &Store, width: u32) -> Option<Shown> {
+    let (blurred, outputs) = built.blur.as_ref()?;
+    let moment = moment_us(built);
+    let exposure = blurred.exposures.iter().min_by_key(|e| (e.start_us + e.end_us - 2 * moment).abs())?;
+    let output = outputs.iter().find(|output| number(output) == Some(exposure.pose))?;
+    let picture = Picture::of_png(&std::fs::read(store.path_of(&output.digest)).ok()?, width)?;
+    let [from, to] = [exposure.start_us, exposure.end_us].map(|us| us as f64 * 1e-3);
+    Some(Shown {
+        picture,
+        words: format!("blurred frame {}, exposed from {from:.1} to {to:.1} ms", exposure.pose),
+    })
 }
 
 /// The rate of a stream over time, by its file: events per second, over a trajectory of this length.

@@ -90,6 +90,7 @@ fn pictures(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTr
     };
     if depth.sharp {
         show(seen::sharp(built, store, depth.picture));
+        show(seen::blurred(built, store, depth.picture));
     }
     let Some(simulation) = built.simulation() else { return };
     for (name, file) in seen::streams(built).take(if depth.every { MOST_STREAMS } else { 1 }) {

@@ -1,7 +1,7 @@
 //! What `scene.json` says of one trajectory.
 
 use super::{DepthQuantiles, Range, SensorPart, Statistics, TrajectoryPart};
-use crate::artifact::{Simulation, Stream};
+use crate::artifact::{Blurred, Simulation, Stream};
 use crate::recipe::{Recipe, TrajectoryRecipe};
 use crate::release::built::BuiltTrajectory;
 use crate::render::RenderChoice;
@@ -27,9 +27,15 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
         render_rules: render_rules(recipe.render, built.simulation()),
         sensor: the_one(built).map(|(simulation, stream)| sensor(simulation, stream)),
         sensors: sensors(built),
-        blur: None,
+        blur: built.blur.as_ref().map(|(blurred, _)| blur(recipe, blurred)),
         statistics: statistics(built),
     }
+}
+
+/// Dense frames of an exposure and from one to the next, and how many pictures stand for one at most.
+fn blur(recipe: &Recipe, blurred: &Blurred) -> Value {
+    let most = blurred.exposures.iter().map(|exposure| exposure.subframes).max();
+    json!({ "frames": recipe.shutter.frames, "stride": recipe.shutter.frames, "subframes": most })
 }
 
 /// Frames a second, and how brightness was taken between frames, as the recipe says in full; for a tolerance what was chosen,

@@ -296,6 +296,17 @@ def pictures(folder, decoded):
         assert np.array_equal(found, wanted) and wanted.any()
 
 
+def exposures(folder):
+    scene = gs2e.Scene(folder)
+    assert [(frame.index, frame.t_us, frame.t0_us, frame.t1_us) for frame in scene.blurred] == [(8, 3333, 208, 6458)]
+    assert scene.blurred[0].read().shape == (scene.height, scene.width, 3)
+    for j in (0, 12):
+        depth, flow = scene.depth(j), scene.flow(j)
+        assert depth.shape == (scene.height, scene.width) and depth.dtype == np.float32
+        assert flow.shape == (scene.height, scene.width, 2) and flow.dtype == np.float32
+        assert np.array_equal(np.isnan(depth), np.isnan(flow).any(-1)) and np.nanmin(depth) > 0
+
+
 def sensors(folder):
     assert gs2e.trajectories(folder) == ["base"] and gs2e.split(folder) is None
     for name in ("fine", "usual"):

@@ -43,12 +43,12 @@ fn the_nearest_defaults_within_the_folder_given_lie_under_a_recipe() {
     ]);
     let all = read(root.path(), &[""]);
     assert_eq!(seeds(&all), [("w", 1), ("x", 1), ("y", 0), ("z", 0)]);
-    let every: Vec<u32> = all.iter().map(|r| r.sharp_every).collect();
+    let every: Vec<u32> = all.iter().map(|r| r.every.sharp).collect();
     assert_eq!(every, [1, 1, 2, 2]);
     // Above the folder given nothing is looked for, and beside a file its own folder alone.
     assert_eq!(seeds(&read(root.path(), &["other"])), [("w", 0)]);
     assert_eq!(seeds(&read(root.path(), &["x.yaml", "other/w.yaml"])), [("w", 0), ("x", 1)]);
-    assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].sharp_every, 1);
+    assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].every.sharp, 1);
 }
 
 #[test]

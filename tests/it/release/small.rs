@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
-/// Two trajectories of 24 poses over 2,000 Gaussians, at 64x48, with events; the first also with sharp frames.
+/// Two trajectories of 24 poses over 2,000 Gaussians, at 64x48, with events and pictures of every kind.
 pub(crate) const RECIPE: &str = "\
 version: 1
 scene: small/one
@@ -24,8 +24,10 @@ trajectories:
     speed: { function: \"1 + t\" }
 sensor:
   voltmeter: { preset: dvs346 }
-outputs: [events, sharp]
+outputs: [events, sharp, blur, depth, flow]
 sharp: { every: 4 }
+depth: { every: 12 }
+flow: { every: 12 }
 ";
 
 /// Runs the program in `folder`.

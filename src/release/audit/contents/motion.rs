@@ -2,6 +2,7 @@
 
 use super::{Code, Fault, Folder};
 use crate::release::audit::claims;
+use crate::sampling::exposure;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use crate::speed::Meaning;
 use crate::trajectory::Trajectory;
@@ -114,7 +115,44 @@ fn transforms_agree(folder: &Folder<'_>, trajectory: &Trajectory) -> Vec<Fault> 
     if frames.is_empty() || !in_order {
         faults.push(folder.fault(Code::ClaimsDisagree, NAME, "its frames are not the poses of poses.txt"));
     }
+    faults.extend(
+        exposures_agree(folder, frames, &trajectory.stamps_us)
+            .map(|message| folder.fault(Code::ClaimsDisagree, NAME, message)),
+    );
     faults
+}
+
+/// Blurred pictures: as many as the stamps have room for, each of its own pose, and timed as `scene.json` says.
+fn exposures_agree(folder: &Folder<'_>, listed: &[Value], stamps: &[i64]) -> Option<String> {
+    let number = |frame: &Value| -> Option<usize> {
+        frame.get("blur_file_path")?.as_str()?.strip_prefix("blur/")?.strip_suffix(".png")?.parse().ok()
+    };
+    let blurred = listed.iter().filter(|frame| frame.get("blur_file_path").is_some());
+    let found: Vec<Option<usize>> = blurred.clone().map(number).collect();
+    let stated = folder.part.blur.as_ref().and_then(|blur| blur["frames"].as_u64());
+    let frames = stated.and_then(|frames| u32::try_from(frames).ok()).filter(|frames| *frames > 0);
+    let wanted = frames.map_or(Vec::new(), |frames| exposure::centres(stamps.len(), frames));
+    if found != wanted.iter().copied().map(Some).collect::<Vec<_>>() {
+        return Some(format!(
+            "it names {} blurred pictures, scene.json has room for {}",
+            found.len(),
+            wanted.len()
+        ));
+    }
+    let seconds: Vec<f64> = stamps.iter().map(|t_us| *t_us as f64 * 1e-6).collect();
+    blurred.zip(wanted).find_map(|(frame, pose)| {
+        let open = exposure::open(&seconds, pose, frames?);
+        // Stamps are rounded to a microsecond, and so is what is held against them.
+        let near =
+            |key: &str, at: f64| frame[key].as_f64().is_some_and(|us| (us - at * 1e6).abs() <= 1.0 + 1e-6);
+        let timed = near("exposure_start_us", open[0]) && near("exposure_end_us", open[1]);
+        (!timed || frame["t_us"].as_i64() != Some(stamps[pose])).then(|| {
+            format!(
+                "the exposure of blur/{pose:06}.png is not that of {} frames around its pose",
+                frames.unwrap_or(0)
+            )
+        })
+    })
 }
 
 /// Poses of `poses.txt` have canonical quaternions, which turn into the same matrix but for rounding: a few units in

@@ -1,0 +1,115 @@
+//! The mean of pictures in linear light: what a shutter that stays open sees (`pipeline.md` 8).
+
+use super::{Image, Size, srgb};
+use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
+use rayon::prelude::*;
+
+/// Pixels that are added at once; a multiple of eight.
+const CHUNK: usize = 4096;
+
+/// A sum of linear light, in 64 bits and in the order in which pictures come: the same bits by any number of threads.
+#[derive(Debug, Clone)]
+pub struct Light {
+    size: Size,
+    /// Channel by channel of each pixel.
+    sums: Vec<f64>,
+    pictures: u32,
+}
+
+impl Light {
+    /// Of no picture yet.
+    #[must_use]
+    pub fn none(size: Size) -> Self {
+        Self { size, sums: vec![0.0; 3 * size.pixels()], pictures: 0 }
+    }
+
+    /// Adds a picture of display-encoded colours, clipped to 0..1.
+    ///
+    /// # Panics
+    /// If it is of another size.
+    pub fn add(&mut self, picture: &Image<[f32; 3]>) {
+        assert_eq!(picture.size(), self.size, "all pictures of a mean are of one size");
+        let level = Level::new();
+        let values = picture.pixels().as_flattened();
+        let parts = self.sums.par_chunks_mut(CHUNK).zip(values.par_chunks(CHUNK));
+        parts.for_each(|(sums, values)| dispatch!(level, simd => add(simd, sums, values)));
+        self.pictures += 1;
+    }
+
+    /// The mean, display-encoded, 0..1.
+    ///
+    /// # Panics
+    /// If there is no picture.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "the mean is rounded to 32 bits at the end")]
+    pub fn mean(&self) -> Image<[f32; 3]> {
+        assert!(self.pictures > 0, "there is a picture to take the mean of");
+        let count = f64::from(self.pictures);
+        let (pixels, _) = self.sums.as_chunks::<3>();
+        let encode = |sums: &[f64; 3]| sums.map(|sum| srgb::encode(sum / count) as f32);
+        Image::from_vec(self.size, pixels.par_iter().map(encode).collect())
+    }
+}
+
+/// Eight values at a time.
+#[inline(always)]
+fn add<S: Simd>(simd: S, sums: &mut [f64], values: &[f32]) {
+    let light = |values: &[f32; 8]| -> [f64; 8] {
+        let encoded = f64x8::from_fn(simd, |i| f64::from(values[i].clamp(0.0, 1.0)));
+        srgb::decode_eight(encoded).into()
+    };
+    let ((sums, rest), (values, last)) = (sums.as_chunks_mut::<8>(), values.as_chunks::<8>());
+    for (sums, values) in sums.iter_mut().zip(values) {
+        for (sum, light) in sums.iter_mut().zip(light(values)) {
+            *sum += light;
+        }
+    }
+    let mut padded = [0.0; 8];
+    padded[..last.len()].copy_from_slice(last);
+    for (sum, light) in rest.iter_mut().zip(light(&padded)) {
+        *sum += light;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::png;
+
+    const SIZE: Size = Size { width: 7, height: 3 };
+
+    fn mean(values: &[[f32; 3]]) -> Vec<[u8; 3]> {
+        let mut light = Light::none(SIZE);
+        values.iter().for_each(|rgb| light.add(&Image::filled(SIZE, *rgb)));
+        png::to_bytes(&light.mean()).pixels().to_vec()
+    }
+
+    /// Light by the table in nothings/stb, `stb_image_resize.h`: 0.5 lies between 187 (0.496933) and 188 (0.502887), 188
+    /// being nearer on the display's scale; a third, 156 (0.332452); a tenth, 89 (0.099899).
+    #[test]
+    fn black_and_white_in_turn_are_grey_by_light() {
+        let t = |white: usize, all: usize, wanted: u8| {
+            let pictures: Vec<[f32; 3]> = (0..all).map(|i| [f32::from(i < white); 3]).collect();
+            assert_eq!(mean(&pictures), [[wanted; 3]; 21], "{white} of {all}");
+        };
+        t(1, 2, 188);
+        t(1, 3, 156);
+        t(1, 10, 89);
+        t(0, 4, 0);
+        t(5, 5, 255);
+    }
+
+    #[test]
+    fn a_picture_that_stays_is_its_own_mean() {
+        for v in 0..=255_u8 {
+            let rgb = [f32::from(v) / 255.0, 1.0 - f32::from(v) / 255.0, 0.25];
+            let wanted = png::to_bytes(&Image::filled(SIZE, rgb)).pixels().to_vec();
+            assert_eq!(mean(&[rgb; 15]), wanted);
+        }
+    }
+
+    #[test]
+    fn what_leaves_the_range_is_clipped_before() {
+        assert_eq!(mean(&[[7.0, -3.0, 1.0], [0.0, 0.0, 0.0]]), [[188, 0, 188]; 21]);
+    }
+}

@@ -1,0 +1,429 @@
+//! Blurred frames: which moments a shutter is open for, and what it sees meanwhile (`pipeline.md` 8).
+//!
+//! An exposure is the mean, in linear light, of `frames` pictures at equal steps of time, those of the dense frames around
+//! a pose. Where a picture moves by more than a pixel in such a step, more pictures lie between: a mean of frames ten pixels
+//! apart is a row of ghosts, not blur.
+
+use super::path::Path;
+use crate::camera::Camera;
+use crate::image::Image;
+use crate::image::light::Light;
+use crate::render::{Channels, RenderError, Rendered, Renderer, Velocity, View, Work};
+use crate::se3::Se3;
+use crate::se3::rotation_spline::Unsettled;
+use serde::{Deserialize, Serialize};
+
+/// How blurred frames are exposed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Shutter {
+    /// Dense frames of an exposure: odd, so that one is in the middle. Exposures follow one another without a gap.
+    pub frames: u32,
+    /// What lies between them.
+    pub subframes: Subframes,
+}
+
+/// Pictures between the dense frames of an exposure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Subframes {
+    /// As many as keep the largest motion between two at a pixel.
+    Auto,
+    /// None.
+    Literal,
+}
+
+/// Dense frames of an exposure where a recipe does not say.
+pub const FRAMES: u32 = 15;
+
+/// Pictures at most that stand for a dense frame: an exposure then costs as much as so many. Motion beyond is told.
+const MOST: u32 = 33;
+
+/// A time that far from a pose's is its own, s: stamps have whole microseconds.
+const SAME: f64 = 1e-9;
+
+/// A blurred frame that was made.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exposure {
+    /// The pose in the middle, by number.
+    pub pose: usize,
+    /// When the shutter opened.
+    pub start_us: i64,
+    /// When it closed.
+    pub end_us: i64,
+    /// Pictures that stand for a dense frame: 1 where only these were rendered.
+    pub subframes: u32,
+    /// The largest motion between two neighbouring pictures, px, as pixels with a depth show it at the dense frames; `None`
+    /// where it was not asked after.
+    pub step_px: Option<f32>,
+}
+
+impl Exposure {
+    /// Its pose, and when the shutter was open.
+    #[must_use]
+    pub fn times(&self) -> (usize, [i64; 2]) {
+        (self.pose, [self.start_us, self.end_us])
+    }
+}
+
+/// The poses that exposures of so many frames are around: back to back, each within the path.
+#[must_use]
+pub fn centres(poses: usize, frames: u32) -> Vec<usize> {
+    let frames = frames as usize;
+    let beyond = frames / 2 + 1;
+    (beyond..poses.saturating_sub(beyond)).step_by(frames).collect()
+}
+
+/// When the shutter opens and closes around one of [`centres`], s: halfway between the frames of the exposure and those
+/// beyond.
+///
+/// # Panics
+/// Where there are no frames beyond.
+#[must_use]
+pub fn open(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
+    let half = frames as usize / 2;
+    let halfway = |i: usize| f64::midpoint(seconds[i], seconds[i + 1]);
+    [halfway(pose - half - 1), halfway(pose + half)]
+}
+
+/// The poses of which a sharp frame is kept: every so many, and those in the middle of exposures of so many frames.
+#[must_use]
+pub fn kept(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
+    let mut kept: Vec<usize> = (0..poses).step_by(every as usize).collect();
+    kept.extend(exposed.iter().flat_map(|frames| centres(poses, *frames)));
+    kept.sort_unstable();
+    kept.dedup();
+    kept
+}
+
+/// A trajectory that ends before a shutter closes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the trajectory has {poses} poses, an exposure of {frames} frames needs {}; \
+     fewer `frames` of `blur` would do", u64::from(*frames) + 2
+)]
+pub struct TooShort {
+    /// Of the trajectory.
+    pub poses: usize,
+    /// Of an exposure.
+    pub frames: u32,
+}
+
+/// A warning where the pictures of an exposure are so far apart that edges show in it one by one.
+#[must_use]
+pub fn ghosts(exposures: &[Exposure]) -> Option<String> {
+    let apart: Vec<(f32, usize)> =
+        exposures.iter().filter_map(|e| Some((e.step_px?, e.pose))).filter(|(px, _)| *px > 1.0).collect();
+    let (px, pose) = apart.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(format!(
+        "{} of {} blurred frames are means of pictures more than 1 px apart; at pose {pose} some pixel moves by {px:.1} px \
+         between two of them, though {MOST} stand for a dense frame",
+        apart.len(),
+        exposures.len()
+    ))
+}
+
+/// A blurred frame.
+#[derive(Debug, Clone)]
+pub struct Exposed {
+    /// How it was exposed.
+    pub exposure: Exposure,
+    /// The mean of its pictures, display-encoded, 0..1.
+    pub picture: Image<[f32; 3]>,
+}
+
+/// Why a frame was not exposed.
+#[derive(Debug, thiserror::Error)]
+pub enum ExposeError {
+    /// It cannot be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// The caller asked for the end.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// What exposures are of: a camera on its way.
+#[derive(Debug)]
+pub struct Course<'a> {
+    /// The camera.
+    pub camera: Camera,
+    /// Where it is at each pose.
+    pub poses: &'a [Se3],
+    /// When, s, strictly increasing.
+    pub seconds: &'a [f64],
+}
+
+/// Exposes the frames of a course one after another.
+pub struct Exposer<'a> {
+    renderer: &'a mut dyn Renderer,
+    course: Course<'a>,
+    path: Path,
+    shutter: Shutter,
+    rendered: Rendered,
+    /// What was rendered so far.
+    pub work: Work,
+}
+
+impl std::fmt::Debug for Exposer<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Exposer")
+            .field("renderer", &self.renderer.fingerprint())
+            .field("course", &self.course)
+            .field("shutter", &self.shutter)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'a> Exposer<'a> {
+    /// Exposes what the renderer shows of a course.
+    ///
+    /// # Errors
+    /// Where no smooth path leads through the poses.
+    ///
+    /// # Panics
+    /// Unless there are two poses and one time each, strictly increasing.
+    pub fn new(
+        renderer: &'a mut dyn Renderer,
+        course: Course<'a>,
+        shutter: Shutter,
+    ) -> Result<Self, Unsettled> {
+        let path = Path::through(course.poses, course.seconds.to_vec())?;
+        Ok(Self { renderer, course, path, shutter, rendered: Rendered::default(), work: Work::default() })
+    }
+
+    /// Opens the shutter around one of [`centres`], for as long as `go_on` says so.
+    ///
+    /// # Errors
+    /// Where the renderer fails, and where `go_on` says no.
+    pub fn expose(&mut self, pose: usize, go_on: &dyn Fn() -> bool) -> Result<Exposed, ExposeError> {
+        let [start, end] = self.open(pose);
+        let frames = self.shutter.frames;
+        let mut light = Light::none(self.course.camera.size);
+        let sees_motion = self.shutter.subframes == Subframes::Auto;
+        let dense: Vec<Moment> = (0..frames).map(|k| self.moment(pose, k, 1)).collect();
+        let fastest = self.add(&dense, sees_motion, &mut light, go_on)?;
+        let moved = f64::from(fastest) * (end - start) / f64::from(frames);
+        let subframes = subframes(moved);
+        // The dense frames are in the middles of those that stand for them, as their number is odd.
+        let between = (0..frames * subframes).filter(|k| k % subframes != subframes / 2);
+        let between: Vec<Moment> = between.map(|k| self.moment(pose, k, subframes)).collect();
+        self.add(&between, false, &mut light, go_on)?;
+        #[expect(clippy::cast_possible_truncation, reason = "pixels, told with a few digits")]
+        let step_px = sees_motion.then_some((moved / f64::from(subframes)) as f32);
+        #[expect(clippy::cast_possible_truncation, reason = "a trajectory lasts no 292,000 years")]
+        let [start_us, end_us] = [start, end].map(|s| (s * 1e6).round() as i64);
+        let exposure = Exposure { pose, start_us, end_us, subframes, step_px };
+        Ok(Exposed { exposure, picture: light.mean() })
+    }
+
+    fn open(&self, pose: usize) -> [f64; 2] {
+        open(self.course.seconds, pose, self.shutter.frames)
+    }
+
+    /// The `k`-th picture of an exposure, `subframes` to a dense frame.
+    fn moment(&self, pose: usize, k: u32, subframes: u32) -> Moment {
+        let first = pose - self.shutter.frames as usize / 2;
+        let frame = first + (k / subframes) as usize;
+        if self.shutter.subframes == Subframes::Literal {
+            return Moment::Pose(frame);
+        }
+        let [start, end] = self.open(pose);
+        let all = f64::from(self.shutter.frames * subframes);
+        let at = start + (f64::from(k) + 0.5) / all * (end - start);
+        if (self.course.seconds[frame] - at).abs() < SAME { Moment::Pose(frame) } else { Moment::Between(at) }
+    }
+
+    /// Adds what is seen at these moments, and tells the largest flow there, px/s; 0 where that is not asked.
+    fn add(
+        &mut self,
+        moments: &[Moment],
+        sees_motion: bool,
+        light: &mut Light,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<f32, ExposeError> {
+        let (poses, velocities): (Vec<Se3>, Vec<Velocity>) = moments.iter().map(|m| self.at(*m)).unzip();
+        self.renderer.keep_to(&self.course.camera, &poses);
+        let want = Channels { rgb: true, flow: sees_motion, ..Channels::default() };
+        let mut fastest = 0.0_f32;
+        for (world_from_camera, velocity) in poses.into_iter().zip(velocities) {
+            if !go_on() {
+                return Err(ExposeError::Interrupted);
+            }
+            let view = View { camera: self.course.camera, world_from_camera, velocity };
+            self.work += self.renderer.render(&view, want, &mut self.rendered)?;
+            light.add(self.rendered.rgb.as_ref().expect("colour was asked for"));
+            let flow = self.rendered.flow.iter().flat_map(Image::pixels);
+            let squares = flow.map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
+            fastest = fastest.max(squares.fold(0.0, f32::max).sqrt());
+        }
+        Ok(fastest)
+    }
+
+    /// Where the camera is and how it moves.
+    fn at(&self, moment: Moment) -> (Se3, Velocity) {
+        let seconds = self.course.seconds;
+        match moment {
+            Moment::Pose(j) => (self.course.poses[j], self.path.at(seconds[j] - seconds[0]).1),
+            Moment::Between(at) => self.path.at(at - seconds[0]),
+        }
+    }
+}
+
+/// When a picture of an exposure is taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Moment {
+    /// At a pose.
+    Pose(usize),
+    /// At this time, s.
+    Between(f64),
+}
+
+/// The least odd number of pictures for a dense frame, within bounds, that a picture of this motion needs, px a frame.
+fn subframes(moved_px: f64) -> u32 {
+    (1..=MOST).step_by(2).find(|n| moved_px <= f64::from(*n)).unwrap_or(MOST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{Size, srgb};
+    use glam::{DQuat, DVec3};
+
+    const CAMERA: Camera =
+        Camera { size: Size { width: 9, height: 5 }, fx: 10.0, fy: 10.0, cx: 4.5, cy: 2.5 };
+
+    /// A world whose light is so many times the camera's way along x, and moves this fast; it remembers where it was seen
+    /// from.
+    struct Dawn {
+        light: f64,
+        px_s: f32,
+        seen: Vec<f64>,
+        promised: Vec<Se3>,
+    }
+
+    impl Renderer for Dawn {
+        fn fingerprint(&self) -> &'static str {
+            "dawn"
+        }
+
+        fn keep_to(&mut self, _: &Camera, poses: &[Se3]) {
+            self.promised = poses.to_vec();
+        }
+
+        #[expect(clippy::cast_possible_truncation, reason = "colours have 32 bits")]
+        fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError> {
+            assert!(self.promised.contains(&view.world_from_camera), "it was promised to be seen from here");
+            let x = view.world_from_camera.translation.x;
+            self.seen.push(x);
+            let value = srgb::encode(self.light * x) as f32;
+            out.rgb = Some(Image::filled(CAMERA.size, [value, 0.0, 2.0]));
+            let flow = || {
+                let mut flow = Image::filled(CAMERA.size, [f32::NAN; 2]);
+                flow.pixels_mut()[7] = [-0.6 * self.px_s, 0.8 * self.px_s];
+                flow
+            };
+            out.flow = want.flow.then(flow);
+            Ok(Work { gaussians: 1, ..Work::default() })
+        }
+    }
+
+    /// Along x by 1 a second, 100 poses a second.
+    fn walk(count: u32) -> (Vec<Se3>, Vec<f64>) {
+        let seconds: Vec<f64> = (0..count).map(|j| f64::from(j) / 100.0).collect();
+        let at = |t: &f64| Se3 { rotation: DQuat::IDENTITY, translation: DVec3::X * *t };
+        (seconds.iter().map(at).collect(), seconds)
+    }
+
+    fn exposed(px_s: f32, shutter: Shutter) -> (Exposed, Dawn, Work) {
+        let (poses, seconds) = walk(40);
+        let mut dawn = Dawn { light: 2.0, px_s, seen: Vec::new(), promised: Vec::new() };
+        let course = Course { camera: CAMERA, poses: &poses, seconds: &seconds };
+        let mut exposer = Exposer::new(&mut dawn, course, shutter).unwrap();
+        let exposed = exposer.expose(20, &|| true).unwrap();
+        let work = exposer.work;
+        (exposed, dawn, work)
+    }
+
+    const SEVEN: Shutter = Shutter { frames: 7, subframes: Subframes::Auto };
+
+    /// The paper-like case of pipeline 8: 150 poses and 15 frames, the first centre is 8, then every 15th.
+    #[test]
+    fn exposures_follow_one_another_within_the_path() {
+        assert_eq!(centres(150, 15), [8, 23, 38, 53, 68, 83, 98, 113, 128]);
+        let t = |poses: usize, frames: u32, wanted: &[usize]| assert_eq!(centres(poses, frames), wanted);
+        t(5, 3, &[2]);
+        t(4, 3, &[]);
+        t(3, 1, &[1]);
+        t(0, 15, &[]);
+        assert_eq!(kept(12, 5, Some(3)), [0, 2, 5, 8, 10]);
+        assert_eq!(kept(12, 5, None), [0, 5, 10]);
+    }
+
+    /// Light that grows evenly has its mean in the middle of the exposure, whatever number of pictures that is the mean of;
+    /// 1e-7 is the rounding of the colours.
+    #[test]
+    fn the_mean_is_that_of_light_over_time() {
+        for (px_s, subframes, step_px) in
+            [(0.0, 1, 0.0), (99.0, 1, 0.99), (101.0, 3, 1.01 / 3.0), (640.0, 7, 6.4 / 7.0)]
+        {
+            let (Exposed { exposure, picture }, dawn, work) = exposed(px_s, SEVEN);
+            assert_eq!((exposure.pose, exposure.start_us, exposure.end_us), (20, 165_000, 235_000));
+            assert_eq!(exposure.subframes, subframes, "{px_s} px/s");
+            assert!((exposure.step_px.unwrap() - step_px).abs() < 1e-4, "{exposure:?}");
+            for [r, g, b] in picture.pixels() {
+                assert!((srgb::decode(f64::from(*r)) - 2.0 * 0.2).abs() < 1e-7, "{r}");
+                assert_eq!((*g, *b), (0.0, 1.0));
+            }
+            // Equal steps of time, each picture in the middle of its own.
+            let mut seen = dawn.seen;
+            seen.sort_by(f64::total_cmp);
+            let all = 7 * subframes;
+            assert_eq!((seen.len(), work.gaussians), (all as usize, u64::from(all)));
+            for (k, x) in (0..all).zip(&seen) {
+                let wanted = 0.165 + 0.07 * (f64::from(k) + 0.5) / f64::from(all);
+                assert!((x - wanted).abs() < 1e-12, "picture {k} of {all} is at {x}, wanted {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn dense_frames_are_seen_from_the_very_poses() {
+        let (poses, _) = walk(40);
+        for (px_s, subframes) in
+            [(0.0, Subframes::Auto), (640.0, Subframes::Auto), (640.0, Subframes::Literal)]
+        {
+            let (Exposed { exposure, .. }, dawn, _) = exposed(px_s, Shutter { subframes, ..SEVEN });
+            let wanted: Vec<f64> = poses[17..24].iter().map(|pose| pose.translation.x).collect();
+            assert_eq!(dawn.seen[..7], wanted);
+            if subframes == Subframes::Literal {
+                assert_eq!((dawn.seen.len(), exposure.subframes, exposure.step_px), (7, 1, None));
+            }
+        }
+    }
+
+    #[test]
+    fn motion_beyond_what_is_rendered_is_told() {
+        let (Exposed { exposure, .. }, ..) = exposed(5000.0, SEVEN);
+        assert_eq!(exposure.subframes, MOST);
+        let told = ghosts(&[exposure, Exposure { step_px: Some(0.5), ..exposure }]).unwrap();
+        assert!(
+            told.starts_with("1 of 2 blurred frames")
+                && told.contains("at pose 20 some pixel moves by 1.5 px"),
+            "{told}"
+        );
+        assert_eq!(
+            ghosts(&[Exposure { step_px: Some(1.0), ..exposure }, Exposure { step_px: None, ..exposure }]),
+            None
+        );
+    }
+
+    #[test]
+    fn a_shutter_can_be_closed_early() {
+        let (poses, seconds) = walk(40);
+        let mut dawn = Dawn { light: 1.0, px_s: 0.0, seen: Vec::new(), promised: Vec::new() };
+        let course = Course { camera: CAMERA, poses: &poses, seconds: &seconds };
+        let mut exposer = Exposer::new(&mut dawn, course, SEVEN).unwrap();
+        assert!(matches!(exposer.expose(20, &|| false), Err(ExposeError::Interrupted)));
+    }
+}

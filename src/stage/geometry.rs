@@ -1,0 +1,128 @@
+//! Stages `depth` and `flow`: what the camera sees of the scene's geometry, one `.npy` a pose.
+
+use super::shot::Shot;
+use super::{Context, Need, Stage, StageError, Target};
+use crate::artifact::{Files, Motion, Pictures};
+use crate::image::npy;
+use crate::render::{Channels, Rendered, Velocity};
+use crate::sampling::exposure;
+use crate::scene::Gaussians;
+use crate::source::Capture;
+use serde::Serialize;
+use std::fmt::Debug;
+use std::io::{self, Write};
+use std::marker::PhantomData;
+
+/// Parameters: camera, rendering, and every how many poses there is an image.
+#[derive(Debug, Serialize)]
+pub struct Measuring<Q> {
+    /// Camera and rendering.
+    #[serde(flatten)]
+    pub shot: Shot,
+    /// Every how many poses an image is kept.
+    pub every: u32,
+    #[serde(skip)]
+    quantity: PhantomData<Q>,
+}
+
+impl<Q> Measuring<Q> {
+    /// An image of every so many poses.
+    #[must_use]
+    pub fn new(shot: Shot, every: u32) -> Self {
+        Self { shot, every, quantity: PhantomData }
+    }
+}
+
+/// What is measured of each pixel.
+pub trait Quantity: Debug + Send + Sync {
+    /// The stage's name.
+    const NAME: &'static str;
+    /// The stage's revision.
+    const REVISION: u32;
+    /// What is rendered.
+    const CHANNELS: Channels;
+
+    /// How the camera moves at each pose, where that bears on it.
+    fn velocities(motion: &Motion) -> Option<Vec<Velocity>>;
+
+    /// Writes one image.
+    ///
+    /// # Errors
+    /// When `out` fails.
+    fn write(rendered: &Rendered, out: impl Write) -> io::Result<()>;
+}
+
+/// Float32 `[H, W]`, scene units along the optical axis; NaN where opacity is below 0.5.
+#[derive(Debug)]
+pub struct Depth;
+
+/// Float32 `[H, W, 2]`, px/s at the time of the pose, of the static point at each pixel's depth; NaN where depth is.
+#[derive(Debug)]
+pub struct Flow;
+
+const NOTHING: Channels = Channels {
+    rgb: false,
+    luminance: false,
+    alpha: false,
+    depth: false,
+    flow: false,
+    luminance_rate: false,
+    doubtful: false,
+};
+
+impl Quantity for Depth {
+    const NAME: &'static str = "depth";
+    const REVISION: u32 = 1;
+    const CHANNELS: Channels = Channels { depth: true, ..NOTHING };
+
+    fn velocities(_: &Motion) -> Option<Vec<Velocity>> {
+        None
+    }
+
+    fn write(rendered: &Rendered, out: impl Write) -> io::Result<()> {
+        npy::write(rendered.depth.as_ref().expect("depth was asked for"), out)
+    }
+}
+
+impl Quantity for Flow {
+    const NAME: &'static str = "flow";
+    const REVISION: u32 = 1;
+    const CHANNELS: Channels = Channels { flow: true, ..NOTHING };
+
+    fn velocities(motion: &Motion) -> Option<Vec<Velocity>> {
+        Some(motion.velocities())
+    }
+
+    fn write(rendered: &Rendered, out: impl Write) -> io::Result<()> {
+        npy::write(rendered.flow.as_ref().expect("flow was asked for"), out)
+    }
+}
+
+/// A batch of images in 32 bits, with what renders them, by measurement.
+const BYTES_A_PIXEL: u64 = 104;
+
+impl<Q: Quantity> Stage for Measuring<Q> {
+    const NAME: &'static str = Q::NAME;
+    const REVISION: u32 = Q::REVISION;
+    type Inputs = (Target<Capture>, Target<Gaussians>, Target<Motion>);
+    type Output = Pictures;
+
+    fn class(&self) -> Option<String> {
+        Some(self.shot.backend.class())
+    }
+
+    fn need(&self, files: &[Files]) -> Need {
+        self.shot.need(files, BYTES_A_PIXEL)
+    }
+
+    fn run(
+        &self,
+        (capture, gaussians, motion): (Capture, Gaussians, Motion),
+        cx: &mut Context<'_>,
+    ) -> Result<(), StageError> {
+        let mut ready = self.shot.ready(&capture, gaussians, &motion, cx)?;
+        let kept = exposure::kept(motion.trajectory.world_from_camera.len(), self.every, None);
+        let views = ready.views(&motion, &kept, Q::velocities(&motion).as_deref());
+        ready.take(&views, Q::CHANNELS, ("npy", |rendered, file| Q::write(rendered, file)), cx)
+    }
+}
