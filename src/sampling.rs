@@ -6,7 +6,7 @@
 //! ```
 //! The error is that of brightness between frames, `k1 V`, in thresholds of the sensor: its root mean square over the pixels
 //! in the middles of the intervals, held against what is rendered there. The poses, stamps and pictures of a release stay
-//! those of the recipe's rate.
+//! those of the recipe's rate. The room has also which moments a blurred frame is the mean of ([`exposure`]).
 
 pub mod between;
 pub mod choose;

@@ -39,6 +39,8 @@ pub trait Quantity: Debug + Send + Sync {
     const NAME: &'static str;
     /// The stage's revision.
     const REVISION: u32;
+    /// A batch of images, with what renders them, by measurement.
+    const BYTES_A_PIXEL: u64;
     /// What is rendered.
     const CHANNELS: Channels;
 
@@ -73,6 +75,7 @@ const NOTHING: Channels = Channels {
 impl Quantity for Depth {
     const NAME: &'static str = "depth";
     const REVISION: u32 = 1;
+    const BYTES_A_PIXEL: u64 = 24;
     const CHANNELS: Channels = Channels { depth: true, ..NOTHING };
 
     fn velocities(_: &Motion) -> Option<Vec<Velocity>> {
@@ -87,6 +90,7 @@ impl Quantity for Depth {
 impl Quantity for Flow {
     const NAME: &'static str = "flow";
     const REVISION: u32 = 1;
+    const BYTES_A_PIXEL: u64 = 72;
     const CHANNELS: Channels = Channels { flow: true, ..NOTHING };
 
     fn velocities(motion: &Motion) -> Option<Vec<Velocity>> {
@@ -97,9 +101,6 @@ impl Quantity for Flow {
         npy::write(rendered.flow.as_ref().expect("flow was asked for"), out)
     }
 }
-
-/// A batch of images in 32 bits, with what renders them, by measurement.
-const BYTES_A_PIXEL: u64 = 104;
 
 impl<Q: Quantity> Stage for Measuring<Q> {
     const NAME: &'static str = Q::NAME;
@@ -112,7 +113,7 @@ impl<Q: Quantity> Stage for Measuring<Q> {
     }
 
     fn need(&self, files: &[Files]) -> Need {
-        self.shot.need(files, BYTES_A_PIXEL)
+        self.shot.need(files, Q::BYTES_A_PIXEL)
     }
 
     fn run(

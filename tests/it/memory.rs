@@ -21,6 +21,7 @@ fn peak(output: &str, gaussians: u32, [width, height]: [u32; 2], factor: u32) ->
     place.write("tiny.yaml", value.to_string());
     place.ok("build tiny.yaml");
     value["outputs"] = json!([output]);
+    value["blur"] = json!({ "frames": 3 });
     place.write("tiny.yaml", value.to_string());
     let mut command = hidden_gpus(Command::new(env!("CARGO_BIN_EXE_gs2e")));
     command.args(["build", "-q", "-j", "1", "tiny.yaml"]).current_dir(place.path("")).stdout(Stdio::null());
@@ -83,6 +84,9 @@ fn a_step_takes_what_its_estimate_says() {
         ("events", 100_000, [320, 180]),
         ("events", 20_000, [1280, 720]),
         ("sharp", 20_000, [1280, 720]),
+        ("blur", 20_000, [1280, 720]),
+        ("depth", 20_000, [1280, 720]),
+        ("flow", 20_000, [1280, 720]),
     ] {
         let (found, estimate) = peak(output, gaussians, size, 1);
         let ratio = found / estimate;
