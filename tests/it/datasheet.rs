@@ -73,15 +73,17 @@ fn numbers_are_those_of_the_tree() {
     let scene: Value = serde_json::from_str(&text(release(), "small/one/scene.json")).unwrap();
     let of = |part: &Value| part["statistics"]["events"].as_u64().unwrap();
     let events: u64 = scene["trajectories"].as_array().unwrap().iter().map(of).sum();
-    let pictures = walkdir::WalkDir::new(release()).into_iter().filter(|entry| {
-        entry
-            .as_ref()
-            .is_ok_and(|entry| entry.path().parent().is_some_and(|folder| folder.ends_with("sharp")))
-    });
+    let pictures = |kind: &str| {
+        let entries = walkdir::WalkDir::new(release()).into_iter().map(Result::unwrap);
+        entries.filter(|entry| entry.path().parent().is_some_and(|folder| folder.ends_with(kind))).count()
+    };
     let wanted = format!(
         "1 scenes (1 procedural) with 2 trajectories of 60 poses together; in the release are 2 event streams with \
-         {events} events, and {} sharp frames.",
-        pictures.count()
+         {events} events, and {} sharp frames, {} blurred frames, {} depth images, {} flow images.",
+        pictures("sharp"),
+        pictures("blur"),
+        pictures("depth"),
+        pictures("flow")
     );
     assert_eq!(answer(&sheet, "How many instances are there?"), wanted);
 }

@@ -5,6 +5,7 @@
 pub(crate) mod small;
 
 use small::{RECIPE, copy, gs2e, read, release, said};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -42,7 +43,14 @@ fn the_tree_is_that_of_the_contract() {
             "transforms.json",
         ];
         wanted.extend(names.iter().map(|name| format!("small/one/{trajectory}/{name}")));
-        wanted.extend((0..poses).step_by(4).map(|j| format!("small/one/{trajectory}/sharp/{j:06}.png")));
+        // Exposures of 15 frames are around pose 8 and every 15th from there; the frames in their middle are kept.
+        let exposed: Vec<usize> = (8..poses - 8).step_by(15).collect();
+        let sharp: BTreeSet<usize> = (0..poses).step_by(4).chain(exposed.clone()).collect();
+        let at = |kind: &str, j: usize, end: &str| format!("small/one/{trajectory}/{kind}/{j:06}{end}");
+        wanted.extend(sharp.into_iter().map(|j| at("sharp", j, ".png")));
+        wanted.extend(exposed.into_iter().map(|j| at("blur", j, ".png")));
+        let measured = (0..poses).step_by(12);
+        wanted.extend(measured.flat_map(|j| ["depth", "flow"].map(|kind| at(kind, j, ".npy"))));
     }
     wanted.sort();
     assert_eq!(files.keys().cloned().collect::<Vec<_>>(), wanted);

@@ -101,8 +101,8 @@ fn the_page_stands_alone_and_its_links_hold() {
         policy.starts_with("default-src 'none'; style-src 'sha256-") && !policy.contains("unsafe"),
         "{policy}"
     );
-    // A frame in the table; a frame for the first trajectory of the recipe, whose outputs are the same for both.
-    assert_eq!(views(page.root()), 1 + 2 + 2);
+    // A frame in the table; of each of the two trajectories a sharp frame, a blurred one and events.
+    assert_eq!(views(page.root()), 1 + 2 * 3);
     assert!(source.contains("alt=\"check event_frame"), "a picture of what a check saw");
     assert_eq!(elements(&page, "article").count(), 2);
     let all = words(&page);
