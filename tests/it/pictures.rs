@@ -244,6 +244,25 @@ fn pictures_are_audited() {
     t(&timed, "claims-disagree", "exposure");
 }
 
+/// Of a camera so quick that pictures lie between the poses, from where other Gaussians are seen.
+#[test]
+fn neither_threads_nor_what_is_left_out_change_a_byte() {
+    let place = Workspace::new();
+    let quick = TINY
+        .replace("arc: 6", "arc: 60")
+        .replace("[events, sharp]", "[blur, depth, flow]\nblur: { frames: 3 }");
+    place.write("tiny.yaml", quick);
+    place.ok("release --copy --store one --to one-out -j 1 tiny.yaml");
+    place.ok("release --copy --store two --to two-out -j 3 --no-omit tiny.yaml");
+    let blur = json_of(&place.path("one-out"), "tiny/scene.json")["trajectories"][0]["blur"].clone();
+    assert!(blur["subframes"].as_u64().unwrap() > 1, "{blur}");
+    for (kind, count) in [("blur", 3), ("depth", 12), ("flow", 12)] {
+        let [one, two] =
+            ["one-out", "two-out"].map(|out| read(&place.path(&format!("{out}/tiny/base/{kind}"))));
+        assert!(one == two && one.len() == count, "{kind}: {} and {} files", one.len(), two.len());
+    }
+}
+
 #[test]
 fn a_trajectory_too_short_for_an_exposure_is_told() {
     let place = Workspace::new();
