@@ -235,6 +235,9 @@ pub struct TrajectoryPart {
 pub struct SensorPart {
     /// Model and parameters.
     pub sensor: Value,
+    /// The sensor that it is without that one's noise, where there is such: poses, frames and stamps are the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub twin_of: Option<String>,
     /// What was counted of its stream; what is the trajectory's is null.
     pub statistics: Statistics,
 }

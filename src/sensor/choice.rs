@@ -71,6 +71,36 @@ impl Sensor {
         }
     }
 
+    /// The same without noise: what brightness alone makes, on pixels as unequal as these. Labels are left out as well, as
+    /// they change no event.
+    #[must_use]
+    pub fn without_noise(&self) -> Self {
+        let (hot_pixels, labels) = (noise::HotPixels::default(), false);
+        match self {
+            Self::Voltmeter(sensor) => {
+                let [k1, k2, ..] = sensor.k;
+                let k = [k1, k2, 0.0, 0.0, 0.0, 0.0];
+                Self::Voltmeter(voltmeter::Voltmeter { k, hot_pixels, labels, ..sensor.clone() })
+            }
+            Self::Esim(sensor) => Self::Esim(esim::Esim { hot_pixels, labels, ..sensor.clone() }),
+            Self::V2e(sensor) => {
+                let leak = v2e::Leak::default();
+                Self::V2e(v2e::V2e { leak, shot: 0.0, hot_pixels, labels, ..sensor.clone() })
+            }
+        }
+    }
+
+    /// The same without labels.
+    #[must_use]
+    pub fn without_labels(&self) -> Self {
+        let labels = false;
+        match self {
+            Self::Voltmeter(sensor) => Self::Voltmeter(voltmeter::Voltmeter { labels, ..sensor.clone() }),
+            Self::Esim(sensor) => Self::Esim(esim::Esim { labels, ..sensor.clone() }),
+            Self::V2e(sensor) => Self::V2e(v2e::V2e { labels, ..sensor.clone() }),
+        }
+    }
+
     /// What the sensor will do by itself at this frame rate.
     ///
     /// # Errors

@@ -242,6 +242,13 @@ fn pictures_are_audited() {
         });
     };
     t(&timed, "claims-disagree", "exposure");
+    // As many names would not fit into any memory.
+    let poses = |base: &Path| {
+        edit(base.parent().unwrap(), "scene.json", |file| {
+            file["trajectories"][0]["poses"] = json!(1_000_000_000_000_000_u64);
+        });
+    };
+    t(&poses, "claims-disagree", "scene.json says 1000000000000000 until");
 }
 
 /// Of a camera so quick that pictures lie between the poses, from where other Gaussians are seen.

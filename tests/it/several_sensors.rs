@@ -84,6 +84,29 @@ fn what_one_of_several_sees_it_sees_alone() {
     assert!(several == one);
 }
 
+/// A stream and the same without noise are named as a pair; without noise alone is no pair, nor is another threshold.
+#[test]
+fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
+    let place = Workspace::new();
+    let [k1, k2, ..] = gs2e::sensor::voltmeter::Preset::Dvs346.k();
+    let k = format!("k: [{k1}, {k2}, 0, 0, 0, 0], units: {{ time: us, brightness: 255 }}");
+    let sensors = format!(
+        "sensors:\n  clean: {{ voltmeter: {{ {k} }} }}\n  \
+         finer: {{ voltmeter: {{ {k}, threshold: {{ on: 0.5, off: 0.5 }} }} }}\n  \
+         noisy: {{ voltmeter: {{ preset: dvs346, labels: true }} }}\n  \
+         v2e-clean: {{ v2e: {{ preset: clean }} }}\n"
+    );
+    place.write("tiny.yaml", recipe(&sensors));
+    place.ok("release --to tree tiny.yaml");
+    place.ok("audit tree");
+    let scene = json(&place, "tree/tiny/scene.json");
+    let twin_of = |name: &str| scene["trajectories"][0]["sensors"][name]["twin_of"].clone();
+    assert_eq!(
+        ["clean", "finer", "noisy", "v2e-clean"].map(twin_of),
+        ["noisy".into(), Value::Null, Value::Null, Value::Null]
+    );
+}
+
 #[test]
 fn sensors_that_cannot_be_told_apart_or_are_none_are_refused() {
     let place = Workspace::new();

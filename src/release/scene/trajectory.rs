@@ -117,9 +117,20 @@ fn sensors(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
     let named = built.streams().iter().enumerate().filter_map(|(i, s)| Some((i, s, s.name.clone()?)));
     let part = |(i, stream, name): (usize, &Stream, String)| {
         let counted = counted(built, simulation, i);
-        (name, SensorPart { sensor: sensor(simulation, stream), statistics: counted })
+        let twin_of = twin_of(&stream.sensor, &simulation.streams).map(str::to_owned);
+        (name, SensorPart { sensor: sensor(simulation, stream), twin_of, statistics: counted })
     };
     named.map(part).collect()
+}
+
+/// The name of the first sensor that this one without noise would be, if its noise were taken away.
+fn twin_of<'s>(own: &Sensor, streams: &'s [Stream]) -> Option<&'s str> {
+    let own = own.without_labels();
+    let is_twin = |other: &&Stream| {
+        let noisy = other.sensor.without_labels();
+        noisy != own && noisy.without_noise() == own
+    };
+    streams.iter().find(is_twin)?.name.as_deref()
 }
 
 /// What was counted of stream `i`.
