@@ -178,6 +178,19 @@ pub struct Channels {
     pub doubtful: bool,
 }
 
+impl Channels {
+    /// No image; [`Default`] for constants.
+    pub const NONE: Self = Self {
+        rgb: false,
+        luminance: false,
+        alpha: false,
+        depth: false,
+        flow: false,
+        luminance_rate: false,
+        doubtful: false,
+    };
+}
+
 /// The images asked for; the others are `None`.
 #[derive(Debug, Clone, Default)]
 pub struct Rendered {

@@ -20,15 +20,7 @@ const GREY_SCALE: f32 = 255.0;
 const AHEAD: usize = 2;
 
 /// What is rendered of each, but for its colours and its rate of change.
-const WANT: Channels = Channels {
-    luminance: true,
-    rgb: false,
-    alpha: false,
-    depth: false,
-    flow: false,
-    luminance_rate: false,
-    doubtful: false,
-};
+const WANT: Channels = Channels { luminance: true, ..Channels::NONE };
 
 /// The luminance that a camera sees at each pose of a trajectory; frame `j` is rendered at pose `j` when it is
 /// asked for.

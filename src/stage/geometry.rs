@@ -62,21 +62,11 @@ pub struct Depth;
 #[derive(Debug)]
 pub struct Flow;
 
-const NOTHING: Channels = Channels {
-    rgb: false,
-    luminance: false,
-    alpha: false,
-    depth: false,
-    flow: false,
-    luminance_rate: false,
-    doubtful: false,
-};
-
 impl Quantity for Depth {
     const NAME: &'static str = "depth";
     const REVISION: u32 = 1;
     const BYTES_A_PIXEL: u64 = 24;
-    const CHANNELS: Channels = Channels { depth: true, ..NOTHING };
+    const CHANNELS: Channels = Channels { depth: true, ..Channels::NONE };
 
     fn velocities(_: &Motion) -> Option<Vec<Velocity>> {
         None
@@ -91,7 +81,7 @@ impl Quantity for Flow {
     const NAME: &'static str = "flow";
     const REVISION: u32 = 1;
     const BYTES_A_PIXEL: u64 = 72;
-    const CHANNELS: Channels = Channels { flow: true, ..NOTHING };
+    const CHANNELS: Channels = Channels { flow: true, ..Channels::NONE };
 
     fn velocities(motion: &Motion) -> Option<Vec<Velocity>> {
         Some(motion.velocities())

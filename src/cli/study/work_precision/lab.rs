@@ -34,15 +34,7 @@ const ROUNDS: usize = 3;
 const FLOWS: usize = 240;
 const FLOW_PERCENT: usize = 99;
 
-const VALUE: Channels = Channels {
-    luminance: true,
-    rgb: false,
-    alpha: false,
-    depth: false,
-    flow: false,
-    luminance_rate: false,
-    doubtful: false,
-};
+const VALUE: Channels = Channels { luminance: true, ..Channels::NONE };
 const RATED: Channels = Channels { luminance_rate: true, ..VALUE };
 const RGB: Channels = Channels { rgb: true, luminance: false, ..VALUE };
 
