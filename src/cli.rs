@@ -36,7 +36,7 @@ mod why;
 use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, Device, GpuError};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use console::Console;
 use problem::{Exit, Problem};
 use renderers::{Auto, By, Chosen};
@@ -201,6 +201,12 @@ struct Targets {
 impl Targets {
     /// Where recipes are looked for unless something is named.
     const DEFAULT: &'static str = "recipes";
+}
+
+/// The command line as clap knows it: every verb and option with its help, from which `docs/cli.md` is written.
+#[must_use]
+pub fn command_line() -> clap::Command {
+    Cli::command()
 }
 
 /// Runs the program with these arguments, the first being its own name.

@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Fewest distinct event times per frame.
+    /// Fewest distinct event times per frame. Default: `UNIQUE_PER_FRAME`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub unique_per_frame: Option<f64>,
-    /// Largest coefficient of variation of event counts over the phase of the frame interval.
+    /// Largest coefficient of variation of event counts over the phase of the frame interval. Default: `PHASE_CV`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub phase_cv: Option<f64>,
 }

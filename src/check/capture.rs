@@ -20,16 +20,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest mean reprojection error, px.
+    /// Largest mean reprojection error. Unit: px. Default: `REPROJECTION_PX`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub reprojection: Option<f64>,
-    /// Longest step between neighbouring views, median steps.
+    /// Longest step between neighbouring views. Unit: median steps. Default: `8`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub gap: Option<f64>,
-    /// Largest detour of a view, median steps.
+    /// Largest detour of a view. Unit: median steps. Default: `OUTLIER`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub outlier: Option<f64>,
-    /// Least share of photos that have a pose.
+    /// Smallest share of photos that have a pose. Default: `REGISTERED`.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub registered: Option<f64>,
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest share of events that repeat the time and pixel of another.
+    /// Largest share of events that repeat the time and pixel of another. Default: `SHARE`.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }

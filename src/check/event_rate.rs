@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Fewest events per pixel and second.
+    /// Fewest events per pixel and second. Unit: Hz. Default: none.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
-    /// Most events per pixel and second.
+    /// Most events per pixel and second. Unit: Hz. Default: none.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }

@@ -14,10 +14,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest share of hot pixels.
+    /// Largest share of hot pixels. Default: `SHARE`, and what the recipe makes hot.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub hot: Option<f64>,
-    /// Largest share of dead pixels among those that the frames changed.
+    /// Largest share of dead pixels among those that the frames changed. Default: `SHARE`.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub dead: Option<f64>,
 }

@@ -21,7 +21,7 @@ use warp::Sharpness;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Least median ratio of the variances.
+    /// Smallest median ratio of the variances, moved over in place. Default: `MEDIAN`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub median: Option<f64>,
 }

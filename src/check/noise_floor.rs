@@ -17,7 +17,7 @@ use still::Stillness;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest factor between the events of still pixels and those of the sensor's noise.
+    /// Largest factor between the events of still pixels and those of the sensor's noise. Default: `FACTOR`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub factor: Option<f64>,
 }

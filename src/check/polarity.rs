@@ -16,10 +16,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Smallest share of ON events.
+    /// Smallest share of ON events. Default: `WIDTH` below the share that the frames predict.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
-    /// Largest share of ON events.
+    /// Largest share of ON events. Default: `WIDTH` above it.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }

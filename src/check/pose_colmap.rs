@@ -24,19 +24,19 @@ use serde::{Deserialize, Deserializer, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// How many of the sharp pictures are registered, evenly spread.
+    /// Number of sharp frames to register, evenly spread. Default: `20`.
     #[serde(deserialize_with = "enough", skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
-    /// Least share of them that is found a place for.
+    /// Smallest share of them that COLMAP registers. Default: `REGISTERED`.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub registered: Option<f64>,
-    /// Largest median angle between rotations, degrees.
+    /// Largest median angle between rotations. Unit: degrees. Default: `MAX_DEG`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub max_deg: Option<f64>,
-    /// Largest angle between rotations, degrees.
+    /// Largest angle between rotations. Unit: degrees. Default: `WORST_DEG`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub worst_deg: Option<f64>,
-    /// Largest distance of centres over the length of the path.
+    /// Largest distance between centres, over the length of the path. Default: `TRANSLATION`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub translation: Option<f64>,
 }

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest ratio of a step to the median step of its neighbours.
+    /// Largest ratio of a step to the median step of its neighbours. Default: `MOST`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }

@@ -21,10 +21,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest median angle between rotations, degrees.
+    /// Largest median angle between rotations. Unit: degrees. Default: `ROTATION_DEG`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub rotation_deg: Option<f64>,
-    /// Largest median angle between directions, degrees.
+    /// Largest median angle between directions. Unit: degrees. Default: `DIRECTION_DEG`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub direction_deg: Option<f64>,
 }

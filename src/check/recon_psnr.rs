@@ -14,13 +14,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest mean less least PSNR, dB.
+    /// Largest difference between the mean and the worst PSNR. Unit: dB. Default: `DROP_DB`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub drop: Option<f64>,
-    /// Least mean PSNR, dB.
+    /// Smallest mean PSNR. Unit: dB. Default: `MEAN_DB`, as a warning.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub mean: Option<f64>,
-    /// Least mean SSIM.
+    /// Smallest mean SSIM. Default: none.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub ssim: Option<f64>,
 }

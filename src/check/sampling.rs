@@ -19,13 +19,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest 95 % quantile of the optical flow, px per frame.
+    /// Largest 95 % quantile of the optical flow per frame. Unit: px. Default: `MOST`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
-    /// Largest change of the number of events at twice the frames, as a share.
+    /// Largest change of the number of events at twice the frames, as a share. Default: `COUNT`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub count: Option<f64>,
-    /// Largest median shift of an event at twice the frames, us.
+    /// Largest median shift of an event at twice the frames. Unit: us. Default: `SHIFT_US`; none with a tolerance.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub shift_us: Option<f64>,
 }

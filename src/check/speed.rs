@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest relative deviation of a step from its share of the path, as arc length.
+    /// Largest relative deviation of a step from its share of the path, as arc length. Default: `ARC`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub arc: Option<f64>,
-    /// The same, as chord.
+    /// Largest relative deviation of a step from its share of the path, as chord. Default: `CHORD`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub chord: Option<f64>,
 }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Smallest ratio.
+    /// Smallest event structural ratio. Default: `LEAST`.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
 }

@@ -1,9 +1,15 @@
-//! The recipe as it is written, version 1: every key, those of features to come included.
+//! The recipe as written, version 1: every key, including the keys of features that do not exist yet.
 //!
-//! Nothing here is checked beyond its kind; [`super::resolve`] knows what is required, the ranges and the defaults.
-//! [`Later`] marks a key whose feature is not built yet: it has its place, and is refused by name.
+//! This file defines types only; [`super::resolve`] knows which keys are required, their ranges and their defaults.
+//! [`Later`] marks a key whose feature is not built yet: the key is reserved, and refused by name.
 //!
-//! An enumeration whose choices hold mappings stands in `ENUMERATIONS` of [`super::merge`] too, unless it is in a list.
+//! An enumeration whose choices hold mappings is also listed in `ENUMERATIONS` of [`super::merge`], unless it is in a
+//! list.
+//!
+//! The comments of the fields are the text of `docs/recipe.md`, which `cargo xtask docs` writes. A field's comment ends
+//! with `Unit: …`, and with `Required.` or `Default: …`. A default in backticks is YAML, and a test compares a recipe
+//! that writes it with one that leaves the key out. Ranges are not repeated here: the test reads them off the messages
+//! of the loader; `Range: …` is for those that no single number shows.
 
 mod reconstruct;
 mod sensor;
@@ -23,306 +29,383 @@ use crate::source::PoseFile;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// The whole file.
+/// A recipe is one YAML mapping with these keys.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Recipe {
-    /// Always 1; required.
+    /// Version of the recipe language. Range: `1`. Required.
     pub version: Field<u64>,
-    /// Scene id; required.
+    /// Scene id, which is also the scene's folder in the release: parts of letters, digits, `.`, `_` and `-`, separated by
+    /// `/`. Range: at most 200 bytes. Required.
     pub scene: Field<String>,
-    /// Seed of every stream; default 0.
+    /// Seed that every random draw of the scene is derived from. Default: `0`.
     pub seed: Field<u64>,
-    /// Where poses come from; required.
+    /// Source of the camera poses, the camera and the photos. Required.
     pub source: Field<Source>,
-    /// What it shows, where other recipes show the same.
+    /// Name of the photographed object, the same in each recipe that shows it. Release splits with `by: object` keep a group
+    /// together. Default: none.
     pub group: Field<String>,
-    /// Where the Gaussians come from.
+    /// Source of the Gaussians. A procedural source brings its own; a `model` source takes the newest of its folder. Default:
+    /// required for the other sources, unless nothing is rendered.
     pub reconstruct: Field<Reconstruct>,
-    /// Default: the source's own camera.
+    /// Camera that renders. Default: the source's own; required where `source` is `none`.
     pub camera: Field<Camera>,
-    /// At least one.
+    /// Trajectories to make, at least one. Required.
     pub trajectories: Field<Vec<Field<Trajectory>>>,
-    /// Frames in time.
+    /// Times at which frames are rendered for the sensor. Default: `{}`.
     pub sampling: Field<Sampling>,
-    /// Rendering.
+    /// Rendering. Default: `{}`.
     pub render: Field<Render>,
-    /// The one sensor; default: `voltmeter` with the preset `dvs346`.
+    /// The sensor. Default: `{ voltmeter: {} }`.
     pub sensor: Field<Sensor>,
-    /// Several sensors fed from one rendering, by name.
+    /// Several sensors that see the same rendering, by name, instead of `sensor`. Each has its own event file and its own
+    /// checks. Default: none.
     pub sensors: Field<BTreeMap<String, Field<Sensor>>>,
-    /// Default: events and sharp.
+    /// Products to make for each trajectory. Steps that no product needs do not run. Default: `[events, sharp]`.
     pub outputs: Field<Vec<Field<Output>>>,
-    /// Sharp frames.
+    /// Spacing of the sharp frames. A frame in the middle of an exposure is kept in any case. Default: `{}`.
     pub sharp: Field<Every>,
-    /// Blurred frames.
+    /// Exposure of the blurred frames. Default: `{}`.
     pub blur: Field<Blur>,
-    /// Depth images.
+    /// Spacing of the depth images. Default: `{}`.
     pub depth: Field<Every>,
-    /// Images of optical flow.
+    /// Spacing of the optical flow images. Default: `{}`.
     pub flow: Field<Every>,
-    /// Limits that differ from the defaults, and waivers.
+    /// Limits that differ from the defaults, requests for optional checks, and waivers. Default: `{}`.
     pub checks: Field<Limits>,
-    /// The owner's part of the licence.
+    /// The owner's part of the licence. Default: none.
     pub licence: Field<Licence>,
-    /// What a release holds beside its products: `include`.
+    /// Contents of a release. Default: none.
     pub release: Field<Later>,
-    /// What the tool cannot know, for catalogues.
+    /// Facts for catalogues that the program cannot know. Default: `{}`.
     pub attributes: Field<Attributes>,
 }
 
-/// Where poses come from.
+/// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Source {
+    /// The embedded scene, which needs no data: its own camera has 640x360 pixels.
     Procedural(Field<Procedural>),
+    /// A COLMAP model, binary or text.
     Colmap(Field<Folder>),
+    /// A nerfstudio `transforms.json`.
     Nerfstudio(Field<Folder>),
+    /// An instance of MVImgNet.
     Mvimgnet(Field<Folder>),
+    /// A scene of DL3DV-10K.
     Dl3dv(Field<Folder>),
+    /// A 3DGS model folder with a `cameras.json`.
     Model(Field<Folder>),
-    /// A scene file without a capture: `source: none`.
+    /// No capture: `source: none`. The scene file, the camera, and an orbit or key poses come from the recipe.
     None,
 }
 
-/// The embedded scene.
+/// Parameters of the embedded scene.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Procedural {
-    /// Which; there is one.
+    /// Embedded scene to use. Default: `still-life`.
     pub kind: Field<Kind>,
+    /// Number of Gaussians. Default: `20000`.
     pub gaussians: Field<u64>,
+    /// Number of captured views. Default: `30`.
     pub views: Field<u64>,
-    /// Degrees.
+    /// Extent of the capture's arc; beyond about 80 the outer views see the ends of the room. Unit: degrees. Default: `20`.
     pub arc: Field<f64>,
+    /// Seed of the scene and of its capture. Default: `1`.
     pub seed: Field<u64>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Kind {
+    /// Fruit, flowers, books and brass on a table.
     StillLife,
 }
 
-/// A captured dataset.
+/// A capture on disk.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Folder {
-    /// Required.
+    /// Folder or file of the capture, relative to the recipe. Required.
     pub path: Field<String>,
-    /// How many views are used; default: all.
+    /// Number of views to use, picked evenly in natural order of the image names. Default: all.
     pub views: Field<u64>,
-    /// Patterns of the names of photos that are left out.
+    /// Glob patterns of photos to leave out, compared with the whole name and with its last part. Default: `[]`, for
+    /// `mvimgnet` `["*_bg_removed.png"]`.
     pub exclude: Field<Vec<Field<String>>>,
-    /// Of DL3DV alone: the COLMAP model's poses or those of `transforms.json`.
+    /// File to take the poses from; `dl3dv` only. Default: the COLMAP model where there is one.
     pub poses: Field<PoseFile>,
-    /// What the dataset calls the scene.
+    /// Name of the scene in its dataset; enters `scene.json`, and no key. Default: read from the folders for `mvimgnet` and
+    /// `dl3dv`.
     pub upstream_id: Field<String>,
-    /// Where it was downloaded.
+    /// Web address of the dataset; decides which upstream terms apply. Range: a URL. Default: known for `mvimgnet` and `dl3dv`.
     pub upstream_url: Field<String>,
-    /// When: `YYYY-MM-DD`.
+    /// Day of the download. Range: `YYYY-MM-DD`. Default: none.
     pub accessed: Field<String>,
-    /// Whether its terms were accepted.
+    /// Whether you accepted the dataset's terms; recorded in `scene.json`. Default: none.
     pub terms_accepted: Field<bool>,
 }
 
+/// With width and height alone the camera keeps the source's horizontal field of view.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Camera {
-    /// Required.
+    /// Width of the image. Unit: px. Required.
     pub width: Field<u64>,
-    /// Required.
+    /// Height of the image. Unit: px. Required.
     pub height: Field<u64>,
-    /// Default: what keeps the source's horizontal field of view; required without a source.
+    /// Focal length in x. Unit: px. Default: keeps the source's horizontal field of view; required without a capture, or with
+    /// `fy`, `cx` or `cy`.
     pub fx: Field<f64>,
-    /// Default `fx`.
+    /// Focal length in y. Unit: px. Default: `fx`.
     pub fy: Field<f64>,
-    /// Default: the middle.
+    /// Principal point, x. Unit: px. Default: half the width.
     pub cx: Field<f64>,
-    /// Default: the middle.
+    /// Principal point, y. Unit: px. Default: half the height.
     pub cy: Field<f64>,
 }
 
+/// [sampling.md](sampling.md) explains the choice between a rate and a tolerance.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Sampling {
+    /// Frames per second rendered for the sensor, and poses per second in the release. Unit: Hz. Default: `2400`.
     pub rate: Field<Literal>,
+    /// Brightness between two frames, in `ln(L + k2)`. Sensors `esim` and `v2e` and the law `official` take `linear` only.
+    /// Default: `linear`; with a tolerance, the cheapest that meets it.
     pub between: Field<Between>,
-    /// How speed laws are summed; default `sum`, as the paper does.
+    /// Summation of speed laws along the path. Default: `sum`; `integral` with a tolerance.
     pub law: Field<Summation>,
-    /// RMS of the error between frames, in thresholds: frames are then where they are needed, not at the rate.
+    /// RMS interpolation error of the sensor's brightness to aim at; frames are then placed where the error needs them. For
+    /// `voltmeter` with the law `exact`. Unit: contrast thresholds. Default: none.
     pub tolerance: Field<f64>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Between {
+    /// A straight line.
     Linear,
+    /// A cubic through four frames.
     Catmull,
+    /// A cubic through two frames and their rendered rates of change.
     Hermite,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Summation {
+    /// A sum over the poses, as in the paper.
     Sum,
+    /// The integral of the law.
     Integral,
 }
 
+/// Conventions of the renderer.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Render {
+    /// Extents, culling and stopping rules. Default: `official`; `soft` with a tolerance.
     pub rules: Field<Rules>,
+    /// Compensation of opacity for the screen-space dilation. Default: `auto`.
     pub antialiased: Field<Antialiased>,
+    /// Colour behind the scene: red, green, blue. Default: `[0, 0, 0]`.
     pub background: Field<[Field<f64>; 3]>,
-    /// Of the rules `soft` alone.
+    /// Order of layers of nearly the same depth. Default: `depth`.
     pub order: Field<Layering>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Rules {
+    /// The published CUDA rasteriser: 3-sigma extents, rounded out to tiles.
     Official,
+    /// Every pixel where a layer's opacity reaches 1/255.
     Exact,
+    /// The conventions of gsplat.
     Gsplat,
+    /// As `exact`, but layers fade in, so that opacity is a continuous function of the view.
     Soft,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Layering {
+    /// By the depth of their means.
     Depth,
+    /// Layers cover each other in part; with the rules `soft` only.
     Blended,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub(super) enum Antialiased {
+    /// As the scene file says, else off.
     #[serde(rename = "auto")]
     Auto,
+    /// On.
     #[serde(rename = "true")]
     On,
+    /// Off.
     #[serde(rename = "false")]
     Off,
 }
 
+/// One of these; [sensors.md](sensors.md) describes the models.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Sensor {
+    /// The stochastic process of DVS-Voltmeter.
     Voltmeter(Field<Box<Voltmeter>>),
+    /// The threshold model of ESIM.
     Esim(Field<Box<Esim>>),
+    /// The pixel model of v2e.
     V2e(Field<Box<V2e>>),
 }
 
+/// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a contrast in `ln(L + k2)`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Voltmeter {
-    /// A named set of `k`; default dvs346.
+    /// Named set of `k1` to `k6`: `dvs346`, `dvs240` or `gs2e-si`. Default: `dvs346`.
     pub preset: Field<String>,
-    /// In place of a preset: k1 to k6, in `units`.
+    /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`, `k6` at least 0; at most 1e12
+    /// in size. Default: the preset's.
     pub k: Field<[Field<f64>; 6]>,
+    /// Units of `k`. Default: required with `k`, refused with a preset.
     pub units: Field<Units>,
+    /// Contrast thresholds, in units of the preset. Default: `{ on: 1, off: 1, spread: 0 }`.
     pub threshold: Field<Threshold>,
+    /// Sampler of the process. Default: `exact`.
     pub law: Field<Law>,
+    /// Brightness that drives the drift. Default: `log`.
     pub gain: Field<Gain>,
+    /// Voltages at the first frame. Default: `zero`.
     pub initial: Field<Initial>,
+    /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
-    /// Whether events beyond that are left out and counted.
+    /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
     pub allow_cap: Field<bool>,
+    /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
     pub front_end: Field<FrontEnd>,
+    /// Pixels that fire whatever they see. Default: none.
     pub hot_pixels: Field<HotPixels>,
-    /// Whether each event is labelled as signal or noise.
+    /// Label each event as signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Law {
+    /// First passages of the process, independent of the frame rate.
     Exact,
+    /// The published program's sampler, whose noise depends on the frame rate; for comparisons.
     Official,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Gain {
+    /// `k1 ln(L + k2)`.
     Log,
+    /// The published program's midpoint form; for comparisons.
     Midpoint,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Initial {
+    /// All zero, as published; equal pixels then leak in step.
     Zero,
+    /// As if every pixel had seen the first frame for a long time.
     Stationary,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Output {
+    /// The event stream of each sensor.
     Events,
+    /// Sharp frames, 8-bit sRGB PNG.
     Sharp,
+    /// Blurred frames, 8-bit sRGB PNG.
     Blur,
+    /// Depth images, float32 `.npy`.
     Depth,
+    /// Optical flow images, float32 `.npy`.
     Flow,
 }
 
+/// The same for `sharp`, `depth` and `flow`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Every {
-    /// Default: 1, each pose.
+    /// Poses from one picture to the next. Default: `1`.
     pub every: Field<u64>,
 }
 
+/// Exposures follow each other without a gap, each within the trajectory. A blurred frame is the mean of its sub-frames in
+/// linear light.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Blur {
-    /// Of an exposure, odd. Default: 15.
+    /// Dense frames of one exposure; an odd number. Default: `15`.
     pub frames: Field<u64>,
-    /// Default: `auto`.
+    /// Pictures between the dense frames. Default: `auto`.
     pub subframes: Field<Subframes>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Subframes {
+    /// Enough that the picture moves by at most 1 px between two, up to 33 for a dense frame; motion beyond is a warning.
     Auto,
+    /// None.
     Literal,
 }
 
+/// Facts for catalogues.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Attributes {
-    /// Default: what is known of the source.
+    /// Size of the scene. Default: what is known of the source.
     pub scene_scale: Field<SceneScale>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SceneScale {
+    /// One thing.
     Object,
+    /// A room, or a few things.
     Medium,
+    /// A building, a street, a landscape.
     Large,
 }
 
+/// The program adds the terms of the source. [releases.md](releases.md) explains both.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Licence {
-    /// SPDX; required.
+    /// Terms of your own contribution. Range: SPDX expression. Required.
     pub expression: Field<String>,
-    /// Required.
+    /// Rights holder. Required.
     pub holder: Field<String>,
-    /// SPDX: what the upstream granted instead of what it states for everybody.
+    /// Terms that the upstream granted to you, instead of its public terms. Range: SPDX expression. Default: none.
     pub upstream: Field<String>,
-    /// Of that; required with it.
+    /// Evidence of that grant. Default: required with `upstream`.
     pub evidence: Field<Evidence>,
 }
 
+/// Evidence of terms that an upstream granted.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Evidence {
-    /// Who granted it, and what. Required.
+    /// Who granted it, and for what. Required.
     pub granted_by: Field<String>,
-    /// Where that can be read. Required.
+    /// Where the grant can be read. Range: a URL. Required.
     pub url: Field<String>,
-    /// `YYYY-MM-DD`. Required.
+    /// Day of the grant. Range: `YYYY-MM-DD`. Required.
     pub date: Field<String>,
 }

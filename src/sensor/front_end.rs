@@ -75,10 +75,10 @@ pub struct Weights([f64; 3]);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decode {
-    /// Nothing: brightness is display-encoded.
+    /// None: brightness is display-encoded.
     #[default]
     None,
-    /// It becomes linear light by the curve of sRGB.
+    /// The sRGB curve, to linear light.
     Srgb,
 }
 

@@ -80,10 +80,10 @@ pub struct V2e {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Filter {
-    /// The answer to an input that is straight between frames.
+    /// The true response to an input that is a straight line between frames.
     #[default]
     Exact,
-    /// The program's step towards the later frame.
+    /// The published program's step towards the later frame.
     Euler,
 }
 

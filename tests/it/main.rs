@@ -16,6 +16,7 @@ mod cutoff;
 mod datasheet;
 mod determinism;
 mod diff;
+mod docs;
 mod event_pictures;
 mod event_statistics;
 mod fidelity;

@@ -6,6 +6,7 @@ pub(crate) mod given;
 pub(crate) mod gpu;
 pub(crate) mod pipe;
 pub(crate) mod ply;
+pub(crate) mod repository;
 pub(crate) mod shared;
 pub(crate) mod steps;
 pub(crate) mod workspace;

@@ -1,57 +1,69 @@
-//! Where the Gaussians come from, as it is written.
+//! Source of the Gaussians, as written.
 
 use crate::recipe::field::{Field, Later};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// Where the Gaussians come from.
+/// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Reconstruct {
+    /// A trained scene file.
     Given(Field<Given>),
+    /// Training inside the program.
     Builtin(Field<Later>),
+    /// A program that trains the scene; runs only with `--allow-commands`. See [trainers.md](trainers.md).
     Command(Field<Box<Command>>),
 }
 
-/// A scene file.
+/// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Given {
-    /// Required.
+    /// Path of the scene file, relative to the recipe. Required.
     pub path: Field<String>,
-    /// Whether it was trained on undistorted photos.
+    /// Whether the scene was trained on undistorted photos. Default: none.
     pub undistorted: Field<Later>,
 }
 
-/// A program that is run.
+/// Arguments, `probe` and `program` may hold names in braces, which [trainers.md](trainers.md) lists.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Command {
-    /// Required.
+    /// Name of the program, searched for in `PATH`, or `"{name}"` of `files`. Required.
     pub program: Field<String>,
+    /// Arguments; no shell reads them. Default: `[]`.
     pub arguments: Field<Vec<Field<String>>>,
-    /// Required.
+    /// Version of the program; part of the key, so that another version trains again. Required.
     pub version: Field<String>,
-    /// What it is started with to say its version.
+    /// Arguments that make the program print its version; the output must contain `version`. Default: none.
     pub probe: Field<Vec<Field<String>>>,
-    /// Required.
+    /// Terms of the program. Range: SPDX expression. Required.
     pub licence: Field<String>,
-    /// Below `{out}`; default: the newest of a 3DGS model folder.
+    /// Scene file that the program writes, below `{out}`. Default: the newest
+    /// `point_cloud/iteration_N/point_cloud.ply`.
     pub scene: Field<String>,
+    /// Training iterations; fills `{iterations}` and is recorded in `scene.json`. Default: none.
     pub iterations: Field<u64>,
+    /// Environment variables, in addition to those of `gs2e` itself. Default: `{}`.
     pub environment: Field<BTreeMap<String, Field<String>>>,
-    /// Files that arguments name.
+    /// Files that arguments refer to by name; their content is part of the key. Default: `{}`.
     pub files: Field<BTreeMap<String, Field<String>>>,
+    /// Hold back every n-th view, the first included, from the training. Default: no view.
     pub hold_out: Field<u64>,
-    /// How many it has to bring.
+    /// Number of Gaussians that the result must have. Default: `{}`.
     pub gaussians: Field<Count>,
-    /// Mean PSNR that it has to have where views are held out, dB.
+    /// Mean PSNR over every 8th view below which the result is refused; the default is that of plain grey against uniformly
+    /// distributed greys. Unit: dB. Default: `10.79`.
     pub min_psnr: Field<f64>,
 }
 
+/// Bounds, both included.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Count {
+    /// Fewest Gaussians. Default: no bound.
     pub min: Field<u64>,
+    /// Most Gaussians. Default: no bound.
     pub max: Field<u64>,
 }

@@ -1,4 +1,4 @@
-//! Sensors as they are written, beside the voltmeter.
+//! Sensors other than the voltmeter, and the parts that sensors share, as written.
 
 use crate::recipe::field::Field;
 use crate::sensor::esim::Intensity;
@@ -7,103 +7,139 @@ use crate::sensor::noise::{Redraw, Reference};
 use crate::sensor::v2e::Filter;
 use serde::Deserialize;
 
-/// A sensor as in ESIM.
+/// Brightness is `ln(eps + L/255)`, or `L/255`; thresholds are differences of it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Esim {
+    /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
     pub threshold: Field<Threshold>,
+    /// When the thresholds of the pixels are drawn. Default: `per-sensor`.
     pub mismatch: Field<Redraw>,
+    /// Scale of brightness. Default: `log`.
     pub intensity: Field<Intensity>,
+    /// Offset added to `L/255` before the logarithm. Default: `0.001`.
     pub eps: Field<f64>,
+    /// Dead time after an event. Default: `{ period_us: 0, reference: passing }`.
     pub refractory: Field<Refractory>,
+    /// Pixels that fire whatever they see. Default: none.
     pub hot_pixels: Field<HotPixels>,
+    /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
+    /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
     pub allow_cap: Field<bool>,
+    /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
     pub front_end: Field<FrontEnd>,
-    /// Whether each event is labelled as signal or noise.
+    /// Label each event as signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
 
-/// A sensor as in v2e.
+/// Every key may differ from the preset. `clean` has a threshold spread of 0.02 and no noise; `noisy` has a spread of 0.05, a
+/// cutoff of 30 Hz, a leak of 0.1 Hz with jitter and cov 0.1, and shot noise of 5 Hz.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct V2e {
-    /// What the other keys differ from; default clean.
+    /// Named set of the keys below: `clean` or `noisy`. Default: `clean`.
     pub preset: Field<String>,
+    /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the preset's spread.
     pub threshold: Field<Threshold>,
-    /// Hz.
+    /// Cutoff of the low-pass filter at white; 0 turns the filter off. Unit: Hz. Default: the preset's.
     pub cutoff: Field<f64>,
+    /// Response of the filter between two frames. Default: `exact`.
     pub filter: Field<Filter>,
+    /// Leak events, which are ON. Default: the preset's.
     pub leak: Field<Leak>,
-    /// Hz.
+    /// Rate of shot noise in darkness, both polarities together. Unit: Hz. Default: the preset's.
     pub shot: Field<f64>,
+    /// Dead time after an event. Default: `{ period_us: 0, reference: at-event }`.
     pub refractory: Field<Refractory>,
+    /// Pixels that fire whatever they see. Default: none.
     pub hot_pixels: Field<HotPixels>,
+    /// Events of one pixel between two frames beyond which the step fails. Default: `1000`.
     pub max_events_per_pixel_frame: Field<u64>,
+    /// Drop and count the events beyond that limit, instead of failing. Default: `false`.
     pub allow_cap: Field<bool>,
+    /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
     pub front_end: Field<FrontEnd>,
+    /// Label each event as signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
 }
 
+/// Contrast thresholds. The unit is the sensor's.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Threshold {
+    /// Threshold of ON events. Default: the sensor's.
     pub on: Field<f64>,
+    /// Threshold of OFF events. Default: the sensor's.
     pub off: Field<f64>,
-    /// Over the pixels.
+    /// Standard deviation over the pixels. Default: the sensor's.
     pub spread: Field<f64>,
 }
 
+/// Leak of the remembered level.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Leak {
-    /// Hz.
+    /// Leak events of a pixel per second. Unit: Hz. Default: the preset's.
     pub rate: Field<f64>,
+    /// Standard deviation of the rate from frame to frame, as a share of it. Default: the preset's.
     pub jitter: Field<f64>,
+    /// Standard deviation of the rate over the pixels. Unit: decades. Default: the preset's.
     pub cov: Field<f64>,
 }
 
+/// Time after an event in which a pixel fires no other.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Refractory {
+    /// Length of the dead time. Unit: us. Default: `0`.
     pub period_us: Field<f64>,
+    /// Level that brightness is compared with afterwards. Default: `passing` for `esim`, `at-event` for `v2e`.
     pub reference: Field<Reference>,
 }
 
-/// Pixels that fire by themselves.
+/// Hot pixels fire ON events at random times.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct HotPixels {
+    /// Share of all pixels that are hot. Required.
     pub share: Field<f64>,
-    /// Hz.
+    /// Events of a hot pixel per second. Unit: Hz. Required.
     pub rate: Field<f64>,
 }
 
-/// From the colours of a frame to the brightness that the pixels see.
+/// The defaults are the encoded luminance that the published simulators read.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct FrontEnd {
+    /// Weights of red, green and blue. Default: `rec601`.
     pub luminance: Field<Luminance>,
+    /// Decoding of the colours before they are weighted. Default: `none`.
     pub decode: Field<Decode>,
-    /// A factor.
+    /// Factor on the brightness. Default: `1`.
     pub exposure: Field<f64>,
+    /// Range that brightness is clamped to. Default: `{}`.
     pub range: Field<Range>,
 }
 
-/// Weights of the colours.
+/// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Luminance {
+    /// 0.299, 0.587, 0.114 (ITU-R BT.601).
     Rec601,
+    /// 0.2126, 0.7152, 0.0722 (ITU-R BT.709).
     Rec709,
+    /// Three weights from 0 to 1 that sum to 1: `{ weights: [0.25, 0.5, 0.25] }`.
     Weights(Field<[Field<f64>; 3]>),
 }
 
-/// Grey.
+/// Greys; white is 255.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Range {
+    /// Lowest brightness. Unit: grey. Default: `0`.
     pub min: Field<f64>,
-    /// Without bound where there is none.
+    /// Highest brightness. Unit: grey. Default: no bound.
     pub max: Field<f64>,
 }

@@ -1,4 +1,4 @@
-//! Trajectories as recipes write them: one path each, and how fast it is followed.
+//! Trajectories as written: one path each, and a speed.
 //!
 //! ```yaml
 //! trajectories:
@@ -21,210 +21,248 @@
 use super::super::field::{Field, Literal};
 use serde::Deserialize;
 
-/// A trajectory: a name, one path, and a speed.
+/// A trajectory has a name, one of the four paths, and a speed. [trajectories.md](trajectories.md) describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Trajectory {
-    /// Required.
+    /// Name, which is also the folder in the release: letters, digits, `.`, `_` and `-`. Range: at most 100 bytes. Required.
     pub name: Field<String>,
-    /// Along the captured poses.
+    /// Path along the captured poses, smoothed and densified. Default: none.
     pub refine: Field<Refine>,
-    /// Mini-trajectories between key poses drawn from another one.
+    /// Short paths between key poses drawn at random from another trajectory. Default: none.
     pub novel: Field<Novel>,
-    /// A circle about a point.
+    /// Circle about a point. Default: none.
     pub orbit: Field<Orbit>,
-    /// Between poses given by hand.
+    /// Path through poses that the recipe lists. Default: none.
     pub keyframes: Field<Keyframes>,
-    /// Default: the paper's law for `refine`, a constant one for all others.
+    /// Speed along the path. Default: `function: "0.25*sin(t) + 1.1"` for `refine`, constant for the others.
     pub speed: Field<Speed>,
 }
 
-/// One of `factor`, `frames` and `duration` says how many poses there are; a speed in px/s says it itself.
+/// At most one of `factor`, `frames` and `duration` sets the number of poses; with a speed in px/s none may be given.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Refine {
+    /// Half-width of the smoothing window; 0 turns smoothing off. Unit: poses. Default: `2`.
     pub window: Field<u64>,
-    /// Poses a view; default 5.
+    /// Poses for each view. Default: `5`.
     pub factor: Field<Literal>,
+    /// Number of poses. Default: from `factor`.
     pub frames: Field<u64>,
-    /// Seconds.
+    /// Length in time. Unit: s. Default: from `factor`.
     pub duration: Field<Literal>,
+    /// Order of the views along the path. Default: `name`.
     pub order: Field<Order>,
+    /// Average of the rotations in a window. Default: `mean`.
     pub rotation: Field<Rotation>,
+    /// Smoothing at the ends of the path. Default: `truncated`.
     pub ends: Field<Ends>,
+    /// Metric of the path length. Default: `{}`.
     pub metric: Field<Metric>,
+    /// Treatment of gaps in the capture. Default: `bridge`.
     pub gaps: Field<Gaps>,
+    /// Curve along the smoothed poses. Default: `cubic`.
     pub curve: Field<Curve>,
-    /// Without renormalisation by arc length.
+    /// Use the paper's chord lengths, without normalisation by the arc length of the curve. Default: `false`.
     pub literal: Field<bool>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Order {
+    /// Natural order of the image names.
     Name,
+    /// Greedy nearest neighbour, from the first name.
     Nearest,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Rotation {
+    /// Karcher mean.
     Mean,
+    /// The literal reading of the paper's equation 8.
     SlerpMidpoint,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Ends {
+    /// Windows are cut off, which pulls the ends in; the paper's definition.
     Truncated,
+    /// Windows shrink, which keeps both end poses.
     Pinned,
 }
 
+/// The path length mixes rotation, in radians, and translation over this scale.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Metric {
-    /// `scene`, `none`, or scene units.
+    /// Distance that translation is divided by: `scene` for the median distance of the cameras to the point nearest to all
+    /// optical axes, `none` for 1, or a number. Unit: scene units. Default: `scene`.
     pub scale: Field<Literal>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Gaps {
+    /// Cross them, with a warning.
     Bridge,
+    /// Fail.
     Refuse,
 }
 
-/// The curve through the poses.
+/// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Curve {
+    /// Cubic splines, C2 through every pose.
     Cubic,
+    /// A cumulative cubic B-spline, C2, near the poses.
     Cumulative,
+    /// Straight lines and slerp from pose to pose, which has corners.
     SlerpLerp,
+    /// One Bezier curve near all poses.
     Bezier(Field<Bezier>),
 }
 
+/// `bezier: { degree: 3 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Bezier {
-    /// Required.
+    /// Degree of the curve. Required.
     pub degree: Field<u64>,
 }
 
-/// `groups` trajectories, called `<name>-0` and so on.
+/// Makes `groups` trajectories, called `<name>-0` and so on.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Novel {
-    /// The trajectory that key poses are drawn from; default: the first that is not novel.
+    /// Trajectory that key poses are drawn from, which must not be novel. Default: the first that is not novel.
     pub base: Field<String>,
-    /// Default 3.
+    /// Number of groups. Default: `3`.
     pub groups: Field<u64>,
-    /// Key poses of a group; default 5.
+    /// Key poses of a group; no pose is drawn twice. Default: `5`.
     pub keyframes: Field<u64>,
-    /// Poses of a group; default 150.
+    /// Poses of a group. Default: `150`.
     pub frames: Field<u64>,
-    /// Seconds, in place of `frames`.
+    /// Length in time, instead of `frames`. Unit: s. Default: from `frames`.
     pub duration: Field<Literal>,
-    /// Default `any`.
+    /// Curve along the key poses. Default: `any`.
     pub curve: Field<NovelCurve>,
-    /// Without renormalisation by arc length.
+    /// Use chord lengths, without normalisation by the arc length of the curve. Default: `false`.
     pub literal: Field<bool>,
 }
 
-/// The curve of a group: drawn, or one of [`Curve`].
+/// As `curve` of a refined path, or drawn at random.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum NovelCurve {
+    /// A fair draw between `cubic` and `bezier`, whose degree is drawn from 2 to 5.
     Any,
+    /// Cubic splines, C2 through every key pose.
     Cubic,
+    /// A cumulative cubic B-spline, C2, near the poses.
     Cumulative,
+    /// Straight lines and slerp from pose to pose, which has corners.
     SlerpLerp,
+    /// One Bezier curve near all key poses.
     Bezier(Field<Bezier>),
 }
 
-/// Points and directions are in the world, in scene units; what is left out is taken from the capture.
+/// Points and directions are world coordinates. Missing ones are taken from the capture; without a capture all are required.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Orbit {
-    /// The point looked at.
+    /// Point that the camera looks at. Unit: scene units. Default: from the capture.
     pub centre: Field<[Field<f64>; 3]>,
-    /// Where the camera starts.
+    /// First position of the camera. Unit: scene units. Default: from the capture.
     pub from: Field<[Field<f64>; 3]>,
-    /// Along the axis, of any length.
+    /// Direction of the axis, of any length but 0. Default: from the capture.
     pub up: Field<[Field<f64>; 3]>,
-    /// Degrees, right-handed about `up`; default 360.
+    /// Angle of the arc, right-handed about `up`; not 0. Unit: degrees. Default: `360`.
     pub arc: Field<f64>,
-    /// Default 150.
+    /// Number of poses. Default: `150`.
     pub frames: Field<u64>,
-    /// Seconds, in place of `frames`.
+    /// Length in time, instead of `frames`. Unit: s. Default: from `frames`.
     pub duration: Field<Literal>,
 }
 
+/// At most one of `factor`, `frames` and `duration` sets the number of poses.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Keyframes {
-    /// At least one, in the order of time; required.
+    /// Key poses in order of time, at least one. Required.
     pub poses: Field<Vec<Field<Pose>>>,
-    /// Poses a key pose.
+    /// Poses for each key pose. Default: from `frames`.
     pub factor: Field<Literal>,
-    /// Default 150.
+    /// Number of poses. Default: `150`.
     pub frames: Field<u64>,
-    /// Seconds.
+    /// Length in time. Unit: s. Default: from `frames`.
     pub duration: Field<Literal>,
+    /// Metric of the path length. Default: `{}`.
     pub metric: Field<Metric>,
+    /// Curve along the key poses. Default: `cubic`.
     pub curve: Field<Curve>,
-    /// Without renormalisation by arc length.
+    /// Use chord lengths, without normalisation by the arc length of the curve. Default: `false`.
     pub literal: Field<bool>,
 }
 
-/// A pose: its centre, and either `rotation` or `look_at` and `up`.
+/// A position, and either `rotation` or both `look_at` and `up`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Pose {
-    /// Required.
+    /// Centre of the camera, world coordinates. Unit: scene units. Required.
     pub position: Field<[Field<f64>; 3]>,
-    /// Camera to world, OpenCV axes: qx, qy, qz, qw.
+    /// Rotation from camera to world, OpenCV axes: `[qx, qy, qz, qw]`. Range: of length 1. Default: from `look_at` and `up`.
     pub rotation: Field<[Field<f64>; 4]>,
-    /// A point in the world.
+    /// Point that the camera looks at, world coordinates. Unit: scene units. Default: none.
     pub look_at: Field<[Field<f64>; 3]>,
-    /// A direction in the world that the image's top is towards, of any length.
+    /// Direction in the world that points to the top of the image, of any length but 0. Default: none.
     pub up: Field<[Field<f64>; 3]>,
 }
 
+/// One of these.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Speed {
-    /// An expression in `t`.
+    /// Relative speed as an expression in `t`, which runs from 0 to 1; proved positive before anything runs. It may use `+ - * /
+    /// ^`, `pi`, `e`, `sin cos tan exp log sqrt abs min max`.
     Function(Field<String>),
-    /// Levels over equal parts of the time.
+    /// Levels of relative speed over equal parts of the time.
     List(Field<List>),
-    /// How fast the picture moves.
+    /// Speed of the picture, as the median optical flow; needs the scene, and sets the number of poses.
     Flow(Field<Flow>),
 }
 
+/// `list: { multipliers: [1, 0.5, 2], blend: 0.1 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct List {
-    /// At least one; required.
+    /// Levels, at least one. Required.
     pub multipliers: Field<Vec<Field<f64>>>,
-    /// Half-width of the blend between two levels, in parts; default 0.1.
+    /// Half-width of the blend between two levels, as a share of a part; the speed is then twice differentiable. Default:
+    /// `0.1`.
     pub blend: Field<f64>,
-    /// Default `speed`.
+    /// Meaning of a level. Default: `speed`.
     pub meaning: Field<Meaning>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum Meaning {
+    /// Relative speed along the path.
     Speed,
+    /// Relative density of the frames, at a constant speed; not with `law: integral`.
     FrameRate,
 }
 
+/// `flow: { px_s: 400 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct Flow {
-    /// Median optical flow of a frame, its mean over the trajectory; required.
+    /// Median optical flow of a frame, averaged over the trajectory. Unit: px/s. Required.
     pub px_s: Field<f64>,
-    /// Its shape over time, an expression in `t`; default 1.
+    /// Shape of the speed over time, an expression in `t`. Default: `"1"`.
     pub function: Field<String>,
 }

@@ -9,14 +9,14 @@ use crate::seed::Space;
 use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
-/// How often thresholds are drawn.
+/// Time at which the thresholds of the pixels are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Redraw {
-    /// Once.
+    /// Once for a sensor.
     #[default]
     PerSensor,
-    /// For each pair of frames anew: what a pixel does then depends on the frame rate.
+    /// For each pair of frames; the events then depend on the frame rate.
     PerFrame,
 }
 

@@ -19,13 +19,11 @@ pub struct Refractory {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reference {
-    /// That of the event before; what has passed a threshold by then makes an event at the end of the dead time, one
-    /// after the other (v2e).
+    /// The level of the last event; a threshold that was crossed in the dead time fires at its end (v2e).
     AtEvent,
-    /// What it sees when its dead time ends: changes in the dead time are lost (IEBCS, and circuits that are held in
-    /// reset).
+    /// The brightness at the end of the dead time; changes in it are lost (IEBCS, and circuits held in reset).
     AtEnd,
-    /// The last threshold that was passed: those passed in the dead time make no event, and move the reference (ESIM).
+    /// The last threshold that was crossed; a crossing in the dead time fires no event but moves the reference (ESIM).
     #[default]
     Passing,
 }

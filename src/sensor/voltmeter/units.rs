@@ -5,13 +5,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Units of a literal `k`.
+/// Units of `k`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Units {
-    /// Unit of time.
+    /// Unit of time. Required.
     pub time: TimeUnit,
-    /// Brightness of white.
+    /// Brightness of white. Required.
     pub brightness: Brightness,
 }
 

@@ -1,0 +1,139 @@
+//! The documentation: references that are written from the program, examples that run, links that lead somewhere.
+//!
+//! `cargo xtask docs` runs these tests with `WRITE_DOCS=1`, which rewrites the generated parts of the pages instead of
+//! comparing them.
+
+mod cli_page;
+mod declared;
+mod examples;
+mod markdown;
+mod probe;
+mod recipe_page;
+
+use crate::support::repository::{files_below, root, text_of};
+use declared::Crate;
+use markdown::Page;
+use recipe_page::{Reference, Words};
+
+/// Pages by hand and by the program, from the root of the repository.
+fn pages() -> Vec<String> {
+    let top = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md"].map(str::to_owned);
+    top.into_iter().chain(files_below("docs", "md")).collect()
+}
+
+/// Pages that a run of the program writes as a whole, lines of any length included.
+const WRITTEN_BY_RUNS: [&str; 3] = ["docs/work-precision.md", "docs/tolerance.md", "docs/stress.md"];
+
+const BEGIN: &str = "<!-- generated: `cargo xtask docs` writes the rest of this page -->\n";
+
+/// Compares the part of a page below its mark with what the program says, or rewrites it.
+fn generated(path: &str, wanted: &str) {
+    let text = text_of(path);
+    let (by_hand, found) = text.split_once(BEGIN).unwrap_or_else(|| panic!("{path} has no line `{}`", BEGIN.trim()));
+    if found == wanted {
+        return;
+    }
+    let rewrite = std::env::var_os("WRITE_DOCS").is_some_and(|value| value == "1");
+    assert!(rewrite, "{path} is stale: run `cargo xtask docs` and look at the difference");
+    std::fs::write(root().join(path), format!("{by_hand}{BEGIN}{wanted}")).unwrap();
+}
+
+#[test]
+fn the_reference_of_the_recipe_is_current() {
+    generated("docs/recipe.md", &Reference::of(&Crate::read()).markdown());
+}
+
+#[test]
+fn the_reference_of_the_command_line_is_current() {
+    generated("docs/cli.md", &cli_page::markdown());
+}
+
+/// A default in backticks means the same as no key; a required key cannot be left out.
+#[test]
+fn stated_defaults_are_those_of_the_loader() {
+    let krate = Crate::read();
+    let mut verified = 0;
+    for key in Reference::of(&krate).keys() {
+        let Words { meaning, default, required, .. } = &key.words;
+        assert!(!meaning.is_empty(), "{} has no meaning", key.place());
+        assert!(*required != !default.is_empty(), "{} has neither or both of Required and Default", key.place());
+        let context = probe::context(&key.path);
+        let bare = probe::load(&context).unwrap_or_else(|e| panic!("{}: {e}", key.path));
+        if let Some(without) = required.then(|| probe::without(context.clone(), &key.path)).flatten() {
+            let faults = probe::load(&without).err().unwrap_or_default();
+            assert!(faults.contains("missing field"), "{} is not required: {faults}", key.place());
+            verified += 1;
+        }
+        if let Some(text) = key.words.yaml_default().filter(|_| !key.is_later()) {
+            let value = probe::yaml(text).unwrap_or_else(|e| panic!("{}: {e}", key.place()));
+            let said = probe::load(&probe::with(context, &key.path, value));
+            let said = said.unwrap_or_else(|e| panic!("{}: {e}", key.place()));
+            assert_eq!(said, bare, "{} is not {text} by default", key.place());
+            verified += 1;
+        }
+    }
+    assert!(verified > 90, "only {verified} keys were verified");
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let mut faults = Vec::new();
+    for path in pages() {
+        let page = Page::parse(&text_of(&path));
+        for (line, target) in page.links() {
+            if target.contains("://") || target.starts_with("mailto:") {
+                continue;
+            }
+            let (file, anchor) = target.split_once('#').map_or((target.as_str(), None), |(f, a)| (f, Some(a)));
+            let folder = root().join(&path).parent().unwrap().to_owned();
+            let to = if file.is_empty() { root().join(&path) } else { folder.join(file) };
+            if !to.exists() {
+                faults.push(format!("{path}:{line}: {target}: no such file"));
+            } else if let Some(anchor) = anchor {
+                let anchors = Page::parse(&std::fs::read_to_string(&to).unwrap()).anchors();
+                if !anchors.iter().any(|known| known == anchor) {
+                    faults.push(format!("{path}:{line}: {target}: no such heading; there are {anchors:?}"));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn lines_fit_and_the_readme_is_short() {
+    assert!(text_of("README.md").len() <= 8000, "README.md has {} bytes", text_of("README.md").len());
+    let mut faults = Vec::new();
+    for path in pages().into_iter().filter(|path| !WRITTEN_BY_RUNS.contains(&path.as_str())) {
+        let page = Page::parse(&text_of(&path));
+        let long = |line: &str| line.chars().count() > 120 && !line.starts_with('|');
+        let lines = page.prose.iter().filter(|(_, line)| long(line));
+        faults.extend(lines.map(|(number, _)| format!("{path}:{number}: more than 120 columns")));
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// The book has every page, once.
+#[test]
+fn the_summary_lists_every_page() {
+    let summary = Page::parse(&text_of("docs/SUMMARY.md"));
+    let mut listed: Vec<String> = summary.links().into_iter().map(|(_, to)| format!("docs/{to}")).collect();
+    listed.sort();
+    let pages: Vec<String> = files_below("docs", "md").into_iter().filter(|p| p != "docs/SUMMARY.md").collect();
+    assert_eq!(listed, pages);
+}
+
+/// What the README calls missing is refused by name, and every key that is reserved for later is on its list.
+#[test]
+fn what_is_not_there_yet_is_refused() {
+    let readme = text_of("README.md");
+    let section = readme.split("\n## ").find(|part| part.starts_with("Not there yet\n")).expect("there is such a section");
+    let named: Vec<&str> = section.split('`').skip(1).step_by(2).collect();
+    assert!(!named.is_empty());
+    for fragment in &named {
+        let mut recipe = probe::context("reconstruct.given");
+        probe::merge(&mut recipe, probe::yaml(fragment).unwrap_or_else(|e| panic!("{fragment}: {e}")));
+        let faults = probe::load(&recipe).err().unwrap_or_default();
+        assert!(faults.contains("is not built yet"), "`{fragment}` is not refused as missing: {faults}");
+    }
+}

@@ -1,0 +1,187 @@
+//! Types of the recipe as their Rust sources declare them: names, comments and field types.
+//!
+//! The parser reads the form that rustfmt writes, one field or variant per line, and nothing else.
+
+use crate::support::repository::{root, sources_below};
+use std::collections::BTreeMap;
+
+/// A `struct` or an `enum`.
+#[derive(Debug, Clone)]
+pub(super) struct Declared {
+    pub(super) doc: String,
+    pub(super) is_enum: bool,
+    pub(super) members: Vec<Member>,
+    /// Path of the file, from the root of the repository.
+    pub(super) file: String,
+}
+
+/// A field of a struct, or a variant of an enum.
+#[derive(Debug, Clone)]
+pub(super) struct Member {
+    /// Name in a recipe.
+    pub(super) name: String,
+    pub(super) doc: String,
+    /// Type; of a variant that of its content, empty where it has none.
+    pub(super) ty: String,
+}
+
+/// Every type that the crate declares, by file.
+#[derive(Debug)]
+pub(super) struct Crate {
+    files: BTreeMap<String, (String, BTreeMap<String, Declared>)>,
+}
+
+/// Folder of the schema.
+const SCHEMA: &str = "src/recipe/schema";
+
+impl Crate {
+    pub(super) fn read() -> Self {
+        let file = |path: String| {
+            let text = std::fs::read_to_string(root().join(&path)).expect("a source can be read");
+            let types = parse(&text, &path);
+            (path, (text, types))
+        };
+        Self { files: sources_below("src").into_iter().map(file).collect() }
+    }
+
+    /// The type that the whole recipe is read as.
+    pub(super) fn recipe(&self) -> &Declared {
+        &self.files[&format!("{SCHEMA}.rs")].1["Recipe"]
+    }
+
+    /// Text of a file.
+    pub(super) fn text(&self, file: &str) -> &str {
+        &self.files[file].0
+    }
+
+    /// The type that `name` means in `file`: declared there, elsewhere in the schema, or imported.
+    pub(super) fn named(&self, name: &str, file: &str) -> Option<&Declared> {
+        let own = self.files.get(file)?.1.get(name);
+        let schema = || {
+            let files = self.files.iter().filter(|(path, _)| path.starts_with(SCHEMA));
+            files.filter_map(|(_, (_, types))| types.get(name)).next()
+        };
+        own.or_else(schema).or_else(|| self.imported(name, file))
+    }
+
+    fn imported(&self, name: &str, file: &str) -> Option<&Declared> {
+        let module = imports(&self.files[file].0).remove(name)?;
+        let inside = |path: &str| path == format!("{module}.rs") || path.starts_with(&format!("{module}/"));
+        let found: Vec<&Declared> = self
+            .files
+            .iter()
+            .filter(|(path, _)| inside(path))
+            .filter_map(|(_, (_, types))| types.get(name))
+            .collect();
+        assert!(found.len() < 2, "{name} is declared twice below {module}");
+        found.first().copied()
+    }
+}
+
+/// Imported names, each with its module as a path: `src/sensor/esim` for `use crate::sensor::esim::Intensity;`.
+fn imports(text: &str) -> BTreeMap<String, String> {
+    let mut found = BTreeMap::new();
+    for import in text.split("\nuse crate::").skip(1).filter_map(|rest| rest.split_once(';')) {
+        let flat: String = import.0.split_whitespace().collect();
+        let (module, names) = match flat.split_once("::{") {
+            Some((module, names)) => (module.to_owned(), names.trim_end_matches('}').to_owned()),
+            None => match flat.rsplit_once("::") {
+                Some((module, name)) => (module.to_owned(), name.to_owned()),
+                None => continue,
+            },
+        };
+        let path = format!("src/{}", module.replace("::", "/"));
+        found.extend(names.split(',').map(|name| (name.to_owned(), path.clone())));
+    }
+    found
+}
+
+/// Types that a source declares, by name.
+fn parse(text: &str, file: &str) -> BTreeMap<String, Declared> {
+    let mut types = BTreeMap::new();
+    let (mut doc, mut attributes) = (Vec::new(), String::new());
+    let mut open: Option<(String, String, Declared)> = None;
+    for line in text.lines().map(str::trim) {
+        if let Some(comment) = line.strip_prefix("///") {
+            doc.push(comment.trim());
+        } else if line.starts_with("#[") {
+            attributes.push_str(line);
+        } else {
+            let (doc, attributes) = (doc.drain(..).collect::<Vec<_>>().join(" "), std::mem::take(&mut attributes));
+            open = match (open, head(line)) {
+                (None, Some((name, is_enum))) => {
+                    let declared = Declared { doc, is_enum, members: Vec::new(), file: file.to_owned() };
+                    let item = (name, attributes, declared);
+                    if line.ends_with('}') { close(&mut types, item) } else { Some(item) }
+                }
+                (Some(item), _) if line == "}" => close(&mut types, item),
+                (Some((name, outer, mut declared)), _) => {
+                    declared.members.extend(member(line, doc, &attributes, &outer, declared.is_enum));
+                    Some((name, outer, declared))
+                }
+                (None, None) => None,
+            };
+        }
+    }
+    types
+}
+
+fn close<T>(types: &mut BTreeMap<String, Declared>, (name, _, declared): (String, String, Declared)) -> Option<T> {
+    types.insert(name, declared);
+    None
+}
+
+/// Name of the type that a line begins, and whether it is an enum.
+fn head(line: &str) -> Option<(String, bool)> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let keyword = words.iter().position(|word| matches!(*word, "struct" | "enum"))?;
+    let public = words.first().is_some_and(|word| word.starts_with("pub"));
+    let brace = words.get(keyword + 2).is_some_and(|word| word.starts_with('{'));
+    (public && brace).then(|| (words[keyword + 1].to_owned(), words[keyword] == "enum"))
+}
+
+fn member(line: &str, doc: String, attributes: &str, outer: &str, is_enum: bool) -> Option<Member> {
+    let line = line.trim_end_matches(',');
+    let (name, ty) = if is_enum {
+        match line.split_once('(') {
+            Some((name, ty)) => (name, ty.trim_end_matches(')')),
+            None => (line, ""),
+        }
+    } else {
+        line.trim_start_matches("pub ").split_once(": ")?
+    };
+    let renamed = attributes.split_once("rename = \"").and_then(|(_, rest)| rest.split('"').next());
+    let name = match renamed {
+        Some(name) => name.to_owned(),
+        None if is_enum && outer.contains("rename_all") => kebab(name),
+        None => name.to_owned(),
+    };
+    Some(Member { name, doc, ty: ty.to_owned() })
+}
+
+/// `SlerpLerp` as `slerp-lerp`, as serde writes it.
+fn kebab(name: &str) -> String {
+    let dashed = name.chars().enumerate().flat_map(|(i, c)| {
+        let dash = (i > 0 && c.is_ascii_uppercase()).then_some('-');
+        dash.into_iter().chain([c.to_ascii_lowercase()])
+    });
+    dashed.collect()
+}
+
+#[test]
+fn declarations_are_read() {
+    let text = "use crate::a::{B, C};\nuse crate::d::e::F;\n\n/// A thing\n/// of two lines.\n#[serde(rename_all = \
+                \"kebab-case\")]\npub(super) enum Thing {\n    /// First.\n    SlerpLerp,\n    V2e(Field<Box<X>>),\n}\n\n\
+                pub struct Limits {}\n\n#[serde(default)]\npub struct Y {\n    /// Required.\n    \
+                #[serde(default)]\n    pub width: Field<u64>,\n}\n";
+    let types = parse(text, "src/x.rs");
+    let thing = &types["Thing"];
+    assert_eq!((thing.doc.as_str(), thing.is_enum, types.len()), ("A thing of two lines.", true, 3));
+    let names: Vec<(&str, &str, &str)> =
+        thing.members.iter().map(|m| (m.name.as_str(), m.ty.as_str(), m.doc.as_str())).collect();
+    assert_eq!(names, [("slerp-lerp", "", "First."), ("v2e", "Field<Box<X>>", "")]);
+    assert_eq!((types["Y"].members[0].ty.as_str(), types["Y"].members[0].name.as_str()), ("Field<u64>", "width"));
+    let imports = imports(&format!("\n{text}"));
+    assert_eq!(imports["C"], "src/a");
+    assert_eq!(imports["F"], "src/d/e");
+}
