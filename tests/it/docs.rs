@@ -29,7 +29,8 @@ const BEGIN: &str = "<!-- generated: `cargo xtask docs` writes the rest of this 
 /// Compares the part of a page below its mark with what the program says, or rewrites it.
 fn generated(path: &str, wanted: &str) {
     let text = text_of(path);
-    let (by_hand, found) = text.split_once(BEGIN).unwrap_or_else(|| panic!("{path} has no line `{}`", BEGIN.trim()));
+    let (by_hand, found) =
+        text.split_once(BEGIN).unwrap_or_else(|| panic!("{path} has no line `{}`", BEGIN.trim()));
     if found == wanted {
         return;
     }
@@ -56,7 +57,11 @@ fn stated_defaults_are_those_of_the_loader() {
     for key in Reference::of(&krate).keys() {
         let Words { meaning, default, required, .. } = &key.words;
         assert!(!meaning.is_empty(), "{} has no meaning", key.place());
-        assert!(*required != !default.is_empty(), "{} has neither or both of Required and Default", key.place());
+        assert!(
+            *required != !default.is_empty(),
+            "{} has neither or both of Required and Default",
+            key.place()
+        );
         let context = probe::context(&key.path);
         let bare = probe::load(&context).unwrap_or_else(|e| panic!("{}: {e}", key.path));
         if let Some(without) = required.then(|| probe::without(context.clone(), &key.path)).flatten() {
@@ -84,7 +89,8 @@ fn links_lead_somewhere() {
             if target.contains("://") || target.starts_with("mailto:") {
                 continue;
             }
-            let (file, anchor) = target.split_once('#').map_or((target.as_str(), None), |(f, a)| (f, Some(a)));
+            let (file, anchor) =
+                target.split_once('#').map_or((target.as_str(), None), |(f, a)| (f, Some(a)));
             let folder = root().join(&path).parent().unwrap().to_owned();
             let to = if file.is_empty() { root().join(&path) } else { folder.join(file) };
             if !to.exists() {
@@ -119,7 +125,8 @@ fn the_summary_lists_every_page() {
     let summary = Page::parse(&text_of("docs/SUMMARY.md"));
     let mut listed: Vec<String> = summary.links().into_iter().map(|(_, to)| format!("docs/{to}")).collect();
     listed.sort();
-    let pages: Vec<String> = files_below("docs", "md").into_iter().filter(|p| p != "docs/SUMMARY.md").collect();
+    let pages: Vec<String> =
+        files_below("docs", "md").into_iter().filter(|p| p != "docs/SUMMARY.md").collect();
     assert_eq!(listed, pages);
 }
 
@@ -127,7 +134,10 @@ fn the_summary_lists_every_page() {
 #[test]
 fn what_is_not_there_yet_is_refused() {
     let readme = text_of("README.md");
-    let section = readme.split("\n## ").find(|part| part.starts_with("Not there yet\n")).expect("there is such a section");
+    let section = readme
+        .split("\n## ")
+        .find(|part| part.starts_with("Not there yet\n"))
+        .expect("there is such a section");
     let named: Vec<&str> = section.split('`').skip(1).step_by(2).collect();
     assert!(!named.is_empty());
     for fragment in &named {

@@ -1,4 +1,4 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bench | report | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bench | report | docs | manifest`.
 //!
 //! The standard library only, so that building it costs a second and never a second copy of the crate's dependencies.
 
@@ -30,6 +30,7 @@ usage: cargo xtask <task>
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
+  docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
   manifest           builds the demo release and rewrites manifests/demo.json from it
 ";
 
@@ -50,6 +51,7 @@ fn main() -> ExitCode {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()
         }
         (Some("report"), args) => report::run(args),
+        (Some("docs"), []) => suite::rewrite_docs(),
         (Some("manifest"), []) => demo::rewrite_manifest(),
         _ => return usage(),
     };

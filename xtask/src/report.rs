@@ -29,7 +29,7 @@ Each rule set is held against its own limit: `hermite` between 9,600 frames a se
 under the rules `official` are what published datasets are made with; each first table says what their errors cost otherwise, rendering and
 sensor together. `soft` renders Gaussians that fade in and out instead of ending at an alpha of 1/255; `blended` is `soft` with layers
 of nearly the same depth that cover each other in part. In the pictures a curve is a method: rules by colour, `hermite` drawn through, `catmull` dashed,
-`linear` dotted, flow steps with hollow marks. What the README says of `gs2e study` holds for all of them.
+`linear` dotted, flow steps with hollow marks. [studies.md](studies.md) explains the errors and the costs.
 ";
 
 const GROWTH: &str = "

@@ -20,6 +20,11 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     if passed { Ok(()) } else { Err("tests failed, see above".into()) }
 }
 
+/// Rewrites the generated parts of the documentation: the tests that compare them do, where they are asked to.
+pub(crate) fn rewrite_docs() -> Outcome {
+    cargo(&["test", "--quiet", "--test", "it", "--", "docs::the_reference"]).env("WRITE_DOCS", "1").run()
+}
+
 fn name_what_is_absent() {
     if !root().join("../shared").is_dir() {
         say("absent: ../shared (golden renders and events, real scenes): the tests over them are left out");

@@ -42,7 +42,8 @@ fn usage(verb: &Command, name: &str) -> String {
         let value = value(arg);
         if arg.is_required_set() { format!("<{value}>") } else { format!("[{value}]…") }
     });
-    let words = [name.to_owned()].into_iter().chain(required).chain(["[OPTIONS]".to_owned()]).chain(positional);
+    let words =
+        [name.to_owned()].into_iter().chain(required).chain(["[OPTIONS]".to_owned()]).chain(positional);
     words.collect::<Vec<_>>().join(" ")
 }
 

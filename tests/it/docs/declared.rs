@@ -107,7 +107,8 @@ fn parse(text: &str, file: &str) -> BTreeMap<String, Declared> {
         } else if line.starts_with("#[") {
             attributes.push_str(line);
         } else {
-            let (doc, attributes) = (doc.drain(..).collect::<Vec<_>>().join(" "), std::mem::take(&mut attributes));
+            let (doc, attributes) =
+                (doc.drain(..).collect::<Vec<_>>().join(" "), std::mem::take(&mut attributes));
             open = match (open, head(line)) {
                 (None, Some((name, is_enum))) => {
                     let declared = Declared { doc, is_enum, members: Vec::new(), file: file.to_owned() };
@@ -126,7 +127,10 @@ fn parse(text: &str, file: &str) -> BTreeMap<String, Declared> {
     types
 }
 
-fn close<T>(types: &mut BTreeMap<String, Declared>, (name, _, declared): (String, String, Declared)) -> Option<T> {
+fn close<T>(
+    types: &mut BTreeMap<String, Declared>,
+    (name, _, declared): (String, String, Declared),
+) -> Option<T> {
     types.insert(name, declared);
     None
 }
@@ -180,7 +184,10 @@ fn declarations_are_read() {
     let names: Vec<(&str, &str, &str)> =
         thing.members.iter().map(|m| (m.name.as_str(), m.ty.as_str(), m.doc.as_str())).collect();
     assert_eq!(names, [("slerp-lerp", "", "First."), ("v2e", "Field<Box<X>>", "")]);
-    assert_eq!((types["Y"].members[0].ty.as_str(), types["Y"].members[0].name.as_str()), ("Field<u64>", "width"));
+    assert_eq!(
+        (types["Y"].members[0].ty.as_str(), types["Y"].members[0].name.as_str()),
+        ("Field<u64>", "width")
+    );
     let imports = imports(&format!("\n{text}"));
     assert_eq!(imports["C"], "src/a");
     assert_eq!(imports["F"], "src/d/e");

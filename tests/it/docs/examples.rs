@@ -38,7 +38,7 @@ fn read(text: &str) -> Result<(), String> {
         return recipe::read_sources(&[place.path("")]).map(drop).map_err(|faults| faults.render_text());
     }
     // A whole recipe is read as it stands, so that a fault shows its own line.
-    let text = if has("version") && has("trajectories") { text.to_owned() } else { completed(value).to_string() };
+    let text = if has("version") && has("scene") { text.to_owned() } else { completed(value).to_string() };
     place.write("recipe.yaml", text);
     recipe::read_all(&[place.path("recipe.yaml")]).map(drop).map_err(|faults| faults.render_text())
 }
@@ -70,7 +70,13 @@ fn every_command_is_parsed() {
         for block in page.blocks_in(&["sh"]) {
             for words in commands(&block.text).into_iter().filter(|words| words[0] == "gs2e") {
                 let parsed = gs2e::cli::command_line().try_get_matches_from(&words);
-                assert!(parsed.is_ok(), "{path}:{}: {}\n{}", block.line, words.join(" "), parsed.unwrap_err());
+                assert!(
+                    parsed.is_ok(),
+                    "{path}:{}: {}\n{}",
+                    block.line,
+                    words.join(" "),
+                    parsed.unwrap_err()
+                );
                 count += 1;
             }
         }

@@ -50,8 +50,13 @@ impl Page {
         let mut anchors: Vec<String> = Vec::new();
         for (_, line) in self.prose.iter().filter(|(_, line)| line.starts_with('#')) {
             let slug = slug(line.trim_start_matches('#').trim());
-            let before = anchors.iter().filter(|anchor| *anchor.trim_end_matches(char::is_numeric) == slug).count();
-            anchors.push(if before == 0 && !anchors.contains(&slug) { slug } else { format!("{slug}-{}", before.max(1)) });
+            let before =
+                anchors.iter().filter(|anchor| *anchor.trim_end_matches(char::is_numeric) == slug).count();
+            anchors.push(if before == 0 && !anchors.contains(&slug) {
+                slug
+            } else {
+                format!("{slug}-{}", before.max(1))
+            });
         }
         anchors
     }
@@ -108,7 +113,9 @@ fn words(line: &str) -> Vec<String> {
 
 #[test]
 fn pages_have_parts() {
-    let page = Page::parse("# A `b.c[]` d\nsee [x](y.md#z) and `[not](this)`\n```sh\ngs2e a \\\n  'b c' # d\n```\n# A `b.c[]` d\n");
+    let page = Page::parse(
+        "# A `b.c[]` d\nsee [x](y.md#z) and `[not](this)`\n```sh\ngs2e a \\\n  'b c' # d\n```\n# A `b.c[]` d\n",
+    );
     assert_eq!(page.anchors(), ["a-bc-d", "a-bc-d-1"]);
     assert_eq!(page.links(), [(2, "y.md#z".to_owned())]);
     let block = page.blocks_in(&["sh"]).next().unwrap();

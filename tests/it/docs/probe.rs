@@ -17,7 +17,10 @@ const CONTEXTS: [(&str, &str); 20] = [
     ("camera", "{ camera: { width: 64, height: 48 } }"),
     ("camera.f", "{ camera: { width: 64, height: 48, fx: 50 } }"),
     ("camera.c", "{ camera: { width: 64, height: 48, fx: 50 } }"),
-    ("trajectories[].refine.curve.bezier", "{ trajectories: [{ name: a, refine: { curve: { bezier: { degree: 3 } } } }] }"),
+    (
+        "trajectories[].refine.curve.bezier",
+        "{ trajectories: [{ name: a, refine: { curve: { bezier: { degree: 3 } } } }] }",
+    ),
     ("trajectories[].novel", "{ trajectories: [{ name: a, refine: {} }, { name: b, novel: {} }] }"),
     ("trajectories[].orbit", "{ trajectories: [{ name: a, orbit: {} }] }"),
     (
@@ -30,7 +33,10 @@ const CONTEXTS: [(&str, &str); 20] = [
         "trajectories[].speed.list",
         "{ trajectories: [{ name: a, refine: {}, speed: { list: { multipliers: [1] } } }] }",
     ),
-    ("trajectories[].speed.flow", "{ trajectories: [{ name: a, refine: {}, speed: { flow: { px_s: 400 } } }] }"),
+    (
+        "trajectories[].speed.flow",
+        "{ trajectories: [{ name: a, refine: {}, speed: { flow: { px_s: 400 } } }] }",
+    ),
     ("sensor.voltmeter.units", UNITS),
     ("sensor.voltmeter.hot_pixels", "{ sensor: { voltmeter: { hot_pixels: { share: 0.1, rate: 1 } } } }"),
     ("licence", "{ licence: { expression: MIT, holder: H } }"),
@@ -41,7 +47,8 @@ const CONTEXTS: [(&str, &str); 20] = [
     ),
 ];
 
-const BASE: &str = "{ version: 1, scene: a, source: { procedural: {} }, trajectories: [{ name: a, refine: {} }] }";
+const BASE: &str =
+    "{ version: 1, scene: a, source: { procedural: {} }, trajectories: [{ name: a, refine: {} }] }";
 const CAPTURE: &str = "{ source: { colmap: { path: c } }, outputs: [] }";
 const LOOKING: &str = "{ trajectories: [{ name: a, keyframes: { poses: [{ position: [0, 0, -4], look_at: [0, 0, 0], \
                        up: [0, 1, 0] }] } }] }";
@@ -56,7 +63,8 @@ pub(super) fn yaml(text: &str) -> Result<Value, String> {
 /// The smallest recipe in which the key at `path` can stand.
 pub(super) fn context(path: &str) -> Value {
     let fits = |(beginning, _): &&(&str, &str)| path.starts_with(beginning);
-    let (_, text) = CONTEXTS.iter().filter(fits).max_by_key(|(beginning, _)| beginning.len()).expect("one is empty");
+    let (_, text) =
+        CONTEXTS.iter().filter(fits).max_by_key(|(beginning, _)| beginning.len()).expect("one is empty");
     let mut recipe = yaml(BASE).expect("it is YAML");
     if !text.is_empty() {
         merge(&mut recipe, yaml(text).unwrap_or_else(|e| panic!("{text}: {e}")));
@@ -149,7 +157,8 @@ fn wanted(message: &str) -> Option<String> {
             return Some(format!("at least {}", before.rsplit(' ').next()?));
         }
     };
-    let words = words.replace("a whole number ", "").replace("a number ", "").replace(" and at most ", ", at most ");
+    let words =
+        words.replace("a whole number ", "").replace("a number ", "").replace(" and at most ", ", at most ");
     let words = words.strip_prefix("from ").unwrap_or(&words);
     let short: Vec<String> = words.split(' ').map(shortened).collect();
     Some(short.join(" "))
@@ -159,7 +168,9 @@ fn wanted(message: &str) -> Option<String> {
 fn shortened(word: &str) -> String {
     let (number, comma) = word.strip_suffix(',').map_or((word, ""), |number| (number, ","));
     match number.parse::<f64>() {
-        Ok(value) if value != 0.0 && (value.abs() >= 1e6 || value.abs() < 1e-4) => format!("{value:e}{comma}"),
+        Ok(value) if value != 0.0 && (value.abs() >= 1e6 || value.abs() < 1e-4) => {
+            format!("{value:e}{comma}")
+        }
         _ => word.to_owned(),
     }
 }
@@ -168,7 +179,10 @@ fn shortened(word: &str) -> String {
 fn ranges_are_read_off_messages() {
     let t = |message: &str, range: &str| assert_eq!(wanted(message).as_deref(), Some(range), "{message}");
     t("\"a\" is 5, wanted a whole number from 0 to 1000;", "0 to 1000");
-    t("\"a\" is -1, wanted a number above 0 and at most 1000000000, such as 5, 1.1 or 11/10", "above 0, at most 1e9");
+    t(
+        "\"a\" is -1, wanted a number above 0 and at most 1000000000, such as 5, 1.1 or 11/10",
+        "above 0, at most 1e9",
+    );
     t("\"a\" is 0, wanted a number from 0.000001 to 1000000", "1e-6 to 1e6");
     t("\"checks.speed.arc\": a limit is a finite number above 0, not -1", "above 0");
     t("\"a\": 3 frames are the fewest, not 0", "at least 3");

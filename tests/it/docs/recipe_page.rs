@@ -134,7 +134,8 @@ impl<'c> Reference<'c> {
     fn row(&self, within: &str, member: &Member, file: &str) -> String {
         let words = Words::of(&member.doc);
         let path = join(within, &member.name);
-        let range = if words.range.is_empty() { number_range(&path, &member.ty) } else { words.range.clone() };
+        let range =
+            if words.range.is_empty() { number_range(&path, &member.ty) } else { words.range.clone() };
         let default = if words.required { "required" } else { &words.default };
         let cells = [&format!("`{}`", member.name), &self.kind(member, file), &words.unit, &range, default];
         let cells: Vec<&str> = cells.into_iter().map(|cell| cell as &str).collect();
@@ -217,12 +218,16 @@ impl<'c> Reference<'c> {
     /// Keys of limits, with the file that declares each.
     pub(super) fn limits(&self) -> Vec<(String, &'c Member, String)> {
         let text = self.krate.text("src/check/limits.rs");
-        let list = text.split_once("limits_of!(\n").and_then(|(_, rest)| rest.split_once(");")).expect("the list").0;
+        let list =
+            text.split_once("limits_of!(\n").and_then(|(_, rest)| rest.split_once(");")).expect("the list").0;
         let passes = list.split(',').map(str::trim).filter(|pass| !pass.is_empty());
         let keys = passes.flat_map(|pass| {
             let file = format!("src/check/{pass}.rs");
             let declared = self.krate.named("Limits", &file).expect("every pass has limits");
-            declared.members.iter().map(move |member| (format!("{pass}.{}", member.name), member, file.clone()))
+            declared
+                .members
+                .iter()
+                .map(move |member| (format!("{pass}.{}", member.name), member, file.clone()))
         });
         keys.collect()
     }
@@ -266,7 +271,8 @@ fn heading(paths: &[String]) -> String {
 /// Paths of a mapping that several places share under one name.
 fn used_in(paths: &[String]) -> Option<String> {
     let shared = paths.len() > 1 && paths.iter().all(|path| last(path) == last(&paths[0]));
-    let parents = paths.iter().filter_map(|path| path.rsplit_once('.')).map(|(parent, _)| format!("`{parent}`"));
+    let parents =
+        paths.iter().filter_map(|path| path.rsplit_once('.')).map(|(parent, _)| format!("`{parent}`"));
     shared.then(|| parents.collect::<Vec<_>>().join(", "))
 }
 
@@ -317,7 +323,10 @@ impl Key<'_> {
 #[test]
 fn comments_have_parts() {
     let words = Words::of("Width of the image. Unit: px. Required.");
-    assert_eq!((words.meaning.as_str(), words.unit.as_str(), words.required), ("Width of the image.", "px", true));
+    assert_eq!(
+        (words.meaning.as_str(), words.unit.as_str(), words.required),
+        ("Width of the image.", "px", true)
+    );
     let words = Words::of("Days. Range: `Y`. Default: `[0, 1]`.");
     assert_eq!((words.range.as_str(), words.yaml_default()), ("`Y`", Some("[0, 1]")));
     assert_eq!(Words::of("A. Default: `a` for `b`.").yaml_default(), None);
