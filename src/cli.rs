@@ -58,35 +58,35 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Make what is stale, and nothing else
+    /// Run the steps that are stale, and no others
     Build(build::Build),
-    /// Show what `build` would run, may run and leave alone, each with its reason; runs nothing
+    /// Show what `build` would run, may run and keep, each with its reason; runs nothing
     Plan(plan::Show),
     /// Show what goes into a step's key, and what changed since it was last made
     Why(why::Why),
-    /// Show the verdicts of the validation passes over what is built
+    /// Show the verdicts of the validation passes
     Check(check::Check),
-    /// Build what is stale, check it, and write the release tree
+    /// Build what is stale, check it, and write the release
     Release(release::Release),
-    /// Read every byte of a release tree and say whether it is whole and consistent
+    /// Read every byte of a release, and report whether it is whole and consistent
     Audit(audit::Audit),
-    /// Show what differs between two release trees, and why
+    /// Show what differs between two releases, and why
     Diff(diff::Diff),
-    /// Write a scene, or events, in another file format
+    /// Convert a scene or an event file to another format, or draw events
     Convert(convert::Convert),
     /// Write one recipe for each scene of a dataset on disk
     Init(init::Init),
-    /// Delete what no recipe and no release refers to any more
+    /// Delete what no recipe and no release refers to
     Gc(gc::Gc),
-    /// Render one view of your own scene
+    /// Render one view of a scene file
     Render(render::Render),
-    /// Show your own frames to a sensor, and write its events
+    /// Simulate a sensor on your own frames, and write its events
     Simulate(simulate::Simulate),
-    /// Show how exact the arithmetic is in stiff and extreme cases, each against an independent answer
+    /// Compare the arithmetic in stiff and extreme cases with independent answers
     Stress(stress::Stress),
-    /// Measure what a setting does to the events of a scene
+    /// Measure the error and the run time of sampling settings on a scene
     Study(study::Study),
-    /// Make the poses of one trajectory of a recipe on your own capture
+    /// Compute the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::Trajectory),
 }
 
@@ -96,7 +96,7 @@ struct Common {
     /// Work in this folder
     #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
     directory: Option<PathBuf>,
-    /// Where built things are kept
+    /// Folder of the store, which keeps what was built
     #[arg(long, value_name = "DIR", default_value = Common::STORE, global = true)]
     store: PathBuf,
     /// Cores to use [default: all]
@@ -105,19 +105,19 @@ struct Common {
     /// Keep going past a failed scene
     #[arg(short = 'k', long, global = true)]
     keep_going: bool,
-    /// What renders
+    /// Renderer
     #[arg(long, value_enum, default_value_t = Choice::Auto, global = true)]
     backend: Choice,
-    /// Which GPU, where one renders: its place in the list of all, from 0, or a part of its name
+    /// GPU to render on: its number in the list of all, from 0, or a part of its name
     #[arg(long, value_name = "NAME or INDEX", global = true)]
     gpu: Option<gpu::Choice>,
-    /// Render also what changes no bit, to hold it against what is left out otherwise
+    /// Render also what changes no bit, for comparison with a normal build
     #[arg(long, global = true)]
     no_omit: bool,
-    /// Run the programs that recipes name; without it they are shown, and not run
+    /// Run the programs that recipes name, instead of showing them
     #[arg(long, global = true)]
     allow_commands: bool,
-    /// Fail instead of waiting when another gs2e works in the store
+    /// Fail, instead of waiting, while another gs2e uses the store
     #[arg(long, global = true)]
     no_wait: bool,
     /// Print results for programs to stdout

@@ -17,7 +17,7 @@ pub(super) struct Audit {
     /// Folder of the release
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// A takedown list, as it lies beside recipes: a scene that it lists must not be there
+    /// Takedown list; fail where a scene on it is present
     #[arg(long, value_name = "FILE")]
     takedown: Option<PathBuf>,
     #[command(flatten)]

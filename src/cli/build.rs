@@ -35,13 +35,13 @@ pub(super) struct Build {
 /// How much is taken on trust, and what may be used.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct Care {
-    /// Read every file that counts as up to date, instead of trusting its stat fields
+    /// Read every up-to-date file, instead of trusting its metadata
     #[arg(long)]
     verify: bool,
-    /// Make this share of what is up to date again, and compare: 0.01 or 1%
+    /// Make this share of the up-to-date steps again, and compare the bytes: 0.01 or 1%
     #[arg(long, value_name = "SHARE", value_parser = share)]
     recheck: Option<f64>,
-    /// When files are put on disk: a batch at once, or each before the next
+    /// Sync of files to disk: in batches, or each before the next
     #[arg(long, value_enum, default_value_t = Sync::Batch)]
     sync: Sync,
     /// Memory for all steps together, as 8GB or 500MB [default: 80 % of what is free]

@@ -20,13 +20,13 @@ pub(super) struct Check {
     /// Scene ids [default: all]
     #[arg(value_name = "SCENE")]
     scenes: Vec<String>,
-    /// Where the recipes are
+    /// Recipes, or folders of recipes
     #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT)]
     recipes: Vec<PathBuf>,
     /// Check the files of a release tree instead, without recipes or store
     #[arg(long, value_name = "DIR", conflicts_with = "recipes")]
     tree: Option<PathBuf>,
-    /// Count this check as failed where it was not run
+    /// Count this check as failed where it was not run; may be repeated
     #[arg(long, value_name = "CHECK", value_parser = clap::builder::PossibleValuesParser::new(NAMES))]
     require: Vec<String>,
 }

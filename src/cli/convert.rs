@@ -25,7 +25,7 @@ pub(super) struct Convert {
     /// File to write: .ply, .spz or .splat for a scene; events as above, or a .png of them
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// Write it although something is lost
+    /// Write although something is lost
     #[arg(long)]
     lossy: bool,
     #[command(flatten)]

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 /// Arguments of `diff`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Reads manifest.json and scene.json of both trees and no other file; whether a tree is what \
-    it says, `gs2e audit` tells. Differences are no failure: the exit code is 0 with and without."
+    after_help = "Reads manifest.json and scene.json of both releases and no other file; `gs2e audit` verifies a \
+    release. Differences are no failure: the exit code is 0 with and without."
 )]
 pub(super) struct Diff {
     /// Folder of the older release

@@ -16,16 +16,16 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// Arguments of `gc`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Kept are what the recipes named ask for now, what a step of theirs that is not up to date last \
-    made, and what a release was made from, as long as its folder is there; scenes of a takedown.txt count as not named. Name every recipe whose results shall stay."
+    after_help = "Kept are the results that these recipes need now, the last results of their stale steps, and what a release was \
+    made from, as long as its folder exists. Scenes of a takedown.txt are not kept. Name every recipe whose results must stay."
 )]
 pub(super) struct Gc {
     #[command(flatten)]
     targets: Targets,
-    /// Keep what is younger than this, as 90s, 30m, 12h or 1d
+    /// Keep what is younger than this: 90s, 30m, 12h or 1d
     #[arg(long, value_name = "AGE", default_value = "1d", value_parser = age)]
     min_age: Duration,
-    /// Only say what would be deleted
+    /// Show what would be deleted, and delete nothing
     #[arg(long)]
     dry_run: bool,
 }

@@ -19,49 +19,49 @@ use std::path::{Path, PathBuf};
 /// Arguments of `init`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Recipes go into the folder of --to, with one defaults.yaml for what they share. Running it again adds the \
-    scenes that are new and touches no recipe that is there. What cannot be used is listed in rejected.tsv beside them, each \
-    with its reason."
+    after_help = "Recipes are written to the folder of --to, with one defaults.yaml for what they share. Running it again adds \
+    new scenes and changes no existing recipe. Scenes that cannot be used are listed in rejected.tsv in that folder, each with \
+    its reason."
 )]
 pub(super) struct Init {
-    /// How the dataset is laid out
+    /// Layout of the dataset
     #[arg(value_name = "FORMAT", value_enum)]
     format: Format,
     /// The dataset, or a part of it
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Where the recipes go
+    /// Folder for the recipes
     #[arg(long, value_name = "DIR")]
     to: PathBuf,
     /// Where the scene file of each capture is: {path} is the capture's folder, {name} the scene's id without what comes
     /// before the first "/" [default: {path}/point_cloud.ply, if defaults.yaml names none]
     #[arg(long, value_name = "PATTERN")]
     scene: Option<String>,
-    /// What the scenes' ids begin with [default: the format]
+    /// First part of the scene ids [default: the format]
     #[arg(long, value_name = "NAME")]
     prefix: Option<String>,
-    /// Which classes of MVImgNet [default: all]
+    /// Classes of MVImgNet to use [default: all]
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     classes: Vec<String>,
-    /// Have no more than so many recipes, with those that are there: those scenes whose hash with the seed is smallest
+    /// Largest number of recipes, existing ones included; the scenes with the smallest hash of seed and id are added first
     #[arg(long, value_name = "N")]
     limit: Option<usize>,
     /// Seed of that choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Use so many views of each scene, picked evenly [default: all]
+    /// Number of views to use of each scene, picked evenly [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
-    /// Registered views that a scene must have
+    /// Fewest registered views of a scene
     #[arg(long, value_name = "N", default_value_t = 10)]
     min_views: usize,
-    /// Pixels that the shorter side of every view must have
+    /// Smallest length of the shorter side of a view, in pixels
     #[arg(long, value_name = "PX", default_value_t = 256)]
     min_side: u32,
-    /// Leave out photos whose name is like this; may be repeated [default: *_bg_removed.png for mvimgnet]
+    /// Leave out photos whose names match; may be repeated [default: *_bg_removed.png for mvimgnet]
     #[arg(long, value_name = "GLOB", value_parser = glob)]
     exclude: Vec<String>,
-    /// How fast cameras go; the numbers are this program's, medium is the paper's [default: medium]
+    /// Speed of the cameras; medium is the paper's [default: medium]
     #[arg(long, value_enum)]
     pace: Option<Tempo>,
 }

@@ -19,10 +19,10 @@ use std::path::PathBuf;
 pub(super) struct Show {
     #[command(flatten)]
     targets: Targets,
-    /// Read every file that counts as up to date, instead of trusting its stat fields
+    /// Read every up-to-date file, instead of trusting its metadata
     #[arg(long)]
     verify: bool,
-    /// Time, disk and memory of what would run, from what ran before
+    /// Show time, disk and memory of what would run, estimated from earlier runs
     #[arg(long)]
     estimate: bool,
 }

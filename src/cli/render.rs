@@ -38,13 +38,13 @@ pub(super) struct Render {
     /// A camera JSON { W, H, fx, fy, cx, cy, R, t } (world to camera), a transforms.json, or a folder with a capture
     #[arg(long, value_name = "FILE or DIR")]
     view: PathBuf,
-    /// Which view of a capture, from 0 in natural order of the images' names
+    /// View of a capture, from 0 in natural order of the image names
     #[arg(long, value_name = "K", default_value_t = 0)]
     index: usize,
-    /// Whose conventions decide extents, culling and stops
+    /// Conventions for extents, culling and stops
     #[arg(long, value_enum, default_value_t = Conventions::Official)]
     rules: Conventions,
-    /// How layers of nearly the same depth lie; blended is of the rules soft, for references
+    /// Order of layers of nearly the same depth; blended needs the rules soft
     #[arg(long, value_enum, default_value_t = Layers::Depth)]
     order: Layers,
     /// Compensate opacity for the screen-space dilation [default: as the scene file says, else off]
@@ -53,13 +53,13 @@ pub(super) struct Render {
     /// Colour behind the scene, each channel 0..1
     #[arg(long, value_name = "R,G,B", default_value = "0,0,0", value_parser = numbers::colour, allow_hyphen_values = true)]
     background: Colour,
-    /// What is rendered
+    /// Channel to render
     #[arg(long, value_enum, default_value_t = Channel::Rgb)]
     channel: Channel,
     /// The camera's own linear (units/s) and angular (rad/s) velocity in camera axes, for luminance-rate and flow
     #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::velocity, allow_hyphen_values = true)]
     velocity: Option<Velocity>,
-    /// Where the picture goes: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`: .npy to stdout
+    /// File for the picture: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`: .npy to stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }

@@ -47,53 +47,53 @@ pub(super) struct Simulate {
     /// A recipe, a file with what a recipe has under `sensor`, or a preset: dvs346, dvs240, gs2e-si
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
-    /// What draws the events: exact or official [default: as the sensor says]
+    /// Sampler: exact or official [default: the sensor's]
     #[arg(long, value_parser = word::<Law>)]
     law: Option<Law>,
-    /// How brightness turns into drift: log or midpoint [default: as the sensor says]
+    /// Brightness that drives the drift: log or midpoint [default: the sensor's]
     #[arg(long, value_parser = word::<Gain>)]
     gain: Option<Gain>,
-    /// Brightness between two frames: linear, catmull or hermite [default: as the sensor says]
+    /// Brightness between two frames: linear, catmull or hermite [default: the sensor's]
     #[arg(long, value_parser = word::<Between>)]
     between: Option<Between>,
-    /// Voltages at the first frame: zero or stationary [default: as the sensor says]
+    /// Voltages at the first frame: zero or stationary [default: the sensor's]
     #[arg(long, value_parser = word::<Initial>)]
     initial: Option<Initial>,
-    /// Weights of the colours in brightness: rec601, rec709, or R,G,B that sum to 1 [default: as the sensor says]
+    /// Weights of the colours: rec601, rec709, or R,G,B with sum 1 [default: the sensor's]
     #[arg(long, value_name = "NAME or R,G,B", value_parser = sensor::luminance)]
     luminance: Option<Luminance>,
-    /// What becomes of the colours before: none, or srgb for linear light [default: as the sensor says]
+    /// Decoding of the colours: none, or srgb for linear light [default: the sensor's]
     #[arg(long, value_parser = word::<Decode>)]
     decode: Option<Decode>,
-    /// A factor on brightness, above 0 [default: as the sensor says]
+    /// Factor on the brightness, above 0 [default: the sensor's]
     #[arg(long, value_name = "FACTOR")]
     exposure: Option<f64>,
-    /// Greys that brightness is held within, as 0,255 or 5,inf [default: as the sensor says]
+    /// Range that brightness is clamped to, in grey: 0,255 or 5,inf [default: the sensor's]
     #[arg(long, value_name = "MIN,MAX", value_parser = sensor::range)]
     range: Option<Range>,
-    /// What white is in frames of floats: 1 or 255 [default: decided by the first two frames, and told]
+    /// White in float frames: 1 or 255 [default: decided by the first two frames, and printed]
     #[arg(long, value_parser = sequence::full_scale)]
     full_scale: Option<FullScale>,
-    /// Where the frames' top-left pixel lies on the sensor, so that a crop draws the noise of the whole
+    /// Position of the frames' top-left pixel on the sensor, so that a crop draws the noise of the whole
     #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::origin)]
     origin: sequence::Origin,
     /// Seed of the sensor's noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames, and count the others, where it is
-    /// an error else
+    /// Keep the first max_events_per_pixel_frame events of a pixel between two frames and count the others, instead of
+    /// failing
     #[arg(long)]
     allow_cap: bool,
     /// Label each event as signal or noise, in .h5 and .npz
     #[arg(long)]
     labels: bool,
-    /// The events: .h5, .npz, .raw, .aedat4, .txt or .csv
+    /// File for the events: .h5, .npz, .raw, .aedat4, .txt or .csv
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// What a .raw is written as
+    /// Codec of a .raw
     #[arg(long, value_enum, default_value_t = Codec::Evt2)]
     codec: Codec,
-    /// How a .h5 is compressed: gzip[:0-9], zstd[:1-19], lz4 or none; zstd and lz4 need a plug-in to be read elsewhere
+    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
     h5_filter: h5::Filter,
 }

@@ -31,7 +31,7 @@ pub(super) struct Stress {
     /// Render this scene too: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Where the table goes as a page: a .md
+    /// File for the table as a page: a .md
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
 }

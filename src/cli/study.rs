@@ -25,7 +25,7 @@ pub(super) struct Study {
 
 #[derive(Debug, clap::Subcommand)]
 enum Of {
-    /// Sweep the contrast threshold: how many events each makes, and which of them come from the scene's smooth motion
+    /// Sweep the contrast threshold: count the events of each, and those that come from smooth motion
     Thresholds(thresholds::Thresholds),
 }
 

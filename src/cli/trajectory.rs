@@ -32,22 +32,22 @@ pub(super) struct Trajectory {
     /// The recipe, or a file with its trajectories alone; its source, sensor and outputs are not read
     #[arg(long, value_name = "RECIPE")]
     recipe: PathBuf,
-    /// Which trajectory of the recipe
+    /// Trajectory of the recipe
     #[arg(long, value_name = "NAME")]
     name: String,
-    /// Where the poses go: `t_us tx ty tz qx qy qz qw` a line; `-` is stdout
+    /// File for the poses, one line `t_us tx ty tz qx qy qz qw` each; `-` is stdout
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Where the report on its speed goes, as speed.json of a release
+    /// File for the report on the speed, as speed.json of a release
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Where the picture of it goes
+    /// File for the picture of the path
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Where the time stamps go, one a line
+    /// File for the time stamps, one per line
     #[arg(long, value_name = "FILE")]
     stamps: Option<PathBuf>,
-    /// The scene, for a speed in pixels: .ply, .splat, .spz or .sog
+    /// Scene file, for a speed in pixels: .ply, .splat, .spz or .sog
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
 }

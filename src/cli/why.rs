@@ -19,7 +19,7 @@ pub(super) struct Why {
     /// Scene id, or a step of it as `scene/trajectory/events`
     #[arg(value_name = "SCENE[/STEP]")]
     name: String,
-    /// Where the recipes are
+    /// Recipes, or folders of recipes
     #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT)]
     recipes: Vec<PathBuf>,
 }

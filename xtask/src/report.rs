@@ -22,24 +22,26 @@ const DETAILS: &str = "\n## Core-seconds at the error of";
 const INTRODUCTION: &str = "\
 # Error against run time
 
-What frames, interpolation, steps and rules cost, and how far their events are from those of the finest frames: `gs2e study` over
-three scenes. This page and its pictures are written by `cargo xtask report`, from runs on the machine that the tables name.
+The cost of frames, interpolation, steps and rules, and the error of their events against those of the finest frames: `gs2e
+study` on three scenes. `cargo xtask report` writes this page and its pictures, from runs on the machine that the tables name.
 
-Each rule set is held against its own limit: `hermite` between 9,600 frames a second. Frames of linear interpolation at 2,400 a second
-under the rules `official` are what published datasets are made with; each first table says what their errors cost otherwise, rendering and
-sensor together. `soft` renders Gaussians that fade in and out instead of ending at an alpha of 1/255; `blended` is `soft` with layers
-of nearly the same depth that cover each other in part. In the pictures a curve is a method: rules by colour, `hermite` drawn through, `catmull` dashed,
-`linear` dotted, flow steps with hollow marks. [studies.md](studies.md) explains the errors and the costs.
+Each rule set is compared with its own limit, `hermite` between 9,600 frames per second. Published datasets are made with
+linear interpolation of 2,400 frames per second under the rules `official`; each first table has the cheapest settings with the
+same errors, rendering and sensor together. `soft` renders Gaussians that fade in and out instead of ending at an alpha of
+1/255; `blended` is `soft` with layers of nearly the same depth that cover each other in part. In the pictures a curve is a
+method: rules by colour, `hermite` solid, `catmull` dashed, `linear` dotted, flow steps with hollow marks.
+[studies.md](studies.md) explains the errors and the costs.
 ";
 
 const GROWTH: &str = "
 ## How run time grows
 
-Core-seconds from the Gaussians in memory to the last event, by `cargo xtask bench growth`, on the same machine. The last row of each table has the
-exponent by which that column grows, by least squares of logarithms, with the standard error of the whole's. It is below 1 where a part of
-the time does not depend on what grows, and the columns say which: projecting and sorting go by the Gaussians, however large the picture is; and the raster
-goes by the pairs that it blends, which stay as many where more Gaussians make up one picture. The line below a table says how far time is a
-constant and a share for each frame, pixel or Gaussian.
+Core-seconds from the Gaussians in memory to the last event, by `cargo xtask bench growth`, on the same machine. The last row
+of each table has the exponent by which the column grows, by least squares of logarithms, and for the total its standard error.
+It is below 1 where a part of the time does not depend on the quantity that grows, and the columns show which part: projection
+and sorting depend on the Gaussians, whatever the size of the picture; the raster depends on the pairs that it blends, whose
+number is the same where more Gaussians make up one picture. The line below a table splits the time into a constant and a
+share per frame, pixel or Gaussian.
 ";
 
 struct Options {

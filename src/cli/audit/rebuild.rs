@@ -20,13 +20,13 @@ use std::path::{Path, PathBuf};
 /// Options of it.
 #[derive(Debug, clap::Args)]
 pub(super) struct Rebuild {
-    /// Make so many of the scenes again, drawn by chance, and compare every byte
+    /// Make this many scenes again, drawn at random, and compare every byte
     #[arg(long, value_name = "N")]
     rebuild: Option<usize>,
-    /// The recipes that scenes are made again from
+    /// Recipes that the scenes are made again from
     #[arg(long, value_name = "RECIPE or DIR", default_value = Targets::DEFAULT, requires = "rebuild")]
     recipes: Vec<PathBuf>,
-    /// Draw other scenes
+    /// Seed of that draw
     #[arg(long, value_name = "SEED", default_value_t = 0, requires = "rebuild")]
     seed: u64,
 }

@@ -21,16 +21,16 @@ pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .t
 /// Options for events.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
-    /// What a .raw is written as
+    /// Codec of a .raw
     #[arg(long, value_enum, default_value_t = Codec::Evt2)]
     codec: Codec,
-    /// How a .h5 is compressed: gzip[:0-9], zstd[:1-19], lz4 or none; zstd and lz4 need a plug-in to be read elsewhere
+    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
     h5_filter: h5::Filter,
-    /// The sensor's size, where a file of events does not say it
+    /// Size of the sensor, where an event file does not state it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
     size: Option<Size>,
-    /// What times with a fraction count in a .txt or .csv
+    /// Unit of times with a fraction in a .txt or .csv
     #[arg(long, value_enum, value_name = "UNIT")]
     time_unit: Option<Unit>,
 }

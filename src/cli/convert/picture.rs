@@ -19,7 +19,7 @@ use std::path::Path;
 /// Options for pictures.
 #[derive(Debug, clap::Args)]
 pub(super) struct Asked {
-    /// What a .png of events shows [default: frame]
+    /// Kind of picture [default: frame]
     #[arg(long, value_enum, value_name = "KIND")]
     picture: Option<Kind>,
     /// The events of a picture: those with T0 <= t < T1, in microseconds [default: all]

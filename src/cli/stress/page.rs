@@ -7,18 +7,18 @@ use std::io::{self, Write};
 
 /// Writes the page.
 pub(super) fn write(rows: &[Row], out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "# How exact it is where it is hard\n")?;
+    writeln!(out, "# Numerics at their extremes\n")?;
     writeln!(
         out,
-        "`gs2e stress` runs each case and holds what comes out against an independent answer: a closed form, a series, a \
-         number of 120\ndigits, a twin of the input on which nothing is extreme. This page is its table, written by \
+        "`gs2e stress` compares the result of each case with an independent answer: a closed form, a series, a number \
+         of 120 digits,\nor a twin of the input on which nothing is extreme. This page is its table, written by \
          `gs2e stress --markdown docs/stress.md`.\n"
     )?;
     writeln!(
         out,
-        "A row shows the worst of its points, and what is allowed there. `rel` is a share of the answer, `se` standard errors \
-         of a count with\na fixed seed, `KS sqrt N` the Kolmogorov-Smirnov distance times the root of the sample (2.23 is \
-         alpha 1e-4), `values` and `events`\nhow many differ. Times are of one run, with {} cores.\n",
+        "A row shows the worst of its points and the limit there. `rel` is a share of the answer, `se` standard errors of a \
+         count with\na fixed seed, `KS sqrt N` the Kolmogorov-Smirnov distance times the root of the sample size (2.23 is \
+         alpha 1e-4), `values`\nand `events` numbers that differ. Times are from one run, with {} cores.\n",
         machine::cores()
     )?;
     writeln!(out, "{}.", summary(rows))?;

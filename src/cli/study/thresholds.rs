@@ -24,22 +24,22 @@ use std::path::PathBuf;
 /// Arguments of `study thresholds`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Thresholds {
-    /// The recipe; its scene is built
+    /// Recipe of a scene that is built
     #[arg(value_name = "RECIPE", default_value = Targets::DEFAULT)]
     recipe: PathBuf,
-    /// Which trajectory [default: the first]
+    /// Trajectory [default: the first]
     #[arg(long, value_name = "NAME")]
     trajectory: Option<String>,
-    /// The thresholds of ON and OFF events, rising
+    /// Thresholds of ON and OFF events, in rising order
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.25,0.5,0.75,1,1.25,1.5")]
     thresholds: Vec<f64>,
-    /// Begin and end of what is rendered, milliseconds of the trajectory [default: 100 ms about its middle]
+    /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms about its middle]
     #[arg(long, value_name = "T0,T1", value_parser = span)]
     span: Option<Span>,
-    /// Where the table goes, for programs
+    /// File for the table
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Where the picture goes: 1 ms of events at each threshold, a .png
+    /// File for the picture, a .png: 1 ms of events at each threshold
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
 }

@@ -22,22 +22,22 @@ use std::path::PathBuf;
 /// Arguments of `study` itself.
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkPrecision {
-    /// The recipe; its scene is built
+    /// Recipe of a scene that is built
     #[arg(value_name = "RECIPE", default_value = Targets::DEFAULT)]
     recipe: PathBuf,
-    /// Which trajectory [default: the first]
+    /// Trajectory [default: the first]
     #[arg(long, value_name = "NAME")]
     trajectory: Option<String>,
-    /// Where the window begins, seconds of the trajectory [default: about its middle]
+    /// Begin of the window, seconds of the trajectory [default: about its middle]
     #[arg(long, value_name = "S")]
     start: Option<f64>,
-    /// How long the window is [default: 0.1, or the whole trajectory]
+    /// Length of the window, seconds [default: 0.1, or the whole trajectory]
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Frames a second
+    /// Frames per second
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "150,300,600,1200,2400,4800")]
     rates: Vec<u32>,
-    /// Frames a second of the reference, an even multiple of each rate
+    /// Frames per second of the reference, an even multiple of each rate
     #[arg(long, value_name = "HZ", default_value_t = 9600)]
     finest: u32,
     /// Brightness between frames
@@ -49,19 +49,19 @@ pub(super) struct WorkPrecision {
         default_value = "linear,catmull,hermite"
     )]
     between: Vec<Interpolation>,
-    /// Times of frames
+    /// Spacing of frames
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_value = "uniform,flow")]
     steps: Vec<Stepping>,
-    /// Rule sets; the first is the one that the others are held against
+    /// Rule sets; the others are compared with the first
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_value = "official,soft")]
     rules: Vec<RuleSet>,
-    /// Let the sensors have their noise, the same in all
+    /// Give all sensors the same noise, instead of none
     #[arg(long)]
     noise: bool,
-    /// Leave out the pictures against f64
+    /// Skip the comparison of pictures with the float64 renderer
     #[arg(long)]
     no_pictures: bool,
-    /// Where table, pictures and words go [default: study/SCENE]
+    /// Folder for table, pictures and summary [default: study/SCENE]
     #[arg(long, value_name = "DIR")]
     to: Option<PathBuf>,
 }

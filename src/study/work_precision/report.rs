@@ -146,9 +146,9 @@ fn cell(pick: &Pick, offer: &Offer) -> String {
 fn rules(out: &mut String, study: &Study) {
     let _ = writeln!(
         out,
-        "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e^2 = (C h^p)^2 + J h` with h in ms; J is what \
-         jumps of the renderer make, each missed in the one interval that holds it, and its error at the finest rate stands \
-         beside it.\n\n| rules | reference events | p | C | J | jumps at the finest, thresholds | sensor's own jitter, \
+        "## Rule sets\n\nThe law is that of `hermite` at the three finest rates, `e^2 = (C h^p)^2 + J h` with h in ms; J is \
+         the contribution of jumps of the renderer, each missed in the one interval that contains it; the table has its error \
+         at the finest rate.\n\n| rules | reference events | p | C | J | jumps at the finest, thresholds | sensor's own jitter, \
          thresholds | us | frame, core ms | with rate | pairs a pixel |\n|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for of in &study.rules {

@@ -12,13 +12,14 @@ const PAGE: &str = "tolerance.md";
 const INTRODUCTION: &str = "\
 # A tolerance against a rate
 
-What `sampling: { tolerance: 0.03 }` takes and reaches, beside `sampling: { rate: 2400 }`: builds of the whole path of three scenes, whose picture moves
-at 300 px/s (`base`) and at 1,200 px/s (`fast`). Written by `cargo xtask report tolerance`.
+The time and the error of `sampling: { tolerance: 0.03 }`, compared with `sampling: { rate: 2400 }`: builds of the whole path
+of three scenes, whose picture moves at 300 px/s (`base`) and at 1,200 px/s (`fast`). Written by `cargo xtask report tolerance`.
 
-The times are those of the step `events` on the wall of a machine with nothing else to do, the frames to choose by included. The rate goes by the rules
-`official` and linear between frames, as published datasets do; the tolerance by the rules `soft`, and by what it finds. The error is that on twelve intervals of
-the path which the choice was not made on, in thresholds; `scene.json` has what was foreseen and a 95 % bound, which is at most the tolerance or the step fails.
-A rate has no such promise: the curves of [error against run time](work-precision.md) say what 2,400 frames a second leave.
+The times are wall-clock times of the step `events` on an idle machine, including the frames that choose the sampling. The rate
+uses the rules `official` and linear interpolation, as published datasets do; the tolerance uses the rules `soft`, and the
+interpolation that it chooses. The error is measured on twelve intervals of the path that the choice did not use, in
+thresholds; `scene.json` has the predicted error and a 95 % bound, which is at most the tolerance, or else the step fails. A
+rate has no such bound: the curves of [error against run time](work-precision.md) show the error of 2,400 frames per second.
 
 | scene | trajectory | sampling | s | events | frames |
 |---|---|---|---|---|---|
