@@ -33,7 +33,7 @@ pub(super) struct Init {
     /// Folder for the recipes
     #[arg(long, value_name = "DIR")]
     to: PathBuf,
-    /// Where the scene file of each capture is: {path} is the capture's folder, {name} the scene's id without what comes
+    /// Scene file of each capture: {path} is the capture's folder, {name} the scene's id without what comes
     /// before the first "/" [default: {path}/point_cloud.ply, if defaults.yaml names none]
     #[arg(long, value_name = "PATTERN")]
     scene: Option<String>,

@@ -159,7 +159,7 @@ pub(super) struct Camera {
     /// Focal length in x. Unit: px. Default: keeps the source's horizontal field of view; required without a capture, or with
     /// `fy`, `cx` or `cy`.
     pub fx: Field<f64>,
-    /// Focal length in y. Unit: px. Default: `fx`.
+    /// Focal length in y. Unit: px. Default: that of `fx`.
     pub fy: Field<f64>,
     /// Principal point, x. Unit: px. Default: half the width.
     pub cx: Field<f64>,
@@ -359,7 +359,8 @@ pub(super) struct Blur {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Subframes {
-    /// Enough that the picture moves by at most 1 px between two, up to 33 for a dense frame; motion beyond is a warning.
+    /// An odd number per dense frame, at most 33, so that the picture moves by at most 1 px between two; motion beyond is a
+    /// warning. Motion is measured where there is a depth.
     Auto,
     /// None.
     Literal,

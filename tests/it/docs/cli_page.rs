@@ -1,5 +1,6 @@
 //! `docs/cli.md`: every verb and option, as the program itself parses them.
 
+use super::markdown::wrapped;
 use clap::{Arg, ArgAction, Command};
 use std::fmt::Write as _;
 
@@ -40,7 +41,8 @@ fn usage(verb: &Command, name: &str) -> String {
     let required = own().filter(|arg| !arg.is_positional() && arg.is_required_set()).map(written);
     let positional = own().filter(|arg| arg.is_positional()).map(|arg| {
         let value = value(arg);
-        if arg.is_required_set() { format!("<{value}>") } else { format!("[{value}]…") }
+        let more = if arg.get_num_args().is_some_and(|range| range.max_values() > 1) { "…" } else { "" };
+        if arg.is_required_set() { format!("<{value}>{more}") } else { format!("[{value}]{more}") }
     });
     let words =
         [name.to_owned()].into_iter().chain(required).chain(["[OPTIONS]".to_owned()]).chain(positional);
@@ -115,22 +117,4 @@ fn plain(text: &str) -> String {
             _ => format!("`{}`", part.replace('|', "\\|")),
         })
         .collect()
-}
-
-/// Text in lines of at most 110 columns.
-fn wrapped(text: &str) -> String {
-    let mut out = String::new();
-    let mut column = 0;
-    for word in text.split_whitespace() {
-        let length = word.chars().count() + 1;
-        if column + length > 110 {
-            out.push('\n');
-            column = 0;
-        } else if column > 0 {
-            out.push(' ');
-        }
-        out.push_str(word);
-        column += length;
-    }
-    out
 }

@@ -111,6 +111,24 @@ fn words(line: &str) -> Vec<String> {
     words
 }
 
+/// Text in lines of at most 110 columns.
+pub(super) fn wrapped(text: &str) -> String {
+    let mut out = String::new();
+    let mut column = 0;
+    for word in text.split_whitespace() {
+        let length = word.chars().count() + 1;
+        if column + length > 110 {
+            out.push('\n');
+            column = 0;
+        } else if column > 0 {
+            out.push(' ');
+        }
+        out.push_str(word);
+        column += length;
+    }
+    out
+}
+
 #[test]
 fn pages_have_parts() {
     let page = Page::parse(

@@ -5,7 +5,7 @@ use gs2e::recipe::{self, NamedAt, Recipe};
 use serde_json::{Map, Value};
 
 /// Smallest recipes in which a key can stand, by the beginning of the key's path. Their keys replace those of [`BASE`].
-const CONTEXTS: [(&str, &str); 20] = [
+const CONTEXTS: [(&str, &str); 22] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
@@ -37,6 +37,8 @@ const CONTEXTS: [(&str, &str); 20] = [
         "trajectories[].speed.flow",
         "{ trajectories: [{ name: a, refine: {}, speed: { flow: { px_s: 400 } } }] }",
     ),
+    ("sensor.esim", "{ sensor: { esim: {} } }"),
+    ("sensor.v2e", "{ sensor: { v2e: {} } }"),
     ("sensor.voltmeter.units", UNITS),
     ("sensor.voltmeter.hot_pixels", "{ sensor: { voltmeter: { hot_pixels: { share: 0.1, rate: 1 } } } }"),
     ("licence", "{ licence: { expression: MIT, holder: H } }"),

@@ -3,7 +3,7 @@
 //! Names, types and words come from the declarations of the schema; ranges and the truth of the defaults from the loader.
 
 use super::declared::{Crate, Declared, Member};
-use super::markdown::slug;
+use super::markdown::{slug, wrapped};
 use super::probe;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -120,10 +120,8 @@ impl<'c> Reference<'c> {
         for section in &self.sections {
             let heading = heading(&section.paths);
             let _ = write!(out, "\n## {heading}\n\n");
-            if let Some(list) = used_in(&section.paths) {
-                let _ = write!(out, "Used in {list}. ");
-            }
-            let _ = write!(out, "{}\n\n{HEAD}", section.declared.doc);
+            let used = used_in(&section.paths).map(|list| format!("Used in {list}. ")).unwrap_or_default();
+            let _ = write!(out, "{}\n\n{HEAD}", wrapped(&format!("{used}{}", section.declared.doc)));
             for member in &section.declared.members {
                 out.push_str(&self.row(&section.paths[0], member, &section.declared.file));
             }
@@ -200,7 +198,7 @@ impl<'c> Reference<'c> {
 
     /// The section `checks`, whose limits stand with the passes that read them.
     fn checks(&self) -> String {
-        let mut out = format!("\n## `checks`\n\n{CHECKS}\n\n{HEAD}");
+        let mut out = format!("\n## `checks`\n\n{}\n\n{HEAD}", wrapped(CHECKS));
         for (path, member, file) in self.limits() {
             let words = Words::of(&member.doc);
             let default = constants(&words.default, self.krate.text(&file));
@@ -236,8 +234,9 @@ impl<'c> Reference<'c> {
 const HEAD: &str = "| key | type | unit | range | default | meaning |\n|---|---|---|---|---|---|\n";
 
 const CHECKS: &str = "Limits that replace the defaults of [the validation passes](checks.md). A limit that a recipe sets is a \
-                      gate: a release is refused\nwhere it is exceeded. `pose_colmap`, `pose_opencv` and `readback` run only \
-                      where a recipe names them, if with `{}`.";
+                      gate: a release is refused \
+                      where it is exceeded. `pose_colmap`, `pose_opencv` and `readback` run only where a recipe names \
+                      them, and `{}` is enough.";
 
 const WAIVERS: &str = "| `waive` | list of mapping |  |  | `[]` | Failures to accept: `{ check: NAME, because: reason }`, both \
                        required. |\n";
