@@ -58,7 +58,7 @@ fn stated_defaults_are_those_of_the_loader() {
         let Words { meaning, default, required, .. } = &key.words;
         assert!(!meaning.is_empty(), "{} has no meaning", key.place());
         assert!(
-            *required != !default.is_empty(),
+            *required == default.is_empty(),
             "{} has neither or both of Required and Default",
             key.place()
         );

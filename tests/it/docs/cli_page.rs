@@ -57,7 +57,7 @@ fn table(arguments: &[&Arg]) -> String {
             Some((help, stated)) => (help.to_owned(), stated.trim_end_matches(']').to_owned()),
             None => (help, String::new()),
         };
-        let default = if arg.is_required_set() { "required".to_owned() } else { default(arg, stated) };
+        let default = if arg.is_required_set() { "required".to_owned() } else { default(arg, &stated) };
         let _ = writeln!(out, "| `{}` | {default} | {}{} |", written(arg), plain(&help), choices(arg));
     }
     out
@@ -80,13 +80,13 @@ fn value(arg: &Arg) -> String {
     names.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")
 }
 
-fn default(arg: &Arg, stated: String) -> String {
+fn default(arg: &Arg, stated: &str) -> String {
     let takes_value = matches!(arg.get_action(), ArgAction::Set | ArgAction::Append);
     let values: Vec<String> =
         arg.get_default_values().iter().map(|value| value.to_string_lossy().into_owned()).collect();
     match (takes_value, values.is_empty()) {
         (true, false) => format!("`{}`", values.join(",")),
-        _ => plain(&stated),
+        _ => plain(stated),
     }
 }
 

@@ -104,35 +104,30 @@ fn parse(text: &str, file: &str) -> BTreeMap<String, Declared> {
     for line in text.lines().map(str::trim) {
         if let Some(comment) = line.strip_prefix("///") {
             doc.push(comment.trim());
-        } else if line.starts_with("#[") {
+            continue;
+        }
+        if line.starts_with("#[") {
             attributes.push_str(line);
-        } else {
-            let (doc, attributes) =
-                (doc.drain(..).collect::<Vec<_>>().join(" "), std::mem::take(&mut attributes));
-            open = match (open, head(line)) {
-                (None, Some((name, is_enum))) => {
-                    let declared = Declared { doc, is_enum, members: Vec::new(), file: file.to_owned() };
-                    let item = (name, attributes, declared);
-                    if line.ends_with('}') { close(&mut types, item) } else { Some(item) }
+            continue;
+        }
+        let (doc, attributes) = (std::mem::take(&mut doc).join(" "), std::mem::take(&mut attributes));
+        match &mut open {
+            None => {
+                let Some((name, is_enum)) = head(line) else { continue };
+                let declared = Declared { doc, is_enum, members: Vec::new(), file: file.to_owned() };
+                if line.ends_with('}') {
+                    types.insert(name, declared);
+                } else {
+                    open = Some((name, attributes, declared));
                 }
-                (Some(item), _) if line == "}" => close(&mut types, item),
-                (Some((name, outer, mut declared)), _) => {
-                    declared.members.extend(member(line, doc, &attributes, &outer, declared.is_enum));
-                    Some((name, outer, declared))
-                }
-                (None, None) => None,
-            };
+            }
+            Some(_) if line == "}" => types.extend(open.take().map(|(name, _, declared)| (name, declared))),
+            Some((_, outer, declared)) => {
+                declared.members.extend(member(line, doc, &attributes, outer, declared.is_enum));
+            }
         }
     }
     types
-}
-
-fn close<T>(
-    types: &mut BTreeMap<String, Declared>,
-    (name, _, declared): (String, String, Declared),
-) -> Option<T> {
-    types.insert(name, declared);
-    None
 }
 
 /// Name of the type that a line begins, and whether it is an enum.
