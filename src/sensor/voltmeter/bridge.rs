@@ -1,12 +1,14 @@
 //! First passages of a Brownian bridge: which barriers are within reach, and when the path first touches one.
 //!
-//! Between fixed ends the drift has dropped out: what is left is a bridge of variance `v` from `x` to `y`. It touches a
-//! barrier at distances `a` and `g` from its ends with probability `exp(-2 a g / v)` (reflection), and the ratio of the
-//! time before the touch to the time after it is inverse Gaussian of mean `a/g` and shape `a^2/v`.
+//! Between fixed ends the drift has dropped out: what is left is a bridge of variance `v` from `x` to `y`.
+//! It touches a barrier at distances `a` and `g` from its ends with probability `exp(-2 a g / v)`
+//! (reflection), and the ratio of the time before the touch to the time after it is inverse Gaussian of
+//! mean `a/g` and shape `a^2/v`.
 
 use fearless_simd::{Simd, SimdBase as _, f64x8, mask64x8};
 
-/// A voltage may end a cell without a look at this barrier if the path touches it with probability below `e^-40`.
+/// A voltage may end a cell without a look at this barrier if the path touches it with probability below
+/// `e^-40`.
 pub(super) const NEGLIGIBLE: f64 = 40.0;
 
 /// The two thresholds: an event happens where the voltage reaches `up` or `-down`.
@@ -56,8 +58,8 @@ impl<S: Simd> Wide<S> {
         Self { up: f64x8::splat(simd, up), down: f64x8::splat(simd, down) }
     }
 
-    /// Whether any barrier is within reach of paths from `x` to `y` with variance `v` that may stray so far from the
-    /// straight line: [`Barriers::live`] of eight pixels, with barriers nearer by `straying`.
+    /// Whether any barrier is within reach of paths from `x` to `y` with variance `v` that may stray so far
+    /// from the straight line: [`Barriers::live`] of eight pixels, with barriers nearer by `straying`.
     #[inline(always)]
     pub(super) fn reached(self, [x, y]: [f64x8<S>; 2], v: f64x8<S>, straying: f64x8<S>) -> mask64x8<S> {
         let (up, down) = (self.up - straying, self.down - straying);
@@ -103,12 +105,12 @@ pub(super) fn touch_probability(a: f64, g: f64, v: f64) -> f64 {
     if g <= 0.0 { 1.0 } else { libm::exp(-2.0 * a * g / v) }
 }
 
-/// When the path first touches the barrier, given that it does: the time as a share of the path's length, in 0..=1.
-/// `a > 0` and `g >= 0` are the distances of its ends from the barrier, on whichever side; `z` is a standard normal
-/// deviate and `u` a uniform one.
+/// When the path first touches the barrier, given that it does: the time as a share of the path's length,
+/// in 0..=1. `a > 0` and `g >= 0` are the distances of its ends from the barrier, on whichever side; `z` is
+/// a standard normal deviate and `u` a uniform one.
 ///
-/// Inverse Gaussian by Michael, Schucany, Haas (The American Statistician 30, 1976), in a form that adds only like
-/// signs, so that it holds for every `phi = a g / v` (at `phi = 0` it is the Lévy law).
+/// Inverse Gaussian by Michael, Schucany, Haas (The American Statistician 30, 1976), in a form that adds
+/// only like signs, so that it holds for every `phi = a g / v` (at `phi = 0` it is the Lévy law).
 pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
     const HUGE: f64 = 1e290;
     let (shape, phi) = (a * a / v, a * g / v);
@@ -125,16 +127,17 @@ pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::ks;
     use crate::seed::{Cell, Draws, Seed, Space};
+    use crate::seed::{ks, rival};
     use std::f64::consts::{PI, SQRT_2};
 
     fn draws(index: u64) -> Draws {
         Seed(7).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
     }
 
-    /// Distribution function of the inverse Gaussian of mean `mean` (infinite: the Lévy law) and shape `shape`. With
-    /// `w = sqrt(shape/t)(t/mean + 1)` its second term is `exp(-e) Phi(-w) exp(w^2/2)`, which does not overflow.
+    /// Distribution function of the inverse Gaussian of mean `mean` (infinite: the Lévy law) and shape
+    /// `shape`. With `w = sqrt(shape/t)(t/mean + 1)` its second term is `exp(-e) Phi(-w) exp(w^2/2)`, which
+    /// does not overflow.
     fn inverse_gaussian(t: f64, mean: f64, shape: f64) -> f64 {
         let root = (shape / t).sqrt();
         let (below, above) = (root * (t / mean - 1.0), root * (t / mean + 1.0));
@@ -147,8 +150,8 @@ mod tests {
         0.5 * libm::erfc(-below / SQRT_2) + (-0.5 * below * below).exp() * tail
     }
 
-    /// KS distance of touch times from their law for ends at distances 1 and `g`, variance 1, the times distorted by
-    /// `defect`.
+    /// KS distance of touch times from their law for ends at distances 1 and `g`, variance 1, the times
+    /// distorted by `defect`.
     fn touch_time_distance(g: f64, defect: fn(f64) -> f64) -> f64 {
         let mut draws = draws(0);
         let times = (0..20_000).map(|_| {
@@ -169,6 +172,30 @@ mod tests {
             let distance = touch_time_distance(g, |t| t);
             println!("phi = {g:e}: KS {distance:.3} (alpha 1e-6: 2.69)");
             assert!(distance < 2.69);
+        }
+    }
+
+    /// The time before the touch over the time after it is inverse Gaussian of mean `a / g` and shape `a^2
+    /// / v`.
+    #[test]
+    fn touch_times_are_distributed_as_those_of_rand_distr() {
+        for (index, [a, g, v]) in [
+            [1.0, 1.0, 1.0],
+            [0.3, 1.2, 0.5],
+            [2.0, 0.5, 1.0],
+            [1.0, 5.0, 0.2],
+            [0.1, 0.1, 1.0],
+            [3.0, 2.0, 0.1],
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let mut draws = draws(100 + index as u64);
+            let ratio = |share: f64| share / (1.0 - share);
+            let ours: Vec<f64> =
+                (0..rival::N).map(|_| ratio(touch_time(a, g, v, draws.normal(), draws.uniform()))).collect();
+            let law = rand_distr::InverseGaussian::new(a / g, a * a / v).unwrap();
+            rival::compare(&format!("bridge {a} {g} {v}"), &ours, &rival::theirs(&law), |t| 1.1 * t);
         }
     }
 

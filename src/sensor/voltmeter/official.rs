@@ -1,20 +1,22 @@
-//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter, `src/simulator_utils.py`), for comparisons.
+//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter, `src/simulator_utils.py`), for
+//! comparisons.
 //!
-//! Between two frames drift and noise are those of their middle. A pixel's next polarity is drawn first, with the
-//! probability of the exit between both barriers; then the time to that barrier, as if there were no other. If it lies
-//! before the later frame, there is an event and the voltage is 0 again; otherwise the voltage goes along the straight
-//! line to it, and the polarity is forgotten. So streams depend on the frame rate, and noise is far from what the
-//! process has (numerics.md 2.2 lists by how much); the law `exact` does neither.
+//! Between two frames drift and noise are those of their middle. A pixel's next polarity is drawn first,
+//! with the probability of the exit between both barriers; then the time to that barrier, as if there were
+//! no other. If it lies before the later frame, there is an event and the voltage is 0 again; otherwise the
+//! voltage goes along the straight line to it, and the polarity is forgotten. So streams depend on the
+//! frame rate, and noise is far from what the process has (docs/design/numerics-sensor.md, "The published
+//! law" lists by how much); the law `exact` does neither.
 //!
-//! Kept as published, though wrong: the midpoint gain, the polarity before the time, the one-barrier times, the factor 2
-//! in the time where the drift is 0, the truncated draw against the drift, the straight residual, voltages from 0, and
-//! that the terms of sigma add.
+//! Kept as published, though wrong: the midpoint gain, the polarity before the time, the one-barrier times,
+//! the factor 2 in the time where the drift is 0, the truncated draw against the drift, the straight
+//! residual, voltages from 0, and that the terms of sigma add.
 //!
-//! Not as published, where the program breaks down: the polarity has its stable form (`0/0` became ON); the inverse
-//! Gaussian is formed without cancellation; against the drift, where the truncated draw underflows, the time is that
-//! of a drift the other way; a loop takes the place of a recursion; times are 64-bit nanoseconds in place of 32-bit
-//! microseconds; each draw belongs to seed, pixel and frame; events of one microsecond have one order. To lengthen
-//! either list is another law: raise `VERSION`.
+//! Not as published, where the program breaks down: the polarity has its stable form (`0/0` became ON); the
+//! inverse Gaussian is formed without cancellation; against the drift, where the truncated draw underflows,
+//! the time is that of a drift the other way; a loop takes the place of a recursion; times are 64-bit
+//! nanoseconds in place of 32-bit microseconds; each draw belongs to seed, pixel and frame; events of one
+//! microsecond have one order. To lengthen either list is another law: raise `VERSION`.
 
 use super::drift::Process;
 use super::{Voltmeter, thresholds};
@@ -167,16 +169,16 @@ fn passage(distance: f64, speed: f64, sigma: f64, draws: &mut Draws) -> f64 {
 /// Beyond so many deviations a truncated normal draw has lost its digits.
 const TRUNCATION: f64 = 8.0;
 
-/// An inverse Gaussian time of shape `shape` and mean `shape / phi` from a normal and a uniform draw: Michael, Schucany,
-/// Haas (The American Statistician 30, 1976), in a form that adds only like signs.
+/// An inverse Gaussian time of shape `shape` and mean `shape / phi` from a normal and a uniform draw:
+/// Michael, Schucany, Haas (The American Statistician 30, 1976), in a form that adds only like signs.
 fn inverse_gaussian(shape: f64, phi: f64, z: f64, u: f64) -> f64 {
     let z = z.abs();
     let q = phi + 0.5 * z * z + z * (0.25 * z * z + phi).sqrt();
     if u * (q + phi) <= q { shape / q } else { shape / phi * (q / phi) }
 }
 
-/// What the same transform makes of a negative mean and a normal draw below `-2 sqrt(phi)`, of which `u` is the share:
-/// its acceptance always takes the smaller root.
+/// What the same transform makes of a negative mean and a normal draw below `-2 sqrt(phi)`, of which `u` is
+/// the share: its acceptance always takes the smaller root.
 fn against(shape: f64, phi: f64, u: f64) -> f64 {
     let edge = 0.5 * libm::erfc(2.0 * phi.sqrt() / std::f64::consts::SQRT_2);
     let z = normal::quantile((edge * u).max(f64::MIN_POSITIVE));
@@ -190,7 +192,7 @@ mod tests {
     use super::*;
     use crate::frames::Frame;
     use crate::image::{Image, Size};
-    use crate::seed::{Cell, Seed, ks};
+    use crate::seed::{Cell, Seed, ks, rival};
     use crate::sensor::{Account, Model, SensorError};
     use crate::units::Timestamp;
     use std::f64::consts::SQRT_2;
@@ -199,8 +201,8 @@ mod tests {
         Seed(7).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Pair)
     }
 
-    /// For each phi `1 + y/(2 phi) - sqrt(4 phi y + y^2)/(2 phi)`, `y = z^2`, z = 1e-6, 1e-3, 0.7 and 6: the smaller root
-    /// as published, for mean 1, with 80 digits.
+    /// For each phi `1 + y/(2 phi) - sqrt(4 phi y + y^2)/(2 phi)`, `y = z^2`, z = 1e-6, 1e-3, 0.7 and 6:
+    /// the smaller root as published, for mean 1, with 80 digits.
     #[expect(clippy::excessive_precision, reason = "17 digits name a double")]
     const ROOTS: [(f64, [f64; 4]); 8] = [
         (
@@ -274,7 +276,7 @@ mod tests {
         for (phi, roots) in ROOTS {
             for (z, wanted) in [1e-6, 1e-3, 0.7, 6.0].into_iter().zip(roots) {
                 let found = inverse_gaussian(phi, phi, z, 0.0);
-                // The limit of numerics.md section 10: 1e-15.
+                // A few roundings: 1e-15.
                 assert!(
                     ((found - wanted) / wanted).abs() < 1e-15,
                     "{phi:e} {z:e}: {found:e}, wanted {wanted:e}"
@@ -287,7 +289,8 @@ mod tests {
     #[test]
     #[expect(clippy::excessive_precision, reason = "17 digits name a double")]
     fn polarities_are_right_to_the_last_digits_wherever_the_voltage_is() {
-        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with 80 digits.
+        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with
+        // 80 digits.
         let wanted = [
             (1e-20, [0.75, 0.9995]),
             (-1e-20, [0.75, 0.9995]),
@@ -311,12 +314,29 @@ mod tests {
 
     #[test]
     fn where_the_drift_is_zero_times_are_twice_too_long() {
-        // numerics.md 2.2: a median of 4.395 where the Lévy law of shape 1 has 2.198.
+        // docs/design/numerics-sensor.md, "The published law": a median of 4.395 where the Lévy law of
+        // shape 1 has 2.198.
         let mut draws = draws(0);
         let mut times: Vec<f64> = (0..100_001).map(|_| passage(1.0, 0.0, 1.0, &mut draws)).collect();
         times.sort_unstable_by(f64::total_cmp);
         // The density at the median is 0.05: a deviation of the sample's median of 0.03.
         assert!((times[50_000] - 4.395).abs() < 0.12, "{}", times[50_000]);
+    }
+
+    /// With the drift, the published times have the law that they should have: mean `distance / speed`, shape
+    /// `(distance / sigma)^2`.
+    #[test]
+    fn times_with_the_drift_are_distributed_as_those_of_rand_distr() {
+        for (index, [distance, speed, sigma]) in
+            [[1.0, 1.0, 1.0], [0.4, 3.0, 0.7], [1.0, 0.1, 1.0], [2.0, 5.0, 0.5]].into_iter().enumerate()
+        {
+            let mut draws = draws(100 + index as u64);
+            let ours: Vec<f64> = (0..rival::N).map(|_| passage(distance, speed, sigma, &mut draws)).collect();
+            let shape = (distance / sigma).powi(2);
+            let law = rand_distr::InverseGaussian::new(distance / speed, shape).unwrap();
+            let name = format!("official {distance} {speed} {sigma}");
+            rival::compare(&name, &ours, &rival::theirs(&law), |t| 1.1 * t);
+        }
     }
 
     /// KS distance of the published times against a drift from the law that they should have.
@@ -334,8 +354,9 @@ mod tests {
 
     #[test]
     fn times_against_the_drift_are_wrong_as_published_and_right_where_those_broke_down() {
-        // numerics.md 2.2: KS 0.11, 0.41 and 0.48 at 2 |c| e / sigma^2 = 0.02, 2 and 6. The distance of a sample of 20,000
-        // strays by at most 2.23/sqrt(20,000) = 0.016 (alpha 1e-4), and the table has two digits.
+        // docs/design/numerics-sensor.md, "The published law": KS 0.11, 0.41 and 0.48 at 2 |c| e / sigma^2
+        // = 0.02, 2 and 6. The distance of a sample of 20,000 strays by at most 2.23/sqrt(20,000) = 0.016
+        // (alpha 1e-4), and the table has two digits.
         for (phi, wanted) in [(0.01, 0.11), (1.0, 0.41), (3.0, 0.48)] {
             let found = distance(phi);
             println!("phi {phi}: KS {found:.3}, published {wanted}");
@@ -382,7 +403,8 @@ mod tests {
     #[test]
     fn a_burst_is_a_loop_and_the_cap_ends_or_thins_it() {
         let [k1, k2, ..] = Preset::Dvs346.k();
-        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint form.
+        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint
+        // form.
         let steep = official([1000.0 * k1, k2, 1e-4, 0.0, 0.0, 0.0]);
         let events = (2000.0 * k1 * 255.0 / (255.0 + 2.0 * k2)).floor();
         let frames = [[0.0, 255.0], [255.0, 0.0]];
