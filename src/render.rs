@@ -26,10 +26,11 @@ pub enum Rules {
     Official,
     /// Every pixel where alpha reaches 1/255.
     Exact,
-    /// nerfstudio-project/gsplat: its culling, its clamp of the projection's derivative, its stop; each axis by itself.
+    /// nerfstudio-project/gsplat: its culling, its clamp of the projection's derivative, its stop; each
+    /// axis by itself.
     Gsplat,
-    /// As [`Self::Exact`], but a layer fades in between half and one and a half grey steps instead of appearing at
-    /// one: opacity is a continuous function of the view.
+    /// As [`Self::Exact`], but a layer fades in between half and one and a half grey steps instead of
+    /// appearing at one: opacity is a continuous function of the view.
     Soft,
 }
 
@@ -40,8 +41,9 @@ pub enum Layering {
     /// By the depth of their means; two that pass each other change places at once.
     #[default]
     Depth,
-    /// As [`Self::Depth`], but two layers of nearly the same depth each cover the other in part, so that the picture is
-    /// a continuous function of the view (`numerics.md` 3.3). For references: it costs more than twice the time.
+    /// As [`Self::Depth`], but two layers of nearly the same depth each cover the other in part, so that
+    /// the picture is a continuous function of the view (docs/design/numerics-rendering.md, "Blended
+    /// order"). For references: it costs more than twice the time.
     Blended,
 }
 
@@ -115,11 +117,12 @@ impl RenderChoice {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Omit {
-    /// What changes no bit of an image: Gaussians that no promised view can see, harmonics that are zero in the whole
-    /// scene, layers behind what is finished.
+    /// What changes no bit of an image: Gaussians that no promised view can see, harmonics that are zero in
+    /// the whole scene, layers behind what is finished.
     #[default]
     Needless,
-    /// Nothing: all is computed, as far as the back end can, so that [`Self::Needless`] can be held against it.
+    /// Nothing: all is computed, as far as the back end can, so that [`Self::Needless`] can be held against
+    /// it.
     Nothing,
 }
 
@@ -286,21 +289,21 @@ pub trait Renderer {
     /// The numerical class: what, beside inputs and parameters, the pixels depend on. Enters the key.
     fn fingerprint(&self) -> &str;
 
-    /// Leaves out this from now on. A back end that has no other way of rendering goes on as before: the reference leaves
-    /// nothing out, and a GPU no more than pairs behind finished tiles.
+    /// Leaves out this from now on. A back end that has no other way of rendering goes on as before: the
+    /// reference leaves nothing out, and a GPU no more than pairs behind finished tiles.
     fn omit(&mut self, omit: Omit) {
         let _ = omit;
     }
 
-    /// Promises that from now on only these poses of this camera are rendered: what none of them can see may be left
-    /// out, which changes no pixel. A view that was not promised is rendered too, but may lack Gaussians. A later
-    /// promise takes the place of an earlier one; one of no pose leaves nothing out.
+    /// Promises that from now on only these poses of this camera are rendered: what none of them can see
+    /// may be left out, which changes no pixel. A view that was not promised is rendered too, but may lack
+    /// Gaussians. A later promise takes the place of an earlier one; one of no pose leaves nothing out.
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         let _ = (camera, poses);
     }
 
-    /// Says that this view is going to be rendered, after those said before: a back end that works beside the program may
-    /// begin it now. What fails is told when it is rendered.
+    /// Says that this view is going to be rendered, after those said before: a back end that works beside
+    /// the program may begin it now. What fails is told when it is rendered.
     fn expect(&mut self, view: &View, want: Channels) {
         let _ = (view, want);
     }

@@ -1,12 +1,14 @@
-//! When frames are rendered for the sensor, where a recipe asks for an error and not for a rate (`numerics.md` 3.4).
+//! When frames are rendered for the sensor, where a recipe asks for an error and not for a rate
+//! (docs/design/numerics-sampling.md, "Frames for a tolerance").
 //!
 //! ```text
 //! poses ─ path ─┬─ flow: how fast the picture moves ─ steps of equal way
 //!               └─ pilot: errors of each method at a few steps ─ law ─ cheapest ─ check elsewhere ─ frames
 //! ```
-//! The error is that of brightness between frames, `k1 V`, in thresholds of the sensor: its root mean square over the pixels
-//! in the middles of the intervals, held against what is rendered there. The poses, stamps and pictures of a release stay
-//! those of the recipe's rate. The room has also which moments a blurred frame is the mean of ([`exposure`]).
+//! The error is that of brightness between frames, `k1 V`, in thresholds of the sensor: its root mean
+//! square over the pixels in the middles of the intervals, held against what is rendered there. The poses,
+//! stamps and pictures of a release stay those of the recipe's rate. The room has also which moments a
+//! blurred frame is the mean of ([`exposure`]).
 
 pub mod between;
 pub mod choose;
@@ -45,7 +47,8 @@ pub struct Candidate {
     pub finest_px: f64,
     /// The error there, by the law.
     pub finest: f64,
-    /// The share of the squared error that jumps of the renderer make, at the step it needs or else at the finest.
+    /// The share of the squared error that jumps of the renderer make, at the step it needs or else at the
+    /// finest.
     pub jumps: f64,
     /// The step it needs, px; `None` where no step that was tried is enough.
     pub step_px: Option<f64>,

@@ -1,6 +1,7 @@
 //! Event sensors: from luminance over time to events.
 //!
-//! A sensor knows the colours of frames, or their luminance, and time; it sees neither the scene nor the renderer.
+//! A sensor knows the colours of frames, or their luminance, and time; it sees neither the scene nor the
+//! renderer.
 
 mod cap;
 mod choice;
@@ -44,8 +45,8 @@ pub trait Model {
     /// Whether its events are labelled as signal or noise.
     fn labels(&self) -> bool;
 
-    /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the frames'
-    /// top-left pixel, so that a crop draws the noise of the whole.
+    /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the
+    /// frames' top-left pixel, so that a crop draws the noise of the whole.
     ///
     /// # Errors
     /// When a parameter is outside its range, or a pixel outside the 65536 x 65536 that events can name.
@@ -100,8 +101,8 @@ pub struct Account {
     pub splits: u64,
     /// Pixels with at least one event.
     pub active_pixels: u64,
-    /// Pixels whose event balance differs from their drift by more than the law allows (numerics O1); 0 in a
-    /// sound run.
+    /// Pixels whose event balance differs from their drift by more than the law allows
+    /// (docs/design/numerics-sensor.md, "Drift balance"); 0 in a sound run.
     pub drift_violations: u64,
     /// The largest such difference over its bound: at most 1 in a sound run.
     pub drift_worst: f64,

@@ -1,7 +1,9 @@
-//! The projection's soundness (numerics.md section 7.3). Warning; a gate where the recipe sets the limit.
+//! The projection's soundness (docs/design/numerics-rendering.md, "Affine validity"). Warning; a gate where
+//! the recipe sets the limit.
 //!
-//! A Gaussian is drawn as the ellipse of the projection's linear part at its mean, which is wrong for one that is deep
-//! for its distance: at a deviation of a tenth of the depth the ellipse is about right, at half it is not.
+//! A Gaussian is drawn as the ellipse of the projection's linear part at its mean, which is wrong for one
+//! that is deep for its distance: at a deviation of a tenth of the depth the ellipse is about right, at
+//! half it is not.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};

@@ -1,8 +1,8 @@
-//! Event times that cling to frames (numerics.md section 9, pass 7; pipeline.md section 11, complaint 2).
+//! Event times that cling to frames (docs/checks.md).
 //!
-//! `times`: more than two distinct times a frame, or the stream was made frame by frame: a gate. `phase`: the counts
-//! over 16 phases of the frame interval vary by at most 0.35 of their mean: a warning. Neither says anything about a
-//! stream with few events, so both need some a frame.
+//! `times`: more than two distinct times a frame, or the stream was made frame by frame: a gate. `phase`:
+//! the counts over 16 phases of the frame interval vary by at most 0.35 of their mean: a warning. Neither
+//! says anything about a stream with few events, so both need some a frame.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, Tally, limits};

@@ -5,7 +5,7 @@ use crate::sensor::esim::{Esim, Intensity};
 use crate::sensor::voltmeter::{Gain, Initial, Law, Voltmeter};
 
 /// The part of a sensor's law that frames alone decide: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
-/// microseconds and greys (numerics.md section 1).
+/// microseconds and greys (docs/design/numerics-sensor.md, "The process").
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriftLaw {
     k: [f64; 6],
@@ -43,8 +43,9 @@ impl DriftLaw {
         }
     }
 
-    /// The largest difference that a pixel's drift and its events can have without noise (numerics.md O1): the
-    /// voltage that is left, less the one that it began with.
+    /// The largest difference that a pixel's drift and its events can have without noise
+    /// (docs/design/numerics-sensor.md, "Drift balance"): the voltage that is left, less the one that it
+    /// began with.
     #[must_use]
     pub fn most_residual(&self) -> f64 {
         let [on, off] = self.thresholds;
@@ -83,8 +84,9 @@ impl DriftLaw {
         self.noise(self.k[1], dt_us)
     }
 
-    /// An upper bound of the events that a pixel of constant luminance makes in `dt_us` microseconds. The renewal rate
-    /// is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x` (numerics.md section 8.1).
+    /// An upper bound of the events that a pixel of constant luminance makes in `dt_us` microseconds. The
+    /// renewal rate is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x`
+    /// (docs/design/numerics-sensor.md, "Polarity and moments").
     #[must_use]
     pub fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
         let threshold = self.thresholds[0].min(self.thresholds[1]);
@@ -92,16 +94,17 @@ impl DriftLaw {
         self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise
     }
 
-    /// Standard deviation of the leak where the luminance is known at the ends of `intervals` of `dt_us` only: in each
-    /// its mean is off by an eighth of the grey scale, as pictures with contrast have it, and at random.
+    /// Standard deviation of the leak where the luminance is known at the ends of `intervals` of `dt_us`
+    /// only: in each its mean is off by an eighth of the grey scale, as pictures with contrast have it, and
+    /// at random.
     #[must_use]
     pub fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
         32.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt()
     }
 }
 
-/// Without noise the reference of a pixel moves as the voltage of a voltmeter of `k1 = 1` does, with `k2` the `eps` of the
-/// grey scale.
+/// Without noise the reference of a pixel moves as the voltage of a voltmeter of `k1 = 1` does, with `k2`
+/// the `eps` of the grey scale.
 fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
     let Esim { threshold, intensity, eps, .. } = esim;
     if *intensity == Intensity::Linear {
@@ -114,7 +117,8 @@ fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
     Ok(DriftLaw { k, thresholds: [threshold.on, threshold.off], from_zero: true })
 }
 
-/// Whether a sensor's events must balance the change of what each pixel sees, as its account then says of every pixel.
+/// Whether a sensor's events must balance the change of what each pixel sees, as its account then says of
+/// every pixel.
 ///
 /// # Errors
 /// Where they need not; the text says why.
@@ -152,7 +156,8 @@ mod tests {
         let law =
             DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2], from_zero: true };
         let logs = law.log_brightness(128.0) - law.log_brightness(64.0);
-        // ln(148 / 84) = 0.566396...; numerics.md 1.1 gives 0.74 leak events a second at grey 128.
+        // ln(148 / 84) = 0.566396...; the table in docs/design/numerics-sensor.md, "Units and presets"
+        // gives 0.74 leak events a second at grey 128.
         assert!((law.drift(logs, 0.0, 0.0) - 5.265 * 0.566_395).abs() < 1e-5);
         assert!((law.drift(0.0, 1e6, 128e6) - 0.74).abs() < 1e-12);
     }

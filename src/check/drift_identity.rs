@@ -1,9 +1,10 @@
-//! The drift identity of the sensor's own account (numerics.md section 8, O1). Gate, exact.
+//! The drift identity of the sensor's own account (docs/design/numerics-sensor.md, "Drift balance"). Gate,
+//! exact.
 //!
-//! While it simulates, the sensor holds each pixel's event balance against the drift of the frames that it sees:
-//! `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account carries the number of pixels
-//! that break it and the largest difference over its bound. Sensors whose noise takes the events away from the frames
-//! make no such promise, and the pass says so.
+//! While it simulates, the sensor holds each pixel's event balance against the drift of the frames that it
+//! sees: `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account carries the
+//! number of pixels that break it and the largest difference over its bound. Sensors whose noise takes the
+//! events away from the frames make no such promise, and the pass says so.
 
 use super::drift::balances;
 use super::subject::{Bound, Judged};

@@ -1,8 +1,7 @@
-//! Events against frames: what the pixels counted is what the frames changed. The core pass (numerics.md section 9,
-//! pass 10).
+//! Events against frames: what the pixels counted is what the frames changed. The core pass (docs/checks.md).
 //!
-//! For the span from the first frame to each anchor and for every pixel, `dv` is the drift by the sensor's law and
-//! `s = A N_on - B N_off`. Judged are:
+//! For the span from the first frame to each anchor and for every pixel, `dv` is the drift by the sensor's
+//! law and `s = A N_on - B N_off`. Judged are:
 //!
 //! | statement | formula | limit | catches |
 //! |---|---|---|---|
@@ -11,13 +10,14 @@
 //! | `residual` | share of these pixels with a possible residual | at least 0.99 | lost resets, dropped chunks, offsets |
 //! | `sign` | share of pixels with \|dv\| above two thresholds whose `s` agrees in sign | at least 0.995 | polarity |
 //!
-//! Two departures from the text of numerics.md, both because a residual is no noise. Spans start at the first frame,
-//! where the residual is known to be 0; between two later instants it may change by `A + B`, and 3 to 5 % of a sound
-//! stream's pixels lie beyond 1.5. And `c` is no estimate of the threshold: on a scene that only grows brighter the
-//! residuals all have one sign, and sound streams give 1.1 to 1.7. So its limits are widened by what residuals can
-//! do, [`fit::Slope::allowance`], and the threshold is read off the edge of what the residuals reach, which is sharp
-//! to 2 %. A residual is possible when `|dv - s| <= max(A, B)` (O1), with 2 %, six standard deviations of the noise
-//! and two of the leak added. Where voltages do not start at 0 the bound is `A + B`, and there is no edge. Gate.
+//! Two departures from the usual fit, both because a residual is no noise. Spans start at the first frame,
+//! where the residual is known to be 0; between two later instants it may change by `A + B`, and 3 to 5 %
+//! of a sound stream's pixels lie beyond 1.5. And `c` is no estimate of the threshold: on a scene that only
+//! grows brighter the residuals all have one sign, and sound streams give 1.1 to 1.7. So its limits are
+//! widened by what residuals can do, [`fit::Slope::allowance`], and the threshold is read off the edge of
+//! what the residuals reach, which is sharp to 2 %. A residual is possible when `|dv - s| <= max(A, B)`
+//! (the drift balance), with 2 %, six standard deviations of the noise and two of the leak added. Where
+//! voltages do not start at 0 the bound is `A + B`, and there is no edge. Gate.
 
 pub mod fit;
 
@@ -123,8 +123,8 @@ impl Pass<'_> {
         self.finding(part, verdict, factor, limit, because)
     }
 
-    /// The largest of the thresholds that the instants show: a lower one may only mean that no pixel was about to
-    /// fire, while none shows more than there is.
+    /// The largest of the thresholds that the instants show: a lower one may only mean that no pixel was
+    /// about to fire, while none shows more than there is.
     fn threshold(&self, part: &str, side: usize) -> Finding {
         if !self.law.from_zero {
             return self.subject.not_run(

@@ -1,10 +1,10 @@
-//! Pixels that fire far more than the others, and pixels that are silent where the picture changes (numerics.md section
-//! 9, pass 8). Warnings; gates where the recipe sets a limit.
+//! Pixels that fire far more than the others, and pixels that are silent where the picture changes
+//! (docs/checks.md). Warnings; gates where the recipe sets a limit.
 //!
-//! `hot`: a pixel with more events than the mean and five standard deviations, and five times what all but one in a
-//! thousand have. A sensor that has hot pixels by its recipe may have as many as that says, and five standard deviations
-//! more. `dead`: a pixel without any event although the frames changed by more than two thresholds, which needs a law by
-//! which frames decide the drift.
+//! `hot`: a pixel with more events than the mean and five standard deviations, and five times what all but
+//! one in a thousand have. A sensor that has hot pixels by its recipe may have as many as that says, and
+//! five standard deviations more. `dead`: a pixel without any event although the frames changed by more
+//! than two thresholds, which needs a law by which frames decide the drift.
 
 use super::subject::{Bound, Judged, NOT_SEEN};
 use super::{Check, Finding, Subject, Tally, limits};

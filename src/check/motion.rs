@@ -1,14 +1,16 @@
-//! Events against the motion of the scene: moved along the optical flow to one instant, they fall on the edges that made
-//! them (numerics.md section 9, pass 11; the contrast of the image of warped events, Gallego et al., CVPR 2018).
+//! Events against the motion of the scene: moved along the optical flow to one instant, they fall on the
+//! edges that made them (docs/checks.md; the contrast of the image of warped events, Gallego et al., CVPR
+//! 2018).
 //!
-//! Around each instant whose depth is known, the flow follows from depth, poses and their stamps. The events of a short
-//! window are counted a second time at the pixel that they come from at the instant, and the variance of the counts is
-//! compared with that of the counts in place; ON and OFF are counted apart, and both to whole pixels, so that neither
-//! image is smoother by itself. Depths, stamps or axes that are wrong smear what they should gather: below 1 is a gate,
-//! by more than noise alone does; below 1.2 in the median, or below 1 in one window of twenty, is a warning.
+//! Around each instant whose depth is known, the flow follows from depth, poses and their stamps. The
+//! events of a short window are counted a second time at the pixel that they come from at the instant, and
+//! the variance of the counts is compared with that of the counts in place; ON and OFF are counted apart,
+//! and both to whole pixels, so that neither image is smoother by itself. Depths, stamps or axes that are
+//! wrong smear what they should gather: below 1 is a gate, by more than noise alone does; below 1.2 in the
+//! median, or below 1 in one window of twenty, is a warning.
 //!
-//! Events between two frames do not move but fade, so where the picture moves by several px a frame the pass says nothing
-//! (see `sampling`).
+//! Events between two frames do not move but fade, so where the picture moves by several px a frame the
+//! pass says nothing (see `sampling`).
 
 pub mod warp;
 

@@ -1,10 +1,11 @@
-//! What pixels do that see no change (numerics.md section 9, pass 13). Warnings; a gate where the recipe sets a limit.
+//! What pixels do that see no change (docs/checks.md). Warnings; a gate where the recipe sets a limit.
 //!
-//! `rate`: events of still pixels over what the sensor's noise makes of their brightness (numerics.md 8.1), within a factor
-//! of two: wrong units and a wrong leak are off by thousands. Where voltages start at 0 and a pixel's mean interval is not
-//! short against the clip, fewer events than that are sound, since no pixel has come far yet; then only the upper bound
-//! is held. `rhythm`: still pixels share no clock, so the autocorrelation of their common rate has no peak: one beyond five
-//! standard deviations is pixels that leak in step.
+//! `rate`: events of still pixels over what the sensor's noise makes of their brightness
+//! (docs/design/numerics-sensor.md, "Polarity and moments"), within a factor of two: wrong units and a
+//! wrong leak are off by thousands. Where voltages start at 0 and a pixel's mean interval is not short
+//! against the clip, fewer events than that are sound, since no pixel has come far yet; then only the upper
+//! bound is held. `rhythm`: still pixels share no clock, so the autocorrelation of their common rate has no
+//! peak: one beyond five standard deviations is pixels that leak in step.
 
 pub mod still;
 

@@ -1,11 +1,12 @@
-//! The share of ON events (numerics.md section 9, pass 5). A warning; a gate where the recipe sets a limit.
+//! The share of ON events (docs/checks.md). A warning; a gate where the recipe sets a limit.
 //!
-//! The net count follows from the frames: with `s = A N_on - B N_off` summed over pixels and `N = N_on + N_off`, the
-//! share of ON events is `(B + s / N) / (A + B)`. What `s` must be is the drift of each pixel in whole thresholds. A
-//! balanced scene gives one half, a leaking sensor on a still scene gives 1, and the usual 0.35 to 0.65 become 0.15
-//! to either side of what is predicted. Where voltages do not start at 0, each pixel that fires shifts `s` by up to
-//! `A + B` by what it began with and ends with, so the width grows by the pixels that fire over `N`: a sensor whose
-//! leak outweighs its noise begins anywhere between 0 and `A`, and its first events are ON.
+//! The net count follows from the frames: with `s = A N_on - B N_off` summed over pixels and `N = N_on +
+//! N_off`, the share of ON events is `(B + s / N) / (A + B)`. What `s` must be is the drift of each pixel
+//! in whole thresholds. A balanced scene gives one half, a leaking sensor on a still scene gives 1, and the
+//! usual 0.35 to 0.65 become 0.15 to either side of what is predicted. Where voltages do not start at 0,
+//! each pixel that fires shifts `s` by up to `A + B` by what it began with and ends with, so the width
+//! grows by the pixels that fire over `N`: a sensor whose leak outweighs its noise begins anywhere between
+//! 0 and `A`, and its first events are ON.
 
 use super::event_frame::fit::Fit;
 use super::subject::{Bound, Judged, within};

@@ -1,5 +1,6 @@
-//! What is written, as programs that are not ours read it: events and `ms_to_idx` by h5py and numpy, pictures by OpenCV.
-//! Gate: each has to read the very bytes that are read here (`numerics.md` 9). Run where the recipe asks for it.
+//! What is written, as programs that are not ours read it: events and `ms_to_idx` by h5py and numpy,
+//! pictures by OpenCV. Gate: each has to read the very bytes that are read here (docs/other-programs.md).
+//! Run where the recipe asks for it.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};

@@ -1,4 +1,5 @@
-//! How true a scene is to its photos (pipeline.md section 6): PSNR and SSIM of renderings where photos were taken.
+//! How true a scene is to its photos (docs/design/pipeline.md, "Scene selection"): PSNR and SSIM of
+//! renderings where photos were taken.
 //!
 //! - `drop`: mean less least PSNR over the views, at most 3 dB: gate. GS-Blur (GitHub dongwoohhh/GS-Blur), the
 //!   predecessor with the same first half, rejects a scene above that.

@@ -1,11 +1,12 @@
-//! Whether frames are dense enough (numerics.md section 9, pass 14; pipeline.md section 2.7). Warnings; gates where the
-//! recipe sets the limit.
+//! Whether frames are dense enough (docs/checks.md; docs/design/pipeline.md, "Departures from the paper").
+//! Warnings; gates where the recipe sets the limit.
 //!
-//! Events between two frames come from a brightness that is interpolated between them, which is true to the scene
-//! while the picture moves by at most about a pixel. The paper's own setting moves tens; that is why it only warns.
-//! And the proof by doing: a few intervals are simulated again at twice the frames with the same noise; the number of events
-//! changes by less than 5 %, and their times, event by event, by less than 20 us in the median. Where the recipe states a
-//! tolerance, which is an error in the voltage and not in time, the shift is told and not judged by default.
+//! Events between two frames come from a brightness that is interpolated between them, which is true to the
+//! scene while the picture moves by at most about a pixel. The paper's own setting moves tens; that is why
+//! it only warns. And the proof by doing: a few intervals are simulated again at twice the frames with the
+//! same noise; the number of events changes by less than 5 %, and their times, event by event, by less than
+//! 20 us in the median. Where the recipe states a tolerance, which is an error in the voltage and not in
+//! time, the shift is told and not judged by default.
 
 mod resampled;
 

@@ -1,7 +1,7 @@
-//! Events are on the sensor and in order (numerics.md section 9, pass 1 and the order of pass 2). Gate, exact.
+//! Events are on the sensor and in order (docs/checks.md). Gate, exact.
 //!
-//! Types, lengths, index tables and polarities of 0 and 1 are the reader's to enforce: a file that breaks them cannot
-//! be read.
+//! Types, lengths, index tables and polarities of 0 and 1 are the reader's to enforce: a file that breaks
+//! them cannot be read.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};

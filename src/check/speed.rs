@@ -1,8 +1,8 @@
-//! How well the path follows its speed law (pipeline.md section 2.11).
+//! How well the path follows its speed law (docs/design/numerics-trajectory.md, "What follows the law").
 //!
-//! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a gate, which does
-//! not apply under `literal`, the paper's chords. Measured as chords between neighbouring poses it follows within
-//! 3 %: a warning. Linear and angular speed need not follow, and are told.
+//! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a gate,
+//! which does not apply under `literal`, the paper's chords. Measured as chords between neighbouring poses
+//! it follows within 3 %: a warning. Linear and angular speed need not follow, and are told.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};

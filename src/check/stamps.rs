@@ -1,5 +1,5 @@
-//! Stamps of poses are those of the frame rate, and events lie between the first and the last (numerics.md section 9,
-//! pass 2, and section 4). Gate, exact.
+//! Stamps of poses are those of the frame rate, and events lie between the first and the last
+//! (docs/design/numerics-sensor.md, "Clock, order and caps"). Gate, exact.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};

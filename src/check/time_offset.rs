@@ -1,7 +1,8 @@
-//! Whether events and frames share one clock (numerics.md section 9, pass 12; pipeline.md section 11, complaint 7). Gate.
+//! Whether events and frames share one clock (docs/checks.md). Gate.
 //!
-//! How late the events are follows from the pixels that are on their way at a few instants, see [`Lag`]: at most half of a
-//! frame step. It needs a sensor whose drift the frames decide, and is not told where noise hides an eighth of a step.
+//! How late the events are follows from the pixels that are on their way at a few instants, see [`Lag`]: at
+//! most half of a frame step. It needs a sensor whose drift the frames decide, and is not told where noise
+//! hides an eighth of a step.
 
 use super::event_frame::fit::Lag;
 use super::subject::{Bound, Judged, NOT_SEEN};

@@ -1,4 +1,5 @@
-//! The mean of pictures in linear light: what a shutter that stays open sees (`pipeline.md` 8).
+//! The mean of pictures in linear light: what a shutter that stays open sees
+//! (docs/design/numerics-sampling.md, "Exposures").
 
 use super::{Image, Size, srgb};
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
@@ -7,7 +8,8 @@ use rayon::prelude::*;
 /// Pixels that are added at once; a multiple of eight.
 const CHUNK: usize = 4096;
 
-/// A sum of linear light, in 64 bits and in the order in which pictures come: the same bits by any number of threads.
+/// A sum of linear light, in 64 bits and in the order in which pictures come: the same bits by any number
+/// of threads.
 #[derive(Debug, Clone)]
 pub struct Light {
     size: Size,
@@ -84,8 +86,9 @@ mod tests {
         png::to_bytes(&light.mean()).pixels().to_vec()
     }
 
-    /// Light by the table in nothings/stb, `stb_image_resize.h`: 0.5 lies between 187 (0.496933) and 188 (0.502887), 188
-    /// being nearer on the display's scale; a third, 156 (0.332452); a tenth, 89 (0.099899).
+    /// Light by the table in nothings/stb, `stb_image_resize.h`: 0.5 lies between 187 (0.496933) and 188
+    /// (0.502887), 188 being nearer on the display's scale; a third, 156 (0.332452); a tenth, 89
+    /// (0.099899).
     #[test]
     fn black_and_white_in_turn_are_grey_by_light() {
         let t = |white: usize, all: usize, wanted: u8| {

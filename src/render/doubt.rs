@@ -1,4 +1,5 @@
-//! How much of some pictures is made by Gaussians too deep for their distance (`numerics.md` 7.3).
+//! How much of some pictures is made by Gaussians too deep for their distance
+//! (docs/design/numerics-rendering.md, "Affine validity").
 
 use super::Rendered;
 use crate::image::Image;

@@ -1,7 +1,8 @@
 //! Optical flow of a static scene between two views, from the depth of the first.
 //!
-//! The world point of a pixel lies at the pixel's depth along the optical axis (`numerics.md` 7.5, `pipeline.md` 8):
-//! where depth mixes near and far at a semi-transparent edge, so does the flow.
+//! The world point of a pixel lies at the pixel's depth along the optical axis
+//! (docs/design/numerics-rendering.md, "Depth and flow"): where depth mixes near and far at a
+//! semi-transparent edge, so does the flow.
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
@@ -13,8 +14,9 @@ use crate::trajectory::flow::FlowMeter;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// How far the world point of each pixel of `from` moves on the image on the way to `to`, px; `depth` is in scene
-/// units along the optical axis of `from`. NaN where depth is NaN, and where the point is not in front of `to`.
+/// How far the world point of each pixel of `from` moves on the image on the way to `to`, px; `depth` is in
+/// scene units along the optical axis of `from`. NaN where depth is NaN, and where the point is not in
+/// front of `to`.
 ///
 /// # Panics
 /// If `depth` does not have the size of `from`'s camera.
@@ -22,7 +24,8 @@ use rayon::prelude::*;
 pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
     let size = from.camera.size;
     assert_eq!(depth.size(), size, "the depth image is that of the view");
-    // Centres are subtracted before anything is rotated: far from the world's origin the sum of two poses cancels.
+    // Centres are subtracted before anything is rotated: far from the world's origin the sum of two poses
+    // cancels.
     let to_from_world = to.world_from_camera.rotation_matrix().transpose();
     let turn = to_from_world * from.world_from_camera.rotation_matrix();
     let shift = to_from_world * (from.world_from_camera.translation - to.world_from_camera.translation);
@@ -79,8 +82,8 @@ impl std::fmt::Debug for Meter {
 }
 
 impl Meter {
-    /// How fast the picture of a moving camera moves, px per unit of the velocity's time: so many percent of its pixels
-    /// move no faster. `None` where no pixel has a depth.
+    /// How fast the picture of a moving camera moves, px per unit of the velocity's time: so many percent
+    /// of its pixels move no faster. `None` where no pixel has a depth.
     ///
     /// # Errors
     /// Where the frame cannot be rendered.
@@ -107,8 +110,9 @@ impl FlowMeter for Meter {
     }
 }
 
-/// How fast the world point of each pixel moves on the image of a moving camera, px per unit of the velocity's time:
-/// `Xdot = -v - w x X` (`pipeline.md` 8). NaN where depth is NaN.
+/// How fast the world point of each pixel moves on the image of a moving camera, px per unit of the
+/// velocity's time: `Xdot = -v - w x X` (docs/design/numerics-rendering.md, "Depth and flow"). NaN where
+/// depth is NaN.
 ///
 /// # Panics
 /// If `depth` does not have the size of the view's camera.
@@ -147,8 +151,8 @@ impl Quantiles {
     }
 }
 
-/// Quantiles in percent of the values that are not NaN, or `None` where there is none. Each is itself a value: the
-/// smallest of which at least that share of all are no larger (nearest rank).
+/// Quantiles in percent of the values that are not NaN, or `None` where there is none. Each is itself a
+/// value: the smallest of which at least that share of all are no larger (nearest rank).
 #[must_use]
 pub fn nearest_ranks<const N: usize>(mut values: Vec<f32>, percents: [usize; N]) -> Option<[f32; N]> {
     values.retain(|v| !v.is_nan());
@@ -157,7 +161,8 @@ pub fn nearest_ranks<const N: usize>(mut values: Vec<f32>, percents: [usize; N])
     (n > 0).then(|| percents.map(|percent| values[(n * percent).div_ceil(100).max(1) - 1]))
 }
 
-/// At most `wanted` pairs of neighbouring poses, evenly spread over `poses` and holding its first and its last pair.
+/// At most `wanted` pairs of neighbouring poses, evenly spread over `poses` and holding its first and its
+/// last pair.
 #[must_use]
 pub fn sample_pairs(poses: usize, wanted: usize) -> Vec<(usize, usize)> {
     let pairs = poses.saturating_sub(1);
@@ -182,7 +187,8 @@ mod tests {
 
     #[test]
     fn a_parallel_plane_moves_by_focal_length_times_shift_over_depth() {
-        // far from the world's origin, and with the camera turned: neither matters to a shift along its own axes
+        // far from the world's origin, and with the camera turned: neither matters to a shift along its own
+        // axes
         let turn = DQuat::from_rotation_y(0.7);
         let start = DVec3::splat(1e6);
         let depth = Image::filled(SIZE, 4.0);

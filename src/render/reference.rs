@@ -1,6 +1,8 @@
-//! The reference back end: f64, every pixel by itself, no lists, no shortcuts. Slow; what the others are judged by.
+//! The reference back end: f64, every pixel by itself, no lists, no shortcuts. Slow; what the others are
+//! judged by.
 //!
-//! The luminance's rate comes from dual numbers: the very operations that make the picture, differentiated by machine.
+//! The luminance's rate comes from dual numbers: the very operations that make the picture, differentiated
+//! by machine.
 
 #![expect(clippy::cast_possible_truncation, reason = "images hold 32 bits")]
 
@@ -18,8 +20,8 @@ use std::sync::Arc;
 /// The numerical class.
 pub const FINGERPRINT: &str = "reference/1";
 
-/// Memory that rendering a scene of this many bytes at this size takes, bytes: a layer of 256 bytes for a Gaussian that
-/// is stored in no fewer than 56, and each pixel twice.
+/// Memory that rendering a scene of this many bytes at this size takes, bytes: a layer of 256 bytes for a
+/// Gaussian that is stored in no fewer than 56, and each pixel twice.
 #[must_use]
 pub fn memory(scene_bytes: u64, size: Size) -> u64 {
     const BYTES_A_PIXEL: u64 = 256;
@@ -164,8 +166,8 @@ impl Reference {
         pixel
     }
 
-    /// The layers blended at a pixel, each with its opacity, front to back; what is left of the light behind them, and
-    /// whether more would have followed.
+    /// The layers blended at a pixel, each with its opacity, front to back; what is left of the light
+    /// behind them, and whether more would have followed.
     fn seen<'a>(&self, layers: &[&'a Layer], [x, y]: [usize; 2]) -> (Vec<(&'a Layer, D)>, D, bool) {
         let mut seen = Vec::new();
         let mut rest = D::constant(1.0);
@@ -235,7 +237,8 @@ fn smoothstep(x: D) -> D {
     u * u * (D::constant(3.0) - D::constant(2.0) * u)
 }
 
-/// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half (`numerics.md` 3.3).
+/// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half
+/// (docs/design/numerics-rendering.md, "Centred ramp").
 fn ramp(alpha: D) -> D {
     smoothstep(D::constant(255.0) * alpha - D::constant(0.5))
 }

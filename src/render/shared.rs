@@ -1,5 +1,5 @@
-//! The constants of all back ends, each written once (`numerics.md` 7.1; graphdeco-inria/diff-gaussian-rasterization,
-//! `cuda_rasterizer/forward.cu` and `auxiliary.h`).
+//! The constants of all back ends, each written once (docs/design/numerics-rendering.md, "Rule sets";
+//! graphdeco-inria/diff-gaussian-rasterization, `cuda_rasterizer/forward.cu` and `auxiliary.h`).
 
 use super::Rules;
 
@@ -33,7 +33,8 @@ pub fn least_alpha(rules: Rules) -> f32 {
     }
 }
 
-/// Blended order: two layers cover each other in part while their depths differ by less than this share of them.
+/// Blended order: two layers cover each other in part while their depths differ by less than this share of
+/// them.
 pub const BLENDED_DEPTHS: f64 = 5e-4;
 
 /// A pixel is finished before the layer that would take its transmittance below this.
@@ -65,7 +66,8 @@ pub const GSPLAT_NEAR: f32 = 0.01;
 /// See [`GSPLAT_NEAR`].
 pub const GSPLAT_FAR: f32 = 1e10;
 
-/// Rules `gsplat`: the affine approximation is taken at directions within the image and this share of its edge beyond.
+/// Rules `gsplat`: the affine approximation is taken at directions within the image and this share of its
+/// edge beyond.
 pub const GSPLAT_SLACK: f64 = 0.15;
 
 /// Rules `gsplat`: largest half extent along an axis, in standard deviations.

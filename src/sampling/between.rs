@@ -1,5 +1,5 @@
-//! Brightness between frames, `V = ln(L + k2)` of one pixel at a time (`numerics.md` 3.1): what the sensor goes by, written
-//! for questions about single moments.
+//! Brightness between frames, `V = ln(L + k2)` of one pixel at a time (docs/design/numerics-sampling.md,
+//! "Brightness between frames"): what the sensor goes by, written for questions about single moments.
 
 use crate::sensor::voltmeter::Between;
 
@@ -30,7 +30,8 @@ pub fn value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], 
     from.v + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
 }
 
-/// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by the other's length.
+/// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by the
+/// other's length.
 fn slope(beyond: Option<Knot>, end: Knot, own: f64, h: f64) -> f64 {
     let Some(beyond) = beyond else { return own };
     let secant = (beyond.v - end.v) / (beyond.seconds - end.seconds);
@@ -44,7 +45,8 @@ mod tests {
 
     const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
 
-    /// How far each method is from a signal, given as value and slope, in the middle of the second of three intervals.
+    /// How far each method is from a signal, given as value and slope, in the middle of the second of three
+    /// intervals.
     fn misses(times: [f64; 4], signal: impl Fn(f64) -> (f64, f64)) -> [f64; 3] {
         let knot = |seconds: f64| {
             let (v, slope) = signal(seconds);

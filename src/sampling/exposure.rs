@@ -1,8 +1,9 @@
-//! Blurred frames: which moments a shutter is open for, and what it sees meanwhile (`pipeline.md` 8).
+//! Blurred frames: which moments a shutter is open for, and what it sees meanwhile
+//! (docs/design/numerics-sampling.md, "Exposures").
 //!
-//! An exposure is the mean, in linear light, of `frames` pictures at equal steps of time, those of the dense frames around
-//! a pose. Where a picture moves by more than a pixel in such a step, more pictures lie between: a mean of frames ten pixels
-//! apart is a row of ghosts, not blur.
+//! An exposure is the mean, in linear light, of `frames` pictures at equal steps of time, those of the
+//! dense frames around a pose. Where a picture moves by more than a pixel in such a step, more pictures lie
+//! between: a mean of frames ten pixels apart is a row of ghosts, not blur.
 
 use super::path::Path;
 use crate::camera::Camera;
@@ -16,7 +17,8 @@ use serde::{Deserialize, Serialize};
 /// How blurred frames are exposed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Shutter {
-    /// Dense frames of an exposure: odd, so that one is in the middle. Exposures follow one another without a gap.
+    /// Dense frames of an exposure: odd, so that one is in the middle. Exposures follow one another without
+    /// a gap.
     pub frames: u32,
     /// What lies between them.
     pub subframes: Subframes,
@@ -35,7 +37,8 @@ pub enum Subframes {
 /// Dense frames of an exposure where a recipe does not say.
 pub const FRAMES: u32 = 15;
 
-/// Pictures at most that stand for a dense frame: an exposure then costs as much as so many. Motion beyond is told.
+/// Pictures at most that stand for a dense frame: an exposure then costs as much as so many. Motion beyond
+/// is told.
 const MOST: u32 = 33;
 
 /// A time that far from a pose's is its own, s: stamps have whole microseconds.
@@ -53,8 +56,8 @@ pub struct Exposure {
     pub end_us: i64,
     /// Pictures that stand for a dense frame: 1 where only these were rendered.
     pub subframes: u32,
-    /// The largest motion between two neighbouring pictures, px, as pixels with a depth show it at the dense frames; `None`
-    /// where it was not asked after.
+    /// The largest motion between two neighbouring pictures, px, as pixels with a depth show it at the
+    /// dense frames; `None` where it was not asked after.
     pub step_px: Option<f32>,
 }
 
@@ -74,8 +77,8 @@ pub fn centres(poses: usize, frames: u32) -> Vec<usize> {
     (beyond..poses.saturating_sub(beyond)).step_by(frames).collect()
 }
 
-/// When the shutter opens and closes around one of [`centres`], s: halfway between the frames of the exposure and those
-/// beyond.
+/// When the shutter opens and closes around one of [`centres`], s: halfway between the frames of the
+/// exposure and those beyond.
 ///
 /// # Panics
 /// Where there are no frames beyond.
@@ -86,7 +89,8 @@ pub fn open(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
     [halfway(pose - half - 1), halfway(pose + half)]
 }
 
-/// The poses of which a sharp frame is kept: every so many, and those in the middle of exposures of so many frames.
+/// The poses of which a sharp frame is kept: every so many, and those in the middle of exposures of so many
+/// frames.
 #[must_use]
 pub fn kept(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..poses).step_by(every as usize).collect();
@@ -279,7 +283,8 @@ enum Moment {
     Between(f64),
 }
 
-/// The least odd number of pictures for a dense frame, within bounds, that a picture of this motion needs, px a frame.
+/// The least odd number of pictures for a dense frame, within bounds, that a picture of this motion needs,
+/// px a frame.
 fn subframes(moved_px: f64) -> u32 {
     (1..=MOST).step_by(2).find(|n| moved_px <= f64::from(*n)).unwrap_or(MOST)
 }
@@ -293,8 +298,8 @@ mod tests {
     const CAMERA: Camera =
         Camera { size: Size { width: 9, height: 5 }, fx: 10.0, fy: 10.0, cx: 4.5, cy: 2.5 };
 
-    /// A world whose light is so many times the camera's way along x, and moves this fast; it remembers where it was seen
-    /// from.
+    /// A world whose light is so many times the camera's way along x, and moves this fast; it remembers
+    /// where it was seen from.
     struct Dawn {
         light: f64,
         px_s: f32,
@@ -360,8 +365,8 @@ mod tests {
         assert_eq!(kept(12, 5, None), [0, 5, 10]);
     }
 
-    /// Light that grows evenly has its mean in the middle of the exposure, whatever number of pictures that is the mean of;
-    /// 1e-7 is the rounding of the colours.
+    /// Light that grows evenly has its mean in the middle of the exposure, whatever number of pictures that
+    /// is the mean of; 1e-7 is the rounding of the colours.
     #[test]
     fn the_mean_is_that_of_light_over_time() {
         for (px_s, subframes, step_px) in

@@ -1,8 +1,9 @@
 //! How fast the picture moves along a path, and moments between which it moves equally far.
 //!
-//! The path is known, so a step goes by the highest flow within it (`numerics.md` 3.4), never only by that where it
-//! begins. Depth is rendered at a few places; the flow between them follows from it and from how the camera moves there, so
-//! that a burst between two places is seen.
+//! The path is known, so a step goes by the highest flow within it (docs/design/numerics-sampling.md,
+//! "Steps of equal flow"), never only by that where it begins. Depth is rendered at a few places; the flow
+//! between them follows from it and from how the camera moves there, so that a burst between two places is
+//! seen.
 
 use super::path::Path;
 use crate::camera::Camera;
@@ -34,8 +35,8 @@ pub struct Flow {
 }
 
 impl Flow {
-    /// Measures what `camera` sees along a path that has `intervals` steps between its poses and ends at `end_us`. The
-    /// renderer may have been promised other poses: it is told otherwise.
+    /// Measures what `camera` sees along a path that has `intervals` steps between its poses and ends at
+    /// `end_us`. The renderer may have been promised other poses: it is told otherwise.
     ///
     /// # Errors
     /// Where a place cannot be rendered.
@@ -141,8 +142,8 @@ impl Flow {
         low
     }
 
-    /// Moments from the first pose to the last, us, between which the picture moves `px` at most, as few as they may be:
-    /// but no nearer to each other than 20 us, and no fewer than eight steps.
+    /// Moments from the first pose to the last, us, between which the picture moves `px` at most, as few as
+    /// they may be: but no nearer to each other than 20 us, and no fewer than eight steps.
     #[must_use]
     pub fn steps(&self, px: f64) -> Vec<i64> {
         let longest = (self.end_us / FEWEST).max(1);
@@ -184,8 +185,8 @@ impl Flow {
     }
 }
 
-/// The flow of a moving camera, px/s of its own pixels, by the depth images of the places before and after it: the
-/// higher of what they say.
+/// The flow of a moving camera, px/s of its own pixels, by the depth images of the places before and after
+/// it: the higher of what they say.
 fn quickest(depths: &[Image<f32>], view: &View) -> f64 {
     let of = |depth: &Image<f32>| {
         let flow = rates(depth, view);
@@ -208,7 +209,8 @@ mod tests {
     fn steps_go_by_the_highest_flow_within_them() {
         let flow = uneven();
         assert!((flow.total_px() - 450.0).abs() < 1e-9);
-        // 8 px: 80 ms of the slow part, 10 ms of the fast one; none reaches into the fast part that is too long for it.
+        // 8 px: 80 ms of the slow part, 10 ms of the fast one; none reaches into the fast part that is too
+        // long for it.
         let steps = flow.steps(8.0);
         for pair in steps.windows(2) {
             let highest = if pair[1] > 500_000 { 800.0 } else { 100.0 };

@@ -18,7 +18,8 @@ pub struct Jitter {
 
 impl Jitter {
     /// Of a sensor with its noise whose stream of this many seconds has so many events, of so many pixels:
-    /// `sigma sqrt(Ti) / Th` (`numerics.md` 3.4), sigma at this grey. `None` where no event is.
+    /// `sigma sqrt(Ti) / Th` (docs/design/numerics-sampling.md, "Jitter"), sigma at this grey. `None` where
+    /// no event is.
     #[must_use]
     pub fn of(
         sensor: &Voltmeter,
@@ -39,7 +40,8 @@ impl Jitter {
     }
 }
 
-/// A warning where a tolerance in thresholds is below the jitter of a sensor that saw this frame first, over so many us.
+/// A warning where a tolerance in thresholds is below the jitter of a sensor that saw this frame first,
+/// over so many us.
 #[must_use]
 pub fn lost_in_noise(
     tolerance: f64,
@@ -68,7 +70,8 @@ mod tests {
 
     #[test]
     fn jitter_is_the_noise_over_the_time_between_events() {
-        // The figure of numerics 3.4: dvs346, 10 ms between events: 1.8e-3 Th, which is 17.6 us.
+        // The figure of docs/design/numerics-sampling.md, "Jitter": dvs346, 10 ms between events: 1.8e-3
+        // Th, which is 17.6 us.
         let sensor = Voltmeter::new(Preset::Dvs346.k());
         let jitter = Jitter::of(&sensor, 100.0, [100, 1], 1.0).unwrap();
         assert!((jitter.interval_us - 1e4).abs() < 1e-6);

@@ -1,10 +1,11 @@
 //! Real spherical harmonics of degree 0 to 3, as trained splat scenes use them.
 //!
-//! Basis, order and signs are those of Kerbl et al. 2023 (graphdeco-inria/gaussian-splatting, `utils/sh_utils.py`;
-//! graphdeco-inria/diff-gaussian-rasterization, `auxiliary.h`), which follow Sloan, "Efficient Spherical Harmonic
-//! Evaluation", JCGT 2(2), 2013, appendix A2: function `l^2 + l + m` for order `m = -l..=l` of degree `l`. They are
-//! orthonormal over the unit sphere. A colour is `max(0, 0.5 + sum of coefficient x function)`, without an upper
-//! clamp, in the direction from the camera's centre to the Gaussian's.
+//! Basis, order and signs are those of Kerbl et al. 2023 (graphdeco-inria/gaussian-splatting,
+//! `utils/sh_utils.py`; graphdeco-inria/diff-gaussian-rasterization, `auxiliary.h`), which follow Sloan,
+//! "Efficient Spherical Harmonic Evaluation", JCGT 2(2), 2013, appendix A2: function `l^2 + l + m` for
+//! order `m = -l..=l` of degree `l`. They are orthonormal over the unit sphere. A colour is `max(0, 0.5 +
+//! sum of coefficient x function)`, without an upper clamp, in the direction from the camera's centre to
+//! the Gaussian's.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -58,7 +59,8 @@ pub const fn len(degree: u8) -> usize {
     (degree as usize + 1).pow(2)
 }
 
-/// The functions of degree 0 to `degree` in the unit direction `[x, y, z]`; entries from `len(degree)` on are zero.
+/// The functions of degree 0 to `degree` in the unit direction `[x, y, z]`; entries from `len(degree)` on
+/// are zero.
 ///
 /// A degree above [`MAX_DEGREE`] gives the functions up to [`MAX_DEGREE`].
 #[must_use]
@@ -104,8 +106,8 @@ fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
     ]
 }
 
-/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` under the values of [`basis`], summed in the order of
-/// the functions; the shorter of the two ends the sum.
+/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` under the values of [`basis`], summed in the
+/// order of the functions; the shorter of the two ends the sum.
 #[must_use]
 #[inline(always)]
 pub fn colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(coefficients: &[[C; 3]], basis: &[T]) -> [T; 3] {
@@ -167,7 +169,7 @@ mod tests {
     }
 
     /// The sign of each function, read off a direction in the octant where all factors are positive
-    /// (the polynomials of `numerics.md` 7.1 evaluated by hand at (2, 1, 2) / 3).
+    /// (the polynomials evaluated by hand at (2, 1, 2) / 3).
     #[test]
     fn signs_and_order_are_the_published_ones() {
         let b = basis::<f64>(3, [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0]);

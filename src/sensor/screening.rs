@@ -1,5 +1,5 @@
-//! What a sensor will do, said before anything runs: contrast, leak and noise at a few greys; and the refusal of sensors
-//! that make no usable stream (numerics.md 1.1).
+//! What a sensor will do, said before anything runs: contrast, leak and noise at a few greys; and the
+//! refusal of sensors that make no usable stream (docs/design/numerics-sensor.md, "Screening").
 
 use crate::units::Hertz;
 use serde::Serialize;
@@ -126,7 +126,8 @@ impl Screening {
     /// The table of a sensor that does `noise` at each grey, with frames at this rate.
     ///
     /// # Errors
-    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64, 128 or 255.
+    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64,
+    /// 128 or 255.
     pub(super) fn new(
         quantity: &'static str,
         contrast: [f64; 2],

@@ -1,6 +1,6 @@
-//! Closed forms for a pixel of constant brightness: a Brownian motion with drift between two barriers that starts at 0
-//! after each event (numerics.md 8.1; the two-barrier exit problem as in Darling, Siegert, Annals of Mathematical
-//! Statistics 24, 1953).
+//! Closed forms for a pixel of constant brightness: a Brownian motion with drift between two barriers that
+//! starts at 0 after each event (docs/design/numerics-sensor.md, "Polarity and moments"; the two-barrier
+//! exit problem as in Darling, Siegert, Annals of Mathematical Statistics 24, 1953).
 
 /// The voltage of a pixel of constant brightness: drift and variance per unit time, and the two thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,7 +74,8 @@ impl Renewal {
     }
 
     /// The voltage of a pixel watched at a random time long after its first event, at the share `u` of its
-    /// distribution: the renewal process's time spent at each voltage (numerics.md 8.3), inverted.
+    /// distribution: the renewal process's time spent at each voltage (docs/design/numerics-sensor.md,
+    /// "Stationary voltage"), inverted.
     #[must_use]
     pub fn residual(self, u: f64) -> f64 {
         let Self { drift, variance, up, down } = self;
@@ -101,8 +102,9 @@ impl Renewal {
     }
 }
 
-/// `(e^y - 1 - y) / skew^2` with `y = skew depth`: what the occupation density on one side integrates to within `depth`
-/// of its barrier. Where that overflows, the probability that it is multiplied with is zero to all digits: 0.
+/// `(e^y - 1 - y) / skew^2` with `y = skew depth`: what the occupation density on one side integrates to
+/// within `depth` of its barrier. Where that overflows, the probability that it is multiplied with is zero
+/// to all digits: 0.
 fn tail(skew: f64, depth: f64) -> f64 {
     let y = skew * depth;
     if y > 500.0 {
@@ -144,7 +146,7 @@ mod tests {
 
     #[test]
     fn anchors() {
-        // numerics.md 8.2, computed there from the series of the interval law.
+        // The anchors of docs/design/numerics-sensor.md, "Interval law", computed from the series.
         let r = renewal(0.5, 1.0);
         near(r.mean_interval(), 0.924_234_315, 1e-9);
         near(r.symmetric_interval_variance(), 0.551_146_326, 1e-8);
@@ -192,9 +194,9 @@ mod tests {
 
     #[test]
     fn residuals_stay_where_a_stationary_pixel_is() {
-        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0 at each, has mean 0
-        // under the stationary law: `mean(drift) = rate (on A - off B)` for f = v, and for f = v^2
-        // `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
+        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0 at each,
+        // has mean 0 under the stationary law: `mean(drift) = rate (on A - off B)` for f = v, and for f =
+        // v^2 `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
         for (drift, variance) in
             [(0.0, 1.0), (1e-9, 1.0), (0.01, 1.0), (0.3, 1.0), (-2.0, 1.0), (40.0, 1.0), (-1.0, 1e-4)]
         {

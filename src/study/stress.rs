@@ -1,12 +1,13 @@
-//! The arithmetic at its extremes: for each case the error against an independent answer, and the error that is allowed
-//! (`gs2e stress`; numerics.md 10).
+//! The arithmetic at its extremes: for each case the error against an independent answer, and the error
+//! that is allowed (`gs2e stress`; docs/stress.md).
 //!
-//! An answer is a closed form that the program does not use, a series in 64 bits, a number computed with 120 digits
-//! (`stress/answers.txt`, written by the `answers.py` beside it), a twin of the input on which nothing is extreme, or the
-//! input from which a result was made. What is judged by counting events has a fixed seed and a stated number of standard
-//! errors.
+//! An answer is a closed form that the program does not use, a series in 64 bits, a number computed with
+//! 120 digits (`stress/answers.txt`, written by the `answers.py` beside it), a twin of the input on which
+//! nothing is extreme, or the input from which a result was made. What is judged by counting events has a
+//! fixed seed and a stated number of standard errors.
 //!
-//! A case takes the function that it judges, so that a test can hand it a naive one and see that it misses its limit.
+//! A case takes the function that it judges, so that a test can hand it a naive one and see that it misses
+//! its limit.
 
 pub mod answers;
 pub mod clips;

@@ -1,4 +1,5 @@
-//! Events against frames at one instant: what each pixel counted, and what its brightness did since the first frame.
+//! Events against frames at one instant: what each pixel counted, and what its brightness did since the
+//! first frame.
 
 mod lag;
 
@@ -15,14 +16,14 @@ const LEAST_NEAR: usize = 1000;
 const EDGE: f64 = 0.995;
 /// Events of the wrong sign show no threshold at all; this stands for it.
 const MOST_SHOWN: f64 = 1000.0;
-/// Pixels whose drift is known worse than this, in thresholds, blur an edge: with the 2 % that an edge is sharp to, a
-/// threshold that is off by a tenth is still told from a right one.
+/// Pixels whose drift is known worse than this, in thresholds, blur an edge: with the 2 % that an edge is
+/// sharp to, a threshold that is off by a tenth is still told from a right one.
 const MOST_BLUR: f64 = 0.04;
 
 /// The state of all pixels at one anchor, in numbers.
 ///
-/// For each pixel, `dv` is the drift since the first frame and `s = A on - B off` what its events say of it. The
-/// residual voltage is `dv - s`, less what the pixel began with: between `-B` and `A`.
+/// For each pixel, `dv` is the drift since the first frame and `s = A on - B off` what its events say of
+/// it. The residual voltage is `dv - s`, less what the pixel began with: between `-B` and `A`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// Stamp of the anchor.
@@ -41,8 +42,8 @@ pub struct Fit {
     pub lag: Lag,
     /// Where ON and OFF events happen, relative to the thresholds.
     pub edges: [Option<Edge>; 2],
-    /// What the sum of `s` over pixels is expected to be: the drift, in whole thresholds towards 0 where voltages
-    /// start there, in the mean exact where they start anywhere.
+    /// What the sum of `s` over pixels is expected to be: the drift, in whole thresholds towards 0 where
+    /// voltages start there, in the mean exact where they start anywhere.
     pub expected: f64,
 }
 
@@ -94,16 +95,16 @@ impl Slope {
     }
 }
 
-/// The voltage at which events of one polarity happen, found from the pixels that are just about to fire: no residual
-/// lies beyond the threshold, and many lie close to it.
+/// The voltage at which events of one polarity happen, found from the pixels that are just about to fire:
+/// no residual lies beyond the threshold, and many lie close to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edge {
     /// Pixels that it was found from.
     pub pixels: usize,
     /// The threshold that the events show, over the stated one.
     pub shown: f64,
-    /// What a pixel that goes straight from the first frame to this one would show: near 1 where enough pixels are
-    /// about to fire; below, the stream cannot tell.
+    /// What a pixel that goes straight from the first frame to this one would show: near 1 where enough
+    /// pixels are about to fire; below, the stream cannot tell.
     pub reachable: f64,
 }
 
@@ -156,7 +157,7 @@ impl<'a> Balance<'a> {
             span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
         let at = stamps[number];
         for i in 0..now.len() {
-            // The trapezoid rule; numerics.md pass 10 asks for no more.
+            // The trapezoid rule: the leak is a small part of the drift.
             self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
             let logs = self.law.log_brightness(now[i]) - self.first_logs[i];
             let noise = [before[i], now[i]].map(|l| self.law.noise(f64::from(l), step));
@@ -247,9 +248,9 @@ fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
     (if left > 0.0 { left / on } else { left / off }) as f32
 }
 
-/// A residual below the threshold is `dv < s + threshold` at the true thresholds, so `dv / (s + threshold)` at the
-/// stated ones is below true over stated, and comes close to it where the pixel is about to fire. The second value
-/// is the same of a pixel whose events are the whole `steps` of its drift.
+/// A residual below the threshold is `dv < s + threshold` at the true thresholds, so `dv / (s + threshold)`
+/// at the stated ones is below true over stated, and comes close to it where the pixel is about to fire.
+/// The second value is the same of a pixel whose events are the whole `steps` of its drift.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a limit of percents")]
 fn ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
     let shown = if s + threshold > 0.0 { (dv / (s + threshold)).min(MOST_SHOWN) } else { MOST_SHOWN };

@@ -1,5 +1,6 @@
-//! A view, and how a point and an ellipsoid look in it (`numerics.md` 7.1, 7.2): `f64` up to camera coordinates, so that
-//! scenes far from the world's origin lose nothing, `f32` in the stable forms from there on.
+//! A view, and how a point and an ellipsoid look in it (docs/design/numerics-rendering.md, "Stable
+//! projection"): `f64` up to camera coordinates, so that scenes far from the world's origin lose nothing,
+//! `f32` in the stable forms from there on.
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 

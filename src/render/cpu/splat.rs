@@ -11,7 +11,7 @@ pub(super) const MAX_FEATURES: usize = 6;
 
 /// A Gaussian on the image plane. Its opacity at a pixel is `opacity * 2^-q`,
 /// `q = (w1 dx + w2 dy)^2 + (w3 dy)^2` with `(dx, dy)` the pixel's centre minus the mean: the stable form of
-/// `numerics.md` 7.2 with `w` scaled by `sqrt(log2(e) / 2)`.
+/// docs/design/numerics-rendering.md, "Stable projection", with `w` scaled by `sqrt(log2(e) / 2)`.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub(super) struct Splat {
@@ -21,7 +21,8 @@ pub(super) struct Splat {
     pub(super) w: [f32; 3],
     /// Opacity at the mean.
     pub(super) opacity: f32,
-    /// No pixel with `q` above this reaches the least opacity that is blended; includes a margin for rounding.
+    /// No pixel with `q` above this reaches the least opacity that is blended; includes a margin for
+    /// rounding.
     pub(super) reach: f32,
     /// First and end column and row of the pixels that it may touch; never empty.
     pub(super) columns: [u16; 2],
@@ -50,9 +51,9 @@ pub(super) struct Rates {
     pub(super) grey_rate: f32,
 }
 
-/// Bound on what rounding moves an edge of an extent by, px, where the edge lies `distance` px from the mean: the
-/// raster forms `w1 dx + w2 dy` from terms of that size, each rounded twice at 2^-24 of it, and pixel coordinates
-/// below 65,536 are rounded at 2^-8.
+/// Bound on what rounding moves an edge of an extent by, px, where the edge lies `distance` px from the
+/// mean: the raster forms `w1 dx + w2 dy` from terms of that size, each rounded twice at 2^-24 of it, and
+/// pixel coordinates below 65,536 are rounded at 2^-8.
 #[inline(always)]
 pub(super) fn edge_margin(distance: f32) -> f32 {
     MARGIN[0] + MARGIN[1] * distance
@@ -68,7 +69,8 @@ pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
     [within(low + 0.5, end) as u16, within(high + 0.5, end) as u16]
 }
 
-/// The value clamped to `0..=end`; NaN becomes 0. Two choices, where `f32::clamp` looks whether its bounds are sound.
+/// The value clamped to `0..=end`; NaN becomes 0. Two choices, where `f32::clamp` looks whether its bounds
+/// are sound.
 #[inline(always)]
 pub(super) fn within(value: f32, end: f32) -> f32 {
     let value = if value > 0.0 { value } else { 0.0 };
@@ -76,8 +78,8 @@ pub(super) fn within(value: f32, end: f32) -> f32 {
 }
 
 impl Splat {
-    /// Where the ellipse `q <= reach` begins and ends in x on the line `dy` px below the mean, or `None` where the
-    /// line misses it.
+    /// Where the ellipse `q <= reach` begins and ends in x on the line `dy` px below the mean, or `None`
+    /// where the line misses it.
     #[inline(always)]
     pub(super) fn chord(&self, dy: f32) -> Option<[f32; 2]> {
         let [w1, w2, w3] = self.w;

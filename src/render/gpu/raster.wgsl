@@ -1,5 +1,5 @@
-// Passes 4 and 5: a group blends a tile, a thread a pixel of it, front to back, and writes its images: `cpu/raster.rs` and
-// `cpu/resolve.rs`. Splats come to the group's memory in batches.
+// Passes 4 and 5: a group blends a tile, a thread a pixel of it, front to back, and writes its images:
+// `cpu/raster.rs` and `cpu/resolve.rs`. Splats come to the group's memory in batches.
 
 @group(1) @binding(0) var<storage, read> splats: array<vec4u>;
 @group(1) @binding(1) var<storage, read> pairs: array<vec2u>;
@@ -122,8 +122,9 @@ fn blend(row: u32, pixel: ptr<function, Pixel>) {
     (*pixel).blended += u32(alpha > 0.0);
 }
 
-// The rates of the layer, before it is taken in (`numerics.md` 7.5). `seen` is dx, dy, e1, e2; `opacity` the layer's at the
-// pixel before clamp and ramp, the derivative of the ramp, and what is blended.
+// The rates of the layer, before it is taken in (docs/design/numerics-rendering.md, "Rates of a moving
+// camera"). `seen` is dx, dy, e1, e2; `opacity` the layer's at the pixel before clamp and ramp, the
+// derivative of the ramp, and what is blended.
 fn blend_rate(row: u32, seen: vec4f, opacity: vec3f, pixel: ptr<function, Pixel>) {
     let w = vec3f(bitcast<vec2f>(near[row].zw), bitcast<f32>(near[row + 1u].x));
     let moving = bitcast<vec4f>(near[row + 4u]);

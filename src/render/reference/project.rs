@@ -1,4 +1,5 @@
-//! Every Gaussian onto the image plane, with its rates for a moving camera (`numerics.md` 7.1, 7.2, 7.5).
+//! Every Gaussian onto the image plane, with its rates for a moving camera
+//! (docs/design/numerics-rendering.md, "Stable projection").
 
 use super::D;
 use crate::render::dual::{Real, cross, dot};
@@ -172,7 +173,8 @@ impl<'a> Eye<'a> {
         sh::colour(scene.sh_of(i), &basis)
     }
 
-    /// Columns and rows that the rules let a Gaussian touch, without those where it is below the least opacity.
+    /// Columns and rows that the rules let a Gaussian touch, without those where it is below the least
+    /// opacity.
     fn extent(&self, mean: [f64; 2], shape: &Shape, opacity: f64) -> [Range<usize>; 2] {
         let size = [self.view.camera.size.width, self.view.camera.size.height].map(f64::from);
         let (a, c) = (shape.a.value, shape.c.value);

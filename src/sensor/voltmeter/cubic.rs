@@ -1,7 +1,9 @@
-//! Brightness whose logarithm is a cubic between frames, from its slopes at them (numerics.md 3.1).
+//! Brightness whose logarithm is a cubic between frames, from its slopes at them
+//! (docs/design/numerics-sampling.md, "Brightness between frames").
 //!
-//! The signal's part of the drift is `k1` times that cubic, so between frames it is exact. The leak's is the integral of
-//! the parabola through the brightness at both frames and in the middle, which is a cubic too. Slopes are not limited.
+//! The signal's part of the drift is `k1` times that cubic, so between frames it is exact. The leak's is
+//! the integral of the parabola through the brightness at both frames and in the middle, which is a cubic
+//! too. Slopes are not limited.
 
 use super::curve::{Curve, Ends, One, Wide};
 use super::drift::Process;

@@ -1,13 +1,13 @@
-//! One pixel in one leaf of the clock: the path is a bridge between known ends, and its first touches are drawn exactly
-//! (numerics.md 2.1, steps 4 to 6).
+//! One pixel in one leaf of the clock: the path is a bridge between known ends, and its first touches are
+//! drawn exactly (docs/design/numerics-sensor.md, "The exact law").
 
 use super::bridge::{Barriers, Live, Side, touch_probability, touch_time};
 use crate::event::Polarity;
 use crate::seed::Draws;
 use std::ops::ControlFlow;
 
-/// Takes a pixel's events as they are found: time in ns since the window's start, and polarity. To break ends the
-/// simulation.
+/// Takes a pixel's events as they are found: time in ns since the window's start, and polarity. To break
+/// ends the simulation.
 pub(crate) trait Emit {
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()>;
 }
@@ -149,7 +149,8 @@ mod tests {
 
     #[test]
     fn bridges_between_both_barriers() {
-        // First down, by the two-image sum of numerics.md 2.1, evaluated there (O11).
+        // First down, by the two-image sum of docs/design/numerics-sensor.md, "Both barriers": the oracle
+        // bridge exit.
         for (x, y, v, wanted) in
             [(0.99, -0.99, 0.1, 0.2223), (0.95, -0.95, 0.3, 0.2584), (0.99, -0.999, 0.02, 0.7087)]
         {
@@ -163,7 +164,8 @@ mod tests {
 
     #[test]
     fn the_nearer_barrier_counts_where_the_end_is_beyond_the_other() {
-        // From -0.99 with drift 3 and variance 0.05: the exit problem from 0 between barriers at 1.99 and -0.01.
+        // From -0.99 with drift 3 and variance 0.05: the exit problem from 0 between barriers at 1.99 and
+        // -0.01.
         let exit = Renewal { drift: 3.0, variance: 0.05, up: 1.99, down: 0.01 };
         let wanted = 1.0 - exit.on_share();
         let end = |draws: &mut Draws| -0.99 + 3.0 + 0.05f64.sqrt() * draws.normal();

@@ -1,8 +1,8 @@
 //! Brightness whose logarithm is linear between frames.
 //!
-//! With `P = L + k2` at the start and `g` the slope of `ln P`, `D(t) = (k1 g + k4 - k5 k2) t + k5 P t E(g t)`,
-//! `E(x) = (e^x - 1)/x`: exact, and unchanged when a signal of that form is sampled finer. The midpoint form of the
-//! published program is the case `g = 0`.
+//! With `P = L + k2` at the start and `g` the slope of `ln P`, `D(t) = (k1 g + k4 - k5 k2) t + k5 P t E(g
+//! t)`, `E(x) = (e^x - 1)/x`: exact, and unchanged when a signal of that form is sampled finer. The
+//! midpoint form of the published program is the case `g = 0`.
 
 use super::Gain;
 use super::curve::{Curve, Ends, One, Wide};
@@ -174,7 +174,8 @@ mod tests {
             for t in [1.0, 1e3, 0.3 * length, length] {
                 let wanted = by_quadrature(k, greys, [length, t]);
                 let found = Line::rise_of_one(&piece, t);
-                // Simpson on 2000 panels of a smooth function of log range 2.5 is good to 1e-13 of the leak, 13.
+                // Simpson on 2000 panels of a smooth function of log range 2.5 is good to 1e-13 of the
+                // leak, 13.
                 assert!((found - wanted).abs() < 2e-12, "{greys:?} {t}: {found} {wanted}");
                 assert_eq!(wide::<Line>(&process, &piece, t)[0].to_bits(), found.to_bits());
             }
@@ -183,7 +184,7 @@ mod tests {
 
     #[test]
     fn the_largest_step_in_thresholds() {
-        // numerics.md 10: grey 0 to 255, signal alone.
+        // `k1 ln((255 + k2) / k2)` in high precision: grey 0 to 255, signal alone.
         for (preset, wanted) in [(Preset::Dvs346, 13.799_77), (Preset::Gs2eSi, 3.454_38)] {
             let [k1, k2, ..] = preset.k();
             let process = process(|sensor| sensor.k = [k1, k2, 0.0, 0.0, 0.0, 0.0]);

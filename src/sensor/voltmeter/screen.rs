@@ -1,4 +1,4 @@
-//! What a parameter set of the voltmeter will do (numerics.md 1.1).
+//! What a parameter set of the voltmeter will do (docs/design/numerics-sensor.md, "Screening").
 
 use super::{Between, Gain, Initial, Law, Preset, Voltmeter};
 use crate::sensor::screening::{Noise, ScreenError, Screening, Warning, at_least_zero};
@@ -68,8 +68,8 @@ impl Voltmeter {
     /// What this sensor will do with frames at this rate.
     ///
     /// # Errors
-    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and frame
-    /// interval at grey 0, 1, 16, 64, 128 or 255.
+    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and
+    /// frame interval at grey 0, 1, 16, 64, 128 or 255.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
@@ -105,7 +105,8 @@ mod tests {
 
     #[test]
     fn contrast_and_leak_of_the_presets() {
-        // numerics.md 1.1, the table of presets, to the digits given there.
+        // docs/design/numerics-sensor.md, "Units and presets", the table of presets, to the digits given
+        // there.
         let t = |preset: Preset, contrast: f64, leaks: [f64; 5]| {
             let screening = Voltmeter::new(preset.k()).screen(rate()).unwrap();
             near(screening.contrast[0], contrast, 3e-3);
@@ -120,7 +121,7 @@ mod tests {
 
     #[test]
     fn noise_of_gs2e_si() {
-        // numerics.md 8.1, last line.
+        // docs/design/numerics-sensor.md, "Screening", the rates of gs2e-si.
         let sensor = Voltmeter::new(Preset::Gs2eSi.k());
         let t = |grey, hz, share: f64| {
             let noise = sensor.noise(grey);
@@ -138,7 +139,8 @@ mod tests {
 
     #[test]
     fn readings_of_the_printed_set() {
-        // numerics.md 1.1, the table of readings: noise at greys 1, 16 and 128 and whether a sensor can be that.
+        // docs/design/numerics-sensor.md, "Units and presets", the table of readings: noise at greys 1, 16
+        // and 128 and whether a sensor can be that.
         let t = |time, brightness, hz: [f64; 3], usable: bool| {
             let sensor = reading(time, brightness);
             for (grey, hz) in [1.0, 16.0, 128.0].into_iter().zip(hz) {

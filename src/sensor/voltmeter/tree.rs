@@ -1,8 +1,10 @@
-//! The pixels of a band in one root cell of the dyadic clock: the exact law (numerics.md 2.1).
+//! The pixels of a band in one root cell of the dyadic clock: the exact law
+//! (docs/design/numerics-sensor.md, "The exact law").
 //!
-//! The noise is a Brownian tree: every draw belongs to a cell of the clock, so neither frames nor neighbours nor
-//! threads can change it. Cells in which no barrier is within reach are crossed in one step; the others are halved down
-//! to leaves. All pixels that reach a cell go through it together: they share its times, and so do the same arithmetic.
+//! The noise is a Brownian tree: every draw belongs to a cell of the clock, so neither frames nor
+//! neighbours nor threads can change it. Cells in which no barrier is within reach are crossed in one step;
+//! the others are halved down to leaves. All pixels that reach a cell go through it together: they share
+//! its times, and so do the same arithmetic.
 
 #![expect(clippy::cast_possible_truncation, reason = "walkers of a band are counted in few bits")]
 
@@ -287,7 +289,8 @@ impl Walk<'_> {
         done
     }
 
-    /// What the halves of a cell need: the middle of a Brownian motion between known ends is normal around their mean.
+    /// What the halves of a cell need: the middle of a Brownian motion between known ends is normal around
+    /// their mean.
     #[inline(always)]
     fn split<C: Curve, S: Simd>(&self, simd: S, node: Node, list: &mut List) {
         let Self { window, walkers, .. } = self;
@@ -316,7 +319,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Moves walkers across a cell that no barrier is within reach of; lists the others, by what is to be done.
+    /// Moves walkers across a cell that no barrier is within reach of; lists the others, by what is to be
+    /// done.
     #[inline(always)]
     fn visit<C: Curve, S: Simd>(&mut self, simd: S, node: Node, crowd: &Crowd<'_>) {
         let level = usize::from(node.level);
@@ -344,7 +348,8 @@ impl Walk<'_> {
             }
             let mut leaf = 0;
             if node.length() <= LEAF {
-                // No curve strays farther from its chord than 2.03 times what its curvature allows a parabola.
+                // No curve strays farther from its chord than 2.03 times what its curvature allows a
+                // parabola.
                 let sure = if knots.is_empty() { bits((straying * 2.1).simd_le(STRAIGHT)) } else { 0 };
                 leaf = live & known & sure;
                 leaf |= self.leaves::<C>(node, &members, live & known & !sure);
@@ -415,8 +420,8 @@ impl Walk<'_> {
         leaf
     }
 
-    /// A bound on the distance of a walker's drift from its chord in a cell: the largest at the stamps inside, plus what
-    /// a piece can stray from its own chord.
+    /// A bound on the distance of a walker's drift from its chord in a cell: the largest at the stamps
+    /// inside, plus what a piece can stray from its own chord.
     fn straying<C: Curve>(&self, node: Node, member: usize) -> f64 {
         let [a, b] = node.ends();
         let legs = &self.window.legs;

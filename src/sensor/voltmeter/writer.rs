@@ -24,8 +24,9 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Adds a pixel to the account. What its events have taken from the voltage differs from its drift over the run by
-    /// noise and by the voltages at the ends; `bound` says by how much at most (O1).
+    /// Adds a pixel to the account. What its events have taken from the voltage differs from its drift over
+    /// the run by noise and by the voltages at the ends; `bound` says by how much at most (the drift
+    /// balance).
     pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut Account) {
         account.on += u64::from(self.on);
         account.off += u64::from(self.off);
@@ -64,7 +65,8 @@ pub(super) struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// Writes down the events of one of the band's pixels, which is at this place on the sensor (`y << 16 | x`).
+    /// Writes down the events of one of the band's pixels, which is at this place on the sensor (`y << 16 |
+    /// x`).
     #[inline(always)]
     pub(super) fn of(&mut self, pixel: usize, seat: u64) -> impl Emit {
         let [left, top] = self.window.law.origin;

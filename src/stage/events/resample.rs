@@ -1,5 +1,5 @@
-//! A few intervals of a stream at twice the frames: what the frames between would have changed (numerics.md section 9,
-//! pass 14).
+//! A few intervals of a stream at twice the frames: what the frames between would have changed
+//! (docs/checks.md).
 
 use super::Simulating;
 use crate::camera::Camera;
@@ -32,8 +32,8 @@ impl EventSink for Rows {
 }
 
 impl Simulating {
-    /// What each sensor makes of the middle of the sequence, at its frames and at twice as many; `None` for a sensor whose
-    /// noise goes by frames, or that sees colour.
+    /// What each sensor makes of the middle of the sequence, at its frames and at twice as many; `None` for
+    /// a sensor whose noise goes by frames, or that sees colour.
     pub(super) fn resample(
         &self,
         path: &Path,

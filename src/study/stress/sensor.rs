@@ -30,7 +30,7 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
         case(["first-off-of-sensor", "the same by thresholds, through the whole sensor", "se"], || {
             passages::first_off_of_sensor()
         }),
-        case(["bridge", "both barriers in reach: the three bridges of O11", "se"], || {
+        case(["bridge", "both barriers in reach: three bridges", "se"], || {
             bridge_off(passages::first_of_leaf)
         }),
     ];
@@ -47,8 +47,8 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
     all
 }
 
-/// The probability that a voltage of that drift and of variance 2 leaves through the barrier that far up, not through
-/// the one that far down.
+/// The probability that a voltage of that drift and of variance 2 leaves through the barrier that far up,
+/// not through the one that far down.
 #[must_use]
 pub fn polarity(on_share: impl Fn(f64, f64, f64) -> f64) -> Found {
     let mut worst = Worst::default();
@@ -60,8 +60,9 @@ pub fn polarity(on_share: impl Fn(f64, f64, f64) -> f64) -> Found {
     worst.found()
 }
 
-/// The time of the first touch, as a share of a bridge's length, from its ends' distances `a` and `g`, its variance, and
-/// a normal and a uniform draw: both roots of the inverse Gaussian's transform, where `a` and the variance are 1.
+/// The time of the first touch, as a share of a bridge's length, from its ends' distances `a` and `g`, its
+/// variance, and a normal and a uniform draw: both roots of the inverse Gaussian's transform, where `a` and
+/// the variance are 1.
 #[must_use]
 pub fn root(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> Found {
     /// The draw takes the larger root where the smaller is less likely than this.
@@ -105,7 +106,8 @@ fn units() -> Found {
     worst.found()
 }
 
-/// Rates of both polarities together. The form that is used where drift hardly counts leaves out a share of 1e-8.
+/// Rates of both polarities together. The form that is used where drift hardly counts leaves out a share of
+/// 1e-8.
 fn noise() -> Found {
     let mut worst = Worst::default();
     for Answer { given, wanted } in answers("noise") {

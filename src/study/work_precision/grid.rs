@@ -1,4 +1,5 @@
-//! Which frames a setting sees. Every grid is a part of one fine sequence, so that one rendering of it serves all.
+//! Which frames a setting sees. Every grid is a part of one fine sequence, so that one rendering of it
+//! serves all.
 
 use serde::Serialize;
 
@@ -8,7 +9,8 @@ use serde::Serialize;
 pub enum Steps {
     /// At a frame rate.
     Uniform,
-    /// So that the picture moves equally far in each step (`numerics.md` 3.4, rule 1).
+    /// So that the picture moves equally far in each step (docs/design/numerics-sampling.md, "Steps of
+    /// equal flow").
     Flow,
 }
 
@@ -19,8 +21,8 @@ pub struct Grid {
     pub steps: Steps,
     /// Frames a second; of flow steps, that of the uniform grid that has as many frames.
     pub rate: u32,
-    /// Numbers of the fine frames, rising: the first and the last of the sequence are among them, and an even number of
-    /// steps lies between two, so that each interval has its middle.
+    /// Numbers of the fine frames, rising: the first and the last of the sequence are among them, and an
+    /// even number of steps lies between two, so that each interval has its middle.
     pub places: Vec<usize>,
 }
 
@@ -37,7 +39,8 @@ impl Grid {
         Self { steps: Steps::Uniform, rate, places }
     }
 
-    /// The grid of the shortest flow steps that has no more frames than a uniform one. `flows` is how far the picture moves in each fine interval, px.
+    /// The grid of the shortest flow steps that has no more frames than a uniform one. `flows` is how far
+    /// the picture moves in each fine interval, px.
     #[must_use]
     pub fn flow(flows: &[f64], uniform: &Self) -> Self {
         let most = flows.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * flows.len() as f64;
@@ -50,7 +53,8 @@ impl Grid {
     }
 }
 
-/// The longest even steps over which the highest flow in them, for their whole length, moves the picture `px` at most.
+/// The longest even steps over which the highest flow in them, for their whole length, moves the picture
+/// `px` at most.
 fn places(flows: &[f64], px: f64) -> Vec<usize> {
     let mut places = vec![0];
     let mut at = 0;

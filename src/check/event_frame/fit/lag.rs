@@ -1,10 +1,11 @@
 //! How late events are against frames, from pixels on their way.
 //!
-//! Where the voltage of a pixel rises steadily by more than a threshold on either side of an instant, what is left of its
-//! drift there, `dv - s`, lies evenly between 0 and the threshold: half of it in the mean, however fast the pixel is. Events
-//! that are late by `lag` leave `rate lag` more. So over pixels of many rates, rising and falling, the slope of what is left
-//! against the rate is the lag. (The time at which the correlation of counts and changes is largest, as numerics.md has
-//! it, is late by itself where edges are a threshold or two high: their one event comes at the end of their way.)
+//! Where the voltage of a pixel rises steadily by more than a threshold on either side of an instant, what
+//! is left of its drift there, `dv - s`, lies evenly between 0 and the threshold: half of it in the mean,
+//! however fast the pixel is. Events that are late by `lag` leave `rate lag` more. So over pixels of many
+//! rates, rising and falling, the slope of what is left against the rate is the lag. (The time at which the
+//! correlation of counts and changes is largest is late by itself where edges are a threshold or two high:
+//! their one event comes at the end of their way.)
 
 /// Least way on either side of the instant, in thresholds, and how uneven the two may be.
 const LEAST_WAY: f64 = 1.0;
@@ -23,8 +24,8 @@ pub struct Lag {
 }
 
 impl Lag {
-    /// Adds a pixel that has `left` of its drift at an instant, and on its ways to it and from it drifts by `ways` in
-    /// `span` microseconds.
+    /// Adds a pixel that has `left` of its drift at an instant, and on its ways to it and from it drifts by
+    /// `ways` in `span` microseconds.
     pub(super) fn add(&mut self, left: f64, ways: [f64; 2], span: f64, thresholds: [f64; 2]) {
         let threshold = if ways[0] > 0.0 { thresholds[0] } else { thresholds[1] };
         let [small, large] = [ways[0].abs().min(ways[1].abs()), ways[0].abs().max(ways[1].abs())];
@@ -43,8 +44,8 @@ impl Lag {
         self.products += rate * left;
     }
 
-    /// The lag of all spans, us, and its standard deviation; `None` where there are no pixels to tell. Each span has its
-    /// own mean of what is left: that of voltages which start anywhere.
+    /// The lag of all spans, us, and its standard deviation; `None` where there are no pixels to tell. Each
+    /// span has its own mean of what is left: that of voltages which start anywhere.
     #[must_use]
     pub fn pooled(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
         let (mut pixels, mut squares, mut products, mut left_squares) = (0.0, 0.0, 0.0, 0.0);
@@ -70,7 +71,8 @@ impl Lag {
 mod tests {
     use super::*;
 
-    /// Ramps of many rates, up and down, whose events are late by so many us: what is left is found by counting.
+    /// Ramps of many rates, up and down, whose events are late by so many us: what is left is found by
+    /// counting.
     fn ramps(late: f64, start: f64) -> [f64; 2] {
         let (span, mut lag) = (2000.0, Lag::default());
         for i in 0..4000 {

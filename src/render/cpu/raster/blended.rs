@@ -1,9 +1,11 @@
-//! Pass 4 where layers of nearly the same depth cover each other in part (`numerics.md` 3.3): layer `i` is lit by the
-//! product over the others of `1 - alpha_j cover(z_j, z_i)`.
+//! Pass 4 where layers of nearly the same depth cover each other in part
+//! (docs/design/numerics-rendering.md, "Blended order"): layer `i` is lit by the product over the others of
+//! `1 - alpha_j cover(z_j, z_i)`.
 //!
 //! A layer is laid down once all that cover it are known, which are those that follow it by less than
-//! [`BLENDED_DEPTHS`]; it waits in a queue until nothing more lies within reach of it. Which layers a pixel blends and
-//! where it stops are those of the plain order. For references: written to be read, over numbers with or without rates.
+//! [`BLENDED_DEPTHS`]; it waits in a queue until nothing more lies within reach of it. Which layers a pixel
+//! blends and where it stops are those of the plain order. For references: written to be read, over numbers
+//! with or without rates.
 
 #![expect(clippy::cast_precision_loss, reason = "tile coordinates are small")]
 

@@ -182,7 +182,8 @@ struct State<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> State<S, N> {
-    /// One layer over the block; the rates are those of `numerics.md` 7.5.
+    /// One layer over the block; for its rates see docs/design/numerics-rendering.md, "Rates of a moving
+    /// camera".
     #[inline(always)]
     fn blend<const SOFT: bool, const RATE: bool>(
         &mut self,
@@ -231,7 +232,7 @@ impl<S: Simd, const N: usize> State<S, N> {
 }
 
 /// The centred ramp of the rules `soft` and its derivative: 0 at half a grey step, 1 at one and a half
-/// (`numerics.md` 3.3).
+/// (docs/design/numerics-rendering.md, "Centred ramp").
 #[inline(always)]
 fn ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     let u = (alpha * 255.0 - 0.5).max(0.0).min(1.0);

@@ -1,5 +1,6 @@
-//! The law of the time between events of a pixel of constant brightness: the first exit of a Brownian motion with drift
-//! from between two barriers, as a sum over mirror images (numerics.md 8.2).
+//! The law of the time between events of a pixel of constant brightness: the first exit of a Brownian
+//! motion with drift from between two barriers, as a sum over mirror images
+//! (docs/design/numerics-sensor.md, "Interval law").
 
 use std::f64::consts::{PI, SQRT_2};
 

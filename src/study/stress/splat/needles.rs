@@ -34,8 +34,9 @@ pub(super) fn near(by: Player<'_>) -> Outcome {
     needles(by.some(scenes::needles()), |needle| shape(by, needle, EXACT), by.precision())
 }
 
-/// Near a needle's mean its power is the square of the distance across it over the smaller eigenvalue, which is the
-/// determinant over the larger: what is lost in either shows there in full. `shape` gives `exp(-power)` at each pixel.
+/// Near a needle's mean its power is the square of the distance across it over the smaller eigenvalue,
+/// which is the determinant over the larger: what is lost in either shows there in full. `shape` gives
+/// `exp(-power)` at each pixel.
 ///
 /// # Errors
 /// Where `shape` does.
@@ -51,11 +52,12 @@ pub fn needles(
             if !(0.05..2.0).contains(&power) || distance > 8.0 {
                 continue;
             }
-            // How far the two distances that enter, each up to the distance over the smaller deviation, can be rounded.
+            // How far the two distances that enter, each up to the distance over the smaller deviation, can
+            // be rounded.
             let reach = (2.0 * power).sqrt() * distance / narrow.sqrt();
             let limit = match precision {
-                // 2e-6 of the determinant; three roundings of each distance; alpha >= 0.13 is 1 - T, rounded at 6e-8,
-                // and 2^-q errs by 2e-7.
+                // 2e-6 of the determinant; three roundings of each distance; alpha >= 0.13 is 1 - T,
+                // rounded at 6e-8, and 2^-q errs by 2e-7.
                 Precision::Single => 2e-6 * power + 6.0 * 6e-8 * reach + 1e-6,
                 // 1e-13, and the same roundings 2^-29 times as large.
                 Precision::Double => 1e-13 * power + 6.0 * 1.2e-16 * reach + 2e-15,
@@ -67,8 +69,9 @@ pub fn needles(
     Ok(worst.found())
 }
 
-/// As far from the mean as half of the needle's deviation: 99 % of the pixels by the table of numerics.md 7.2. In 64 bits
-/// 1e-13; at 1500 px doubles are 2e-13 px apart, and the edge of a needle is 0.6 px wide.
+/// As far from the mean as half of the needle's deviation: 99 % of the pixels by the table of
+/// docs/design/numerics-rendering.md, "Stable projection". In 64 bits 1e-13; at 1500 px doubles are 2e-13
+/// px apart, and the edge of a needle is 0.6 px wide.
 pub(super) fn far(by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     for (long_px, single, double) in [(300.0, 8e-6, 1e-13), (1000.0, 4.7e-5, 1e-13), (3000.0, 7.5e-5, 3e-13)]
