@@ -139,7 +139,7 @@ mod tests {
             let ours: Vec<f64> = (0..u16::try_from(rival::N).unwrap()).map(count).collect();
             let theirs = rival::theirs(&rand_distr::Poisson::new(mean).unwrap());
             // One event of every count of 1, 5, 9, … is lost.
-            let defect = |n: f64| if n % 4.0 == 1.0 { n - 1.0 } else { n };
+            let defect = |n: f64| if (n % 4.0 - 1.0).abs() < 0.5 { n - 1.0 } else { n };
             rival::compare(&format!("Poisson {mean}"), &ours, &theirs, defect);
         }
     }

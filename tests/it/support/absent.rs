@@ -9,8 +9,8 @@ pub(crate) fn not_run(why: &str) {
     let thread = std::thread::current();
     // libtest names the thread of a test after the test.
     let line = format!("{} ({why})\n", thread.name().unwrap_or("a test"));
-    // Past the capture of the test's output, since the test passes.
-    drop(write!(std::io::stderr(), "not run: {line}"));
+    // Past the capture of the test's output, since the test passes; at once, since others write too.
+    drop(std::io::stderr().write_all(format!("not run: {line}").as_bytes()));
     if let Some(list) = std::env::var_os("NOT_RUN_LIST") {
         let mut list = std::fs::OpenOptions::new().create(true).append(true).open(list).unwrap();
         list.write_all(line.as_bytes()).unwrap();
