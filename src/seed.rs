@@ -5,6 +5,8 @@ pub(crate) mod eight;
 pub mod ks;
 pub mod normal;
 pub mod philox;
+#[cfg(test)]
+pub(crate) mod rival;
 
 use serde::{Deserialize, Serialize};
 

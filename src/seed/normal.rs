@@ -120,6 +120,7 @@ pub(super) fn eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::seed::{Cell, Seed, Space, rival};
 
     #[test]
     fn it_inverts_the_distribution_function() {
@@ -130,6 +131,13 @@ mod tests {
             let p = 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
             assert!((quantile(p) - z).abs() < 5e-15 * z.abs().max(1.0), "{z}: {}", quantile(p));
         }
+    }
+
+    #[test]
+    fn normal_draws_are_distributed_as_those_of_rand_distr() {
+        let mut draws = Seed(3).draws(Cell { x: 1, y: 2, level: 0, index: 3 }, Space::Leaf);
+        let ours: Vec<f64> = (0..rival::N).map(|_| draws.normal()).collect();
+        rival::compare("normal", &ours, &rival::theirs(&rand_distr::StandardNormal), |z| 1.1 * z);
     }
 
     #[test]

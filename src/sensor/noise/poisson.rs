@@ -87,7 +87,7 @@ impl Train {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Seed, ks};
+    use crate::seed::{Seed, ks, rival};
 
     fn site(x: u16) -> Site {
         Site { seed: Seed(3), x, y: 9 }
@@ -125,6 +125,29 @@ mod tests {
         let [found, defect] = [2e-4, 2.1e-4].map(|rate| ks::scaled_distance(gaps.clone(), law(rate)));
         println!("KS {found:.2}, of a rate 5 % off {defect:.2} (alpha 1e-4: 2.23)");
         assert!(found < 2.23 && defect > 2.23);
+    }
+
+    #[test]
+    fn gaps_are_distributed_as_those_of_rand_distr() {
+        const RATE: f64 = 2e-4;
+        let gap = |x: u16| Train::new(site(x), Space::Shot).gap(RATE).unwrap();
+        let ours: Vec<f64> = (0..u16::try_from(rival::N).unwrap()).map(gap).collect();
+        rival::compare("exponential", &ours, &rival::theirs(&rand_distr::Exp::new(RATE).unwrap()), |t| {
+            1.1 * t
+        });
+    }
+
+    #[test]
+    fn counts_are_distributed_as_those_of_rand_distr() {
+        for mean in [0.5, 3.0, 20.0, 100.0] {
+            // In two steps, of which the second continues the exposure that the first has left.
+            let count = |x: u16| times(x, 1e6, 5e5, |_| mean * 1e-6).len() as f64;
+            let ours: Vec<f64> = (0..u16::try_from(rival::N).unwrap()).map(count).collect();
+            let theirs = rival::theirs(&rand_distr::Poisson::new(mean).unwrap());
+            // One event of every count of 1, 5, 9, … is lost.
+            let defect = |n: f64| if (n % 4.0 - 1.0).abs() < 0.5 { n - 1.0 } else { n };
+            rival::compare(&format!("Poisson {mean}"), &ours, &theirs, defect);
+        }
     }
 
     #[test]

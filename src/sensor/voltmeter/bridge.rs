@@ -129,8 +129,8 @@ pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::ks;
     use crate::seed::{Cell, Draws, Seed, Space};
+    use crate::seed::{ks, rival};
     use std::f64::consts::{PI, SQRT_2};
 
     fn draws(index: u64) -> Draws {
@@ -174,6 +174,30 @@ mod tests {
             let distance = touch_time_distance(g, |t| t);
             println!("phi = {g:e}: KS {distance:.3} (alpha 1e-6: 2.69)");
             assert!(distance < 2.69);
+        }
+    }
+
+    /// The time before the touch over the time after it is inverse Gaussian of mean `a / g` and shape `a^2
+    /// / v`.
+    #[test]
+    fn touch_times_are_distributed_as_those_of_rand_distr() {
+        for (index, [a, g, v]) in [
+            [1.0, 1.0, 1.0],
+            [0.3, 1.2, 0.5],
+            [2.0, 0.5, 1.0],
+            [1.0, 5.0, 0.2],
+            [0.1, 0.1, 1.0],
+            [3.0, 2.0, 0.1],
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let mut draws = draws(100 + index as u64);
+            let ratio = |share: f64| share / (1.0 - share);
+            let ours: Vec<f64> =
+                (0..rival::N).map(|_| ratio(touch_time(a, g, v, draws.normal(), draws.uniform()))).collect();
+            let law = rand_distr::InverseGaussian::new(a / g, a * a / v).unwrap();
+            rival::compare(&format!("bridge {a} {g} {v}"), &ours, &rival::theirs(&law), |t| 1.1 * t);
         }
     }
 

@@ -1,4 +1,5 @@
-//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter, `src/simulator_utils.py`), for comparisons.
+//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter, `src/simulator_utils.py`), for
+//! comparisons.
 //!
 //! Between two frames, drift and noise take their values at the middle. The polarity of a pixel's
 //! next event is drawn first, with the probability of leaving through either barrier. The time to
@@ -196,7 +197,7 @@ mod tests {
     use super::*;
     use crate::frames::Frame;
     use crate::image::{Image, Size};
-    use crate::seed::{Cell, Seed, ks};
+    use crate::seed::{Cell, Seed, ks, rival};
     use crate::sensor::{Account, Model, SensorError};
     use crate::units::Timestamp;
     use std::f64::consts::SQRT_2;
@@ -293,7 +294,8 @@ mod tests {
     #[test]
     #[expect(clippy::excessive_precision, reason = "17 digits name a double")]
     fn polarities_are_right_to_the_last_digits_wherever_the_voltage_is() {
-        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with 80 digits.
+        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with
+        // 80 digits.
         let wanted = [
             (1e-20, [0.75, 0.9995]),
             (-1e-20, [0.75, 0.9995]),
@@ -390,7 +392,8 @@ mod tests {
     #[test]
     fn a_burst_is_a_loop_and_the_cap_ends_or_thins_it() {
         let [k1, k2, ..] = Preset::Dvs346.k();
-        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint form.
+        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint
+        // form.
         let steep = official([1000.0 * k1, k2, 1e-4, 0.0, 0.0, 0.0]);
         let events = (2000.0 * k1 * 255.0 / (255.0 + 2.0 * k2)).floor();
         let frames = [[0.0, 255.0], [255.0, 0.0]];

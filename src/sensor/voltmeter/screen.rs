@@ -68,8 +68,8 @@ impl Voltmeter {
     /// Predicts what this sensor does with frames at this rate.
     ///
     /// # Errors
-    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and frame
-    /// interval at grey 0, 1, 16, 64, 128 or 255.
+    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and
+    /// frame interval at grey 0, 1, 16, 64, 128 or 255.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];

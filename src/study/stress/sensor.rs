@@ -30,7 +30,7 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
         case(["first-off-of-sensor", "the same by thresholds, through the whole sensor", "se"], || {
             passages::first_off_of_sensor()
         }),
-        case(["bridge", "both barriers in reach: the three bridges of O11", "se"], || {
+        case(["bridge", "both barriers in reach: three bridges", "se"], || {
             bridge_off(passages::first_of_leaf)
         }),
     ];
