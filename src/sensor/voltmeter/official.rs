@@ -328,6 +328,22 @@ mod tests {
         assert!((times[50_000] - 4.395).abs() < 0.12, "{}", times[50_000]);
     }
 
+    /// With the drift, the published times have their correct law: mean `distance / speed` and shape
+    /// `(distance / sigma)^2`.
+    #[test]
+    fn times_with_the_drift_are_distributed_as_those_of_rand_distr() {
+        for (index, [distance, speed, sigma]) in
+            [[1.0, 1.0, 1.0], [0.4, 3.0, 0.7], [1.0, 0.1, 1.0], [2.0, 5.0, 0.5]].into_iter().enumerate()
+        {
+            let mut draws = draws(100 + index as u64);
+            let ours: Vec<f64> = (0..rival::N).map(|_| passage(distance, speed, sigma, &mut draws)).collect();
+            let shape = (distance / sigma).powi(2);
+            let law = rand_distr::InverseGaussian::new(distance / speed, shape).unwrap();
+            let name = format!("official {distance} {speed} {sigma}");
+            rival::compare(&name, &ours, &rival::theirs(&law), |t| 1.1 * t);
+        }
+    }
+
     /// KS distance of the published times against a drift from their correct law.
     fn distance(phi: f64) -> f64 {
         const N: usize = 20_000;
