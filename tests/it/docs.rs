@@ -1,4 +1,4 @@
-//! The documentation: references that are written from the program, examples that run, links that lead somewhere.
+//! The documentation: references that are written from the program, examples that it reads. Links are a rule of tidy.
 //!
 //! `cargo xtask docs` runs these tests with `WRITE_DOCS=1`, which rewrites the generated parts of the pages instead of
 //! comparing them.
@@ -78,32 +78,6 @@ fn stated_defaults_are_those_of_the_loader() {
         }
     }
     assert!(verified > 90, "only {verified} keys were verified");
-}
-
-#[test]
-fn links_lead_somewhere() {
-    let mut faults = Vec::new();
-    for path in pages() {
-        let page = Page::parse(&text_of(&path));
-        for (line, target) in page.links() {
-            if target.contains("://") || target.starts_with("mailto:") {
-                continue;
-            }
-            let (file, anchor) =
-                target.split_once('#').map_or((target.as_str(), None), |(f, a)| (f, Some(a)));
-            let folder = root().join(&path).parent().unwrap().to_owned();
-            let to = if file.is_empty() { root().join(&path) } else { folder.join(file) };
-            if !to.exists() {
-                faults.push(format!("{path}:{line}: {target}: no such file"));
-            } else if let Some(anchor) = anchor {
-                let anchors = Page::parse(&std::fs::read_to_string(&to).unwrap()).anchors();
-                if !anchors.iter().any(|known| known == anchor) {
-                    faults.push(format!("{path}:{line}: {target}: no such heading; there are {anchors:?}"));
-                }
-            }
-        }
-    }
-    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 #[test]

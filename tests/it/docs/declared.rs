@@ -169,11 +169,11 @@ fn kebab(name: &str) -> String {
 
 #[test]
 fn declarations_are_read() {
-    let text = "use crate::a::{B, C};\nuse crate::d::e::F;\n\n/// A thing\n/// of two lines.\n#[serde(rename_all = \
+    let text = "use crate::recipe::{B, C};\nuse crate::sensor::noise::F;\n\n/// A thing\n/// of two lines.\n#[serde(rename_all = \
                 \"kebab-case\")]\npub(super) enum Thing {\n    /// First.\n    SlerpLerp,\n    V2e(Field<Box<X>>),\n}\n\n\
                 pub struct Limits {}\n\n#[serde(default)]\npub struct Y {\n    /// Required.\n    \
                 #[serde(default)]\n    pub width: Field<u64>,\n}\n";
-    let types = parse(text, "src/x.rs");
+    let types = parse(text, "src/recipe.rs");
     let thing = &types["Thing"];
     assert_eq!((thing.doc.as_str(), thing.is_enum, types.len()), ("A thing of two lines.", true, 3));
     let names: Vec<(&str, &str, &str)> =
@@ -184,6 +184,6 @@ fn declarations_are_read() {
         ("Field<u64>", "width")
     );
     let imports = imports(&format!("\n{text}"));
-    assert_eq!(imports["C"], "src/a");
-    assert_eq!(imports["F"], "src/d/e");
+    assert_eq!(imports["C"], "src/recipe");
+    assert_eq!(imports["F"], "src/sensor/noise");
 }

@@ -45,22 +45,6 @@ impl Page {
         self.blocks.iter().filter(move |block| languages.contains(&block.language.as_str()))
     }
 
-    /// Anchors of the headings; a repeated one is numbered.
-    pub(super) fn anchors(&self) -> Vec<String> {
-        let mut anchors: Vec<String> = Vec::new();
-        for (_, line) in self.prose.iter().filter(|(_, line)| line.starts_with('#')) {
-            let slug = slug(line.trim_start_matches('#').trim());
-            let before =
-                anchors.iter().filter(|anchor| *anchor.trim_end_matches(char::is_numeric) == slug).count();
-            anchors.push(if before == 0 && !anchors.contains(&slug) {
-                slug
-            } else {
-                format!("{slug}-{}", before.max(1))
-            });
-        }
-        anchors
-    }
-
     /// Targets of links and images, each with its line.
     pub(super) fn links(&self) -> Vec<(usize, String)> {
         let mut links = Vec::new();
@@ -132,10 +116,10 @@ pub(super) fn wrapped(text: &str) -> String {
 #[test]
 fn pages_have_parts() {
     let page = Page::parse(
-        "# A `b.c[]` d\nsee [x](y.md#z) and `[not](this)`\n```sh\ngs2e a \\\n  'b c' # d\n```\n# A `b.c[]` d\n",
+        "# A `b.c[]` d\nsee [x](README.md#z) and `[not](this)`\n```sh\ngs2e a \\\n  'b c' # d\n```\n# A `b.c[]` d\n",
     );
-    assert_eq!(page.anchors(), ["a-bc-d", "a-bc-d-1"]);
-    assert_eq!(page.links(), [(2, "y.md#z".to_owned())]);
+    assert_eq!(slug("A `b.c[]` d"), "a-bc-d");
+    assert_eq!(page.links(), [(2, "README.md#z".to_owned())]);
     let block = page.blocks_in(&["sh"]).next().unwrap();
     assert_eq!((block.line, commands(&block.text)), (3, vec![vec!["gs2e".into(), "a".into(), "b c".into()]]));
     assert_eq!(page.prose.len(), 3);
