@@ -72,6 +72,7 @@ fn agreed(rotations: &[DQuat]) -> Option<DQuat> {
             weight += w;
         }
         let next = (best * exp(pull / weight)).normalize();
+        // A step without improvement ends the iteration: it has converged up to rounding.
         if sum(next) >= sum(best) {
             break;
         }

@@ -20,8 +20,8 @@ use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Reads the `release.yaml` of the folders that contain the recipes; returns defaults if there is
-/// no such file.
+/// Reads the `release.yaml` of the folders that contain the recipes; returns defaults if the file is
+/// absent.
 ///
 /// # Errors
 /// The file cannot be read or has a fault, or two folders have one each.
@@ -53,6 +53,7 @@ fn one(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
     let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
     let mut seen = BTreeSet::new();
     let mut found: Vec<PathBuf> = paths.iter().map(|path| folder(path).join(name)).collect();
+    // Two paths of the same file, for example through a link, count once.
     found.retain(|path| path.is_file() && seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     match found.as_slice() {
         [] => Ok(None),

@@ -109,7 +109,7 @@ outputs: [events, sharp]
 }
 
 /// Returns true if the `defaults.yaml` of a folder of recipes names the source of the Gaussians;
-/// `None` if there is no such file.
+/// `None` if the file is absent.
 ///
 /// # Errors
 /// The file cannot be read.

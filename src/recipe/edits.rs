@@ -31,6 +31,7 @@ fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<Edit>) {
     }
     match (old, new) {
         (Value::Object(old), Value::Object(new)) => fields(path, old, new, found),
+        // Elements with names are paired by name, so that a reordered list has no edits.
         (Value::Array(before), Value::Array(after)) => match (named(before), named(after)) {
             (Some(old), Some(new)) => fields(path, &old, &new, found),
             _ if before.len() == after.len() => {

@@ -123,6 +123,7 @@ impl Found {
         }
         let place = (folder(&path), root.to_owned());
         let defaults = self.defaults.entry(place).or_insert_with_key(|(folder, root)| {
+            // Defaults above the given folder do not apply, so the search ends at the root.
             let folders = folder.ancestors().take_while(|folder| folder.starts_with(root));
             folders.map(|folder| folder.join(DEFAULTS)).find(|path| path.is_file())
         });

@@ -48,6 +48,7 @@ impl Library {
     pub(super) fn of(files: &[RecipeFile]) -> Self {
         let mut defaults = BTreeMap::new();
         for path in files.iter().filter_map(|file| file.defaults.as_ref()) {
+            // One defaults file can apply to many recipes; it is read once.
             defaults.entry(path.clone()).or_insert_with(|| parse(path, 1));
         }
         Self { defaults }
@@ -154,6 +155,7 @@ impl Parts {
         let resolver = Resolver { problems: &problems, folders: &self.folders, root: self.tree.place };
         let resolved = resolve(&raw, &resolver);
         let mut problems = problems.into_inner();
+        // Reading and resolving report in different orders; the user reads the file from the top.
         problems.sort_by_key(Problem::order);
         match resolved {
             Some(resolved) if problems.is_empty() => Ok((raw, resolved)),

@@ -29,6 +29,7 @@ pub(super) fn merge(over: Node, under: &Node) -> Node {
 fn merge_at(path: &str, over: Node, under: &Node) -> Node {
     let Node { place, kind: Kind::Map(entries) } = over else { return over };
     let Kind::Map(defaults) = &under.kind else { return Node { place, kind: Kind::Map(entries) } };
+    // A merge of two different choices would be neither of them.
     if is_enumeration(path) && !same_key(&entries, defaults) {
         return Node { place, kind: Kind::Map(entries) };
     }

@@ -176,7 +176,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Returns the value, or the default if there is none.
+    /// Returns the value, or the default if the field is absent.
     fn or<T: Clone>(&self, field: &Field<T>, default: T) -> Option<T> {
         self.section(field, &default).cloned()
     }

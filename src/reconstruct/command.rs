@@ -167,6 +167,7 @@ impl Command {
             std::fs::create_dir_all(folder).map_err(io(folder))?;
         }
         let places = self.places();
+        // A wrong version must stop the training before the capture is copied.
         if let Some(probe) = &self.probe {
             self.ask_version(&self.invocation(probe, &places, &work), desk)?;
         }

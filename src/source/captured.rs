@@ -149,6 +149,7 @@ impl Captured {
             photo.why = Why::Excluded;
         }
         let (excluded, views): (Vec<View>, Vec<View>) = views.into_iter().partition(|v| is_excluded(&v.name));
+        // Exclusion precedes picking, so that the picked views are even among the remaining views.
         unused.extend(excluded.into_iter().map(|view| Unused::of(view, Why::Excluded)));
         if views.is_empty() {
             let because = "no view is left of it: the names of all are left out".to_owned();

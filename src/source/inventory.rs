@@ -55,7 +55,7 @@ pub enum Rejection {
     /// A picture is too small.
     #[error("`{image}` is {found} px on its shorter side, wanted at least {wanted}")]
     Small {
-        /// The first such view.
+        /// The first view with this fault.
         image: String,
         /// Its shorter side, px.
         found: u32,
@@ -191,6 +191,7 @@ fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, 
         if !is_scene(entry.path()) {
             continue;
         }
+        // A capture may contain folders that look like captures of their own.
         walk.skip_current_dir();
         let below = entry.path().strip_prefix(root).unwrap_or(Path::new(""));
         let own = root.canonicalize().ok().and_then(|root| root.file_name().map(PathBuf::from));

@@ -60,6 +60,7 @@ fn seen_at(camera: &Camera, lens: &Lens, [i, j]: [u32; 2]) -> [f64; 2] {
 
 /// Interpolates between the four nearest pixel centres; those outside the photo are black.
 fn bilinear(photo: &Image<[u8; 3]>, [u, v]: [f64; 2]) -> [u8; 3] {
+    // Pixel centres lie at half-integers; the interpolation counts from the centres.
     let (x, y) = (u - 0.5, v - 0.5);
     let (left, top) = (x.floor(), y.floor());
     let (to_right, to_bottom) = (x - left, y - top);

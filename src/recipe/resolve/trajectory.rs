@@ -102,6 +102,7 @@ impl Resolver<'_> {
         let name = self.required(&raw.name, "name", place, "write name: base, its folder in the release");
         let name =
             name.and_then(|(name, at)| self.named(name, at, names::trajectory(name), names::TRAJECTORY_HELP));
+        // Every part is resolved before a fault returns, so that all faults are reported.
         let speed = self.speed(&raw.speed, raw.refine.is_absent(), setting.law);
         let flows = matches!(raw.speed.given(), Some((schema::Speed::Flow(_), _)));
         let around = Around { setting, flows };

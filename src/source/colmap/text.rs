@@ -1,4 +1,4 @@
-//! The text form: one line per record, and two lines per image, of which the second may be empty.
+//! The text form: one line per record, and two lines per image. The second may be empty.
 
 use super::lenses::CameraModel;
 use super::{Image, ModelCamera, Observation, Point, pose};
