@@ -453,7 +453,7 @@ fn seeds(scene: &BuiltScene<'_>) -> BTreeMap<String, String> {
 fn attributes(scene: &BuiltScene<'_>) -> Attributes {
     let shown = scene.licence.passing != Passing::Withheld;
     let has = |kind: &dyn Fn(&BuiltTrajectory) -> bool| shown && scene.trajectories.iter().any(kind);
-    let data_type = [("sharp", has(&|t| t.sharp.is_some())), ("blurry", has(&|t| t.blur.is_some()))];
+    let data_type = [("sharp", has(&|t| t.sharp)), ("blurry", has(&|t| t.blur.is_some()))];
     // Where the frame rate varies in the speed's place, steps are as short as they are quick.
     let is_uniform = |report: &Report| {
         report.meaning == Meaning::FrameRate

@@ -53,6 +53,19 @@ impl Tree {
         self.files.keys().map(String::as_str)
     }
 
+    /// The file in the store that a file of the tree is.
+    pub(super) fn place(&self, path: &str) -> Option<&Path> {
+        match self.files.get(path)? {
+            Content::Blob { path, .. } => Some(path),
+            Content::Bytes(_) => None,
+        }
+    }
+
+    /// The files with their contents, sorted by path.
+    pub(super) fn into_files(self) -> BTreeMap<String, Content> {
+        self.files
+    }
+
     /// The files with sizes and digests, sorted by path.
     pub(super) fn listing(&self) -> Vec<ManifestFile> {
         let list = self.files.iter().map(|(path, content)| {

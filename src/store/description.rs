@@ -8,6 +8,7 @@
 //! an absent field. Formats written by `Debug`, JSON or serde's derive order are never hashed.
 
 mod describer;
+mod typed;
 
 use super::Digest;
 use describer::Describer;

@@ -27,7 +27,7 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
         render_rules: render_rules(recipe.render, built.simulation()),
         sensor: the_one(built).map(|(simulation, stream)| sensor(simulation, stream)),
         sensors: sensors(built),
-        blur: built.blur.as_ref().map(|(blurred, _)| blur(recipe, blurred)),
+        blur: built.blur.as_ref().map(|blurred| blur(recipe, blurred)),
         statistics: statistics(built),
     }
 }
