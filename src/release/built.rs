@@ -18,7 +18,6 @@ use crate::source::Capture;
 use crate::store::description::Value;
 use crate::store::record::Output;
 use crate::store::{Key, Store};
-use crate::trajectory::Kind;
 use std::path::PathBuf;
 
 /// A scene whose steps are all made.
@@ -58,8 +57,6 @@ pub(super) struct BuiltTrajectory {
     pub(super) name: String,
     pub(super) motion: Motion,
     pub(super) events: Option<EventStreams>,
-    /// Whether there are sharp frames.
-    pub(super) sharp: bool,
     pub(super) blur: Option<Blurred>,
     pub(super) left_out: Vec<Row>,
     pub(super) findings: Vec<Finding>,
@@ -67,16 +64,6 @@ pub(super) struct BuiltTrajectory {
 }
 
 impl BuiltTrajectory {
-    /// How its path was made, as recipes call it.
-    pub(super) fn kind(&self) -> &'static str {
-        match self.motion.report.kind {
-            Kind::Refine => "refine",
-            Kind::Novel => "novel",
-            Kind::Orbit => "orbit",
-            Kind::Keyframes => "keyframes",
-        }
-    }
-
     pub(super) fn simulation(&self) -> Option<&Simulation> {
         self.events.as_ref().map(|streams| &streams.simulation)
     }
@@ -225,7 +212,6 @@ fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherEr
         motion: shelf.open(&step("trajectory"))?,
         events: shelf.open_optional(&step("events"))?,
         left_out: shelf.left_out(name)?,
-        sharp: shelf.find(&step("sharp")).is_some(),
         blur: shelf.open_optional(&step("blur"))?,
         peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),

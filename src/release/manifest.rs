@@ -50,6 +50,12 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl Manifest {
+    /// The scene that a path lies in: that of the longest id that the path begins with.
+    pub(super) fn scene_of(&self, path: &str) -> Option<&ManifestScene> {
+        let below = |scene: &&ManifestScene| path.strip_prefix(&scene.id).is_some_and(|rest| rest.starts_with('/'));
+        self.scenes.iter().filter(below).max_by_key(|scene| scene.id.len())
+    }
+
     /// The paths of all files that it lists.
     pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
         let of_scenes = self.scenes.iter().flat_map(|scene| &scene.files);
@@ -81,6 +87,14 @@ pub struct ManifestScene {
     pub omitted: BTreeMap<String, Vec<Row>>,
     /// Its files, sorted by path.
     pub files: Vec<ManifestFile>,
+}
+
+impl ManifestScene {
+    /// The outputs of a step of a trajectory; none of a step that is absent.
+    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[Output] {
+        let name = format!("{trajectory}/{step}");
+        self.steps.iter().find(|step| step.step == name).map_or(&[], |step| &step.outputs)
+    }
 }
 
 /// A step.

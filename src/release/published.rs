@@ -8,7 +8,7 @@ use super::scene::{SceneFile, TrajectoryPart};
 use crate::artifact::Motion;
 use crate::check::Finding;
 use crate::licence::{self, Composed, Passing, Stated};
-use crate::recipe::{Recipe, Source};
+use crate::recipe::{Faults, Recipe, RecipeFile, Source, read_files};
 use crate::sampling::exposure;
 use crate::sensor::Sensor;
 use std::collections::BTreeMap;
@@ -126,4 +126,24 @@ pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> Composed {
         grant: recipe.licence.as_ref().and_then(|l| l.grant.as_ref()),
         redistribution,
     })
+}
+
+/// Why the recipe in a `scene.json` cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum RecipeError {
+    /// It cannot be put into a file.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// It is not a valid recipe.
+    #[error(transparent)]
+    Faults(#[from] Faults),
+}
+
+/// The recipe that a scene carries: JSON is YAML.
+pub(super) fn recipe(scene: &SceneFile) -> Result<Recipe, RecipeError> {
+    let file = tempfile::Builder::new().prefix("recipe").suffix(".yaml").tempfile()?;
+    serde_json::to_writer(&file, &scene.recipe).map_err(std::io::Error::from)?;
+    // Defaults that lie in the folder for temporary files are not the scene's.
+    let alone = RecipeFile { path: file.path().to_owned(), defaults: None };
+    Ok(read_files(&[alone])?.pop().expect("one recipe was read"))
 }

@@ -25,9 +25,14 @@ pub(super) enum Content {
 impl Content {
     /// A JSON document: indented, with a final newline.
     pub(super) fn json<T: serde::Serialize>(value: &T) -> Self {
+        Self::Bytes(Self::json_bytes(value))
+    }
+
+    /// The bytes of a JSON document.
+    pub(super) fn json_bytes<T: serde::Serialize>(value: &T) -> Vec<u8> {
         let mut bytes = serde_json::to_vec_pretty(value).expect("release files are plain data");
         bytes.push(b'\n');
-        Self::Bytes(bytes)
+        bytes
     }
 }
 

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+pub(crate) mod forger;
 pub(crate) mod small;
 
 use small::{RECIPE, copy, gs2e, read, release, said};
