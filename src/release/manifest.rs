@@ -52,7 +52,8 @@ fn is_zero(count: &usize) -> bool {
 impl Manifest {
     /// The scene that a path lies in: that of the longest id that the path begins with.
     pub(super) fn scene_of(&self, path: &str) -> Option<&ManifestScene> {
-        let below = |scene: &&ManifestScene| path.strip_prefix(&scene.id).is_some_and(|rest| rest.starts_with('/'));
+        let below =
+            |scene: &&ManifestScene| path.strip_prefix(&scene.id).is_some_and(|rest| rest.starts_with('/'));
         self.scenes.iter().filter(below).max_by_key(|scene| scene.id.len())
     }
 

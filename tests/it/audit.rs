@@ -11,8 +11,8 @@ use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
 use std::path::Path;
 
-const SCENE: &str = "small/one/scene.json";
-const BASE: &str = "small/one/base";
+pub(crate) const SCENE: &str = "small/one/scene.json";
+pub(crate) const BASE: &str = "small/one/base";
 /// What is found where a row of the index says other than the files that it repeats.
 const INDEX: &str = "claims-disagree index.parquet";
 

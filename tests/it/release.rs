@@ -4,6 +4,7 @@
 
 pub(crate) mod forger;
 pub(crate) mod small;
+pub(crate) mod unfindable;
 
 use small::{RECIPE, copy, gs2e, read, release, said};
 use std::collections::BTreeSet;
@@ -35,6 +36,8 @@ fn the_tree_is_that_of_the_contract() {
     for (trajectory, poses) in [("base", 24), ("slow", 36)] {
         let names = [
             "checks.json",
+            "checks/event_frame.png",
+            "checks/motion.png",
             "events.h5",
             "poses.txt",
             "speed.json",

@@ -69,9 +69,11 @@ pub(super) fn scene(tree: &Tree<'_>, listed: &ManifestScene, scene: &PublishedSc
     let mut faults = described(scene);
     for (part, of) in scene.paths() {
         let path = |name: &str| format!("{id}/{}/{name}", part.name);
-        faults.extend(trajectory(tree, scene, (part, &of.motion)).into_iter().filter_map(|(name, wanted)| {
-            compare(tree, &path(name), &wanted)
-        }));
+        faults.extend(
+            trajectory(tree, scene, (part, &of.motion))
+                .into_iter()
+                .filter_map(|(name, wanted)| compare(tree, &path(name), &wanted)),
+        );
     }
     faults.extend(counts(listed, scene));
     faults.into_iter().map(|fault| fault.in_scene(id)).collect()
@@ -99,7 +101,9 @@ fn differ(place: &str, found: &Value, wanted: &Value, out: &mut Vec<(String, Str
         (found, wanted) if found == wanted => {}
         (Value::Object(a), Value::Object(b)) => {
             let keys: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-            let of = |map: &serde_json::Map<String, Value>, key: &String| map.get(key).cloned().unwrap_or_default();
+            let of = |map: &serde_json::Map<String, Value>, key: &String| {
+                map.get(key).cloned().unwrap_or_default()
+            };
             keys.into_iter().for_each(|key| differ(&below(key), &of(a, key), &of(b, key), out));
         }
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
@@ -107,7 +111,9 @@ fn differ(place: &str, found: &Value, wanted: &Value, out: &mut Vec<(String, Str
                 differ(&below(&i.to_string()), a, b, out);
             }
         }
-        (found, wanted) => out.push((place.to_owned(), brief(&found.to_string()), brief(&wanted.to_string()))),
+        (found, wanted) => {
+            out.push((place.to_owned(), brief(&found.to_string()), brief(&wanted.to_string())))
+        }
     }
 }
 
@@ -221,7 +227,8 @@ fn first_difference(path: &Path, wanted: &[u8]) -> String {
             (None, None) => break,
             (a, b) if a == b => {}
             (a, b) => {
-                let [a, b] = [a, b].map(|line| line.map_or("nothing".to_owned(), |line| brief(&format!("{line:?}"))));
+                let [a, b] =
+                    [a, b].map(|line| line.map_or("nothing".to_owned(), |line| brief(&format!("{line:?}"))));
                 return format!("line {line} is {a}, wanted {b}");
             }
         }

@@ -59,7 +59,8 @@ fn of_trajectory(
     let made = layout::made(outputs, &streams);
     let pictures = super::contents::pictures_wanted(tree, scene, part);
     let composed = [layout::CHECKS, layout::TRANSFORMS, path_picture::NAME].into_iter().chain(layout::MOTION);
-    let is_counted = |name: &String| layout::PICTURES.iter().any(|(kind, _)| name.starts_with(&format!("{kind}/")));
+    let is_counted =
+        |name: &String| layout::PICTURES.iter().any(|(kind, _)| name.starts_with(&format!("{kind}/")));
     let made = made.into_keys().filter(|name| !is_counted(name));
     composed.map(str::to_owned).chain(pictures).chain(made).collect()
 }

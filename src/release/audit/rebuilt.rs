@@ -64,10 +64,14 @@ pub fn compare(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> 
 pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
     let [stated, made] = [manifest(dir)?, manifest(again)?];
     let fault = |path: &str, message: &str| Fault::of_file(Code::RebuiltDiffers, path, message);
-    let words = |of: &Manifest| (of.name.clone(), of.version.clone(), of.publisher.clone(), of.splits.clone());
+    let words =
+        |of: &Manifest| (of.name.clone(), of.version.clone(), of.publisher.clone(), of.splits.clone());
     let mut faults = Vec::new();
     if words(&stated) != words(&made) {
-        faults.push(fault(manifest::NAME, "release.yaml now has other words of the publisher, or other splits"));
+        faults.push(fault(
+            manifest::NAME,
+            "release.yaml now has other words of the publisher, or other splits",
+        ));
     }
     let ids = |of: &Manifest| of.scenes.iter().map(|scene| scene.id.clone()).collect::<Vec<_>>();
     let whole = ids(&stated) == ids(&made) && stated.taken_down == made.taken_down;
@@ -87,10 +91,12 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
 /// Steps whose key or outputs are not those of the scene made again.
 fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<Fault> {
     let names: BTreeSet<&String> = stated.steps.iter().chain(&made.steps).map(|step| &step.step).collect();
-    let find = |of: &'_ ManifestScene, name: &String| of.steps.iter().find(|step| step.step == *name).cloned();
+    let find =
+        |of: &'_ ManifestScene, name: &String| of.steps.iter().find(|step| step.step == *name).cloned();
     let differs = |name: &&String| {
         let (stated, made) = (find(stated, name), find(made, name));
-        let told = |step: &ManifestStep| (step.stage.clone(), step.key, step.made_of.clone(), step.outputs.clone());
+        let told =
+            |step: &ManifestStep| (step.stage.clone(), step.key, step.made_of.clone(), step.outputs.clone());
         stated.as_ref().map(told) != made.as_ref().map(told)
     };
     let because = cause(stated, made);

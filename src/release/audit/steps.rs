@@ -39,7 +39,8 @@ fn keys(listed: &ManifestScene) -> Vec<Fault> {
                 format!("the key of step {} is {}, its ingredients give {key}", step.step, step.key),
             ));
         }
-        let unknown = of.inputs.iter().find(|(role, digest)| !role.starts_with(SOURCE) && !made.contains(digest));
+        let unknown =
+            of.inputs.iter().find(|(role, digest)| !role.starts_with(SOURCE) && !made.contains(digest));
         faults.extend(unknown.map(|(role, digest)| {
             fault(listed, format!("the input {role} of step {} is {digest}, which no step made", step.step))
         }));
@@ -61,7 +62,8 @@ fn outputs(listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
             match files.get(path.as_str()) {
                 Some(file) if file.blake3 == output.digest && file.size == output.size => {}
                 Some(_) => faults.push(step_disagrees(&path, "its step made other bytes, by manifest.json")),
-                None => faults.push(step_disagrees(&path, "its step made it, by manifest.json, and it is not listed")),
+                None => faults
+                    .push(step_disagrees(&path, "its step made it, by manifest.json, and it is not listed")),
             }
             known.insert(path);
         }
@@ -69,7 +71,8 @@ fn outputs(listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
         let composed = [layout::CHECKS, layout::TRANSFORMS, crate::release::path_picture::NAME]
             .map(|name| format!("{}/{}/{name}", scene.id, part.name));
         let folder = format!("{}/{}/", scene.id, part.name);
-        let own = files.keys().filter(|path| path.starts_with(&folder) && !composed.iter().any(|c| c == *path));
+        let own =
+            files.keys().filter(|path| path.starts_with(&folder) && !composed.iter().any(|c| c == *path));
         let unmade = own.filter(|path| !known.contains(**path));
         faults.extend(unmade.map(|path| step_disagrees(path, "no step made it, by manifest.json")));
     }

@@ -101,13 +101,13 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -
         rate: recipe.rate.0.to_string(),
         sampling: if chosen { found.sampling.clone() } else { sampling(recipe, None) },
         render_rules: rules(recipe, simulated, &found.render_rules),
-        sensor: one.map(|(_, own)| {
-            found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor(seed, own))
-        }),
+        sensor: one
+            .map(|(_, own)| found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor(seed, own))),
         sensors: several.collect(),
-        blur: recipe.outputs.contains(&Output::Blur).then(|| {
-            blur(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))
-        }),
+        blur: recipe
+            .outputs
+            .contains(&Output::Blur)
+            .then(|| blur(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))),
         statistics: Statistics {
             linear_unit_s: Range::of(&motion.report.linear_unit_s),
             angular_rad_s: Range::of(&motion.report.angular_rad_s),

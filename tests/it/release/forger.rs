@@ -56,6 +56,11 @@ pub(crate) fn reseal(folder: &Path) {
         reseal_manifest(folder, &mut typed);
         write_json(&manifest, &typed);
     }
+    reseal_sums(folder);
+}
+
+/// Writes `B3SUMS` and `SHA256SUMS` again.
+pub(crate) fn reseal_sums(folder: &Path) {
     let listed = read(folder).into_iter().filter(|(path, _)| path != "B3SUMS" && path != "SHA256SUMS");
     let line = |(path, bytes): (String, Vec<u8>)| format!("{}  {path}\n", blake3::hash(&bytes).to_hex());
     std::fs::write(folder.join("B3SUMS"), listed.map(line).collect::<String>()).unwrap();
@@ -92,7 +97,7 @@ fn reseal_index(folder: &Path) {
 
 fn reseal_manifest(folder: &Path, manifest: &mut Manifest) {
     let mut files = read(folder);
-    ["SHA256SUMS", "B3SUMS", "manifest.json"].map(|name| files.remove(name));
+    files.retain(|path, _| !["SHA256SUMS", "B3SUMS", "manifest.json"].contains(&path.as_str()));
     for scene in &mut manifest.scenes {
         reseal_steps(scene, &files);
         let prefix = format!("{}/", scene.id);
@@ -166,7 +171,8 @@ fn released(folder: &str, kind: &str, files: &BTreeMap<String, Vec<u8>>) -> Vec<
         }
         "events" => {
             let one = below(format!("{folder}/")).filter(|(name, _)| name == "events.h5");
-            let named = below(format!("{folder}/events/")).map(|(name, bytes)| (format!("events-{name}"), bytes));
+            let named =
+                below(format!("{folder}/events/")).map(|(name, bytes)| (format!("events-{name}"), bytes));
             one.chain(named).map(output).collect()
         }
         "sharp" | "blur" | "depth" | "flow" | "checks" => below(format!("{folder}/{kind}/"))

@@ -17,9 +17,12 @@ pub(super) fn audit(folder: &Folder<'_>, name: &str, stated: &Statistics) -> Vec
                 ("events in its busiest millisecond", peak, stated.peak_ev_per_ms),
                 ("pixels with an event", active, stated.active_pixels),
             ];
-            let others = all.iter().filter(|(_, found, stated)| stated.is_some_and(|stated| stated != *found));
+            let others =
+                all.iter().filter(|(_, found, stated)| stated.is_some_and(|stated| stated != *found));
             let differing: Vec<String> = others
-                .map(|(what, found, stated)| format!("{found} {what}, scene.json says {}", stated.unwrap_or(0)))
+                .map(|(what, found, stated)| {
+                    format!("{found} {what}, scene.json says {}", stated.unwrap_or(0))
+                })
                 .collect();
             if !differing.is_empty() {
                 let message = format!("it holds {}", differing.join("; "));
