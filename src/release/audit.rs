@@ -26,7 +26,7 @@ use super::published::PublishedScene;
 use super::scene::SceneFile;
 use crate::recipe::Takedown;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -306,6 +306,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Repo
             faults.push(Fault::of_file(Code::Missing, super::manifest::NAME, message));
         }
     }
+    let mut faults = without_echoes(faults);
     faults.sort();
     faults.dedup();
     let read = bytes.values().flatten();
@@ -413,7 +414,7 @@ fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault>
     faults
 }
 
-/// Files that are not what this version composes, where it wrote the release; those with a fault already are left out.
+/// Files that are not what this version composes, where it wrote the release.
 fn composed(
     tree: &Tree<'_>,
     manifest: &Manifest,
@@ -424,9 +425,23 @@ fn composed(
         return Vec::new();
     }
     let mut found = again::constants(tree);
-    found.extend(scenes.iter().flat_map(|scenes| again::top(tree, manifest, scenes)));
-    let is_known = |fault: &Fault| known.iter().any(|known| known.file.is_some() && known.file == fault.file);
-    found.into_iter().filter(|fault| !is_known(fault)).collect()
+    // What people read follows from the manifest too.
+    let sound = known.iter().all(|fault| fault.file.as_deref() != Some(super::manifest::NAME));
+    found.extend(scenes.iter().filter(|_| sound).flat_map(|scenes| again::top(tree, manifest, scenes)));
+    found
+}
+
+/// Leaves out of the files that were composed otherwise those of which something more telling is said.
+fn without_echoes(faults: Vec<Fault>) -> Vec<Fault> {
+    let told: BTreeSet<String> = faults
+        .iter()
+        .filter(|fault| fault.code != Code::NotComposed)
+        .filter_map(|fault| fault.file.clone())
+        .collect();
+    let is_echo = |fault: &Fault| {
+        fault.code == Code::NotComposed && fault.file.as_ref().is_some_and(|file| told.contains(file))
+    };
+    faults.into_iter().filter(|fault| !is_echo(fault)).collect()
 }
 
 /// Files, links and folders below `dir` that its `SHA256SUMS` does not list, sorted.

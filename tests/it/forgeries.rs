@@ -12,6 +12,7 @@ use crate::release::unfindable::{DATA, VALUES, is_data, is_unfindable};
 use gs2e::release::audit::{Fault, audit, rebuilt};
 use std::collections::BTreeMap;
 use std::io::Write as _;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// What shows a forgery.
@@ -72,7 +73,9 @@ fn unlisted(folder: &Path) -> Vec<String> {
 
 /// How a forgery is misjudged, if it is.
 fn misjudged(forgery: &Forgery) -> Option<String> {
-    let (audited, compared) = judge(forgery);
+    // A forgery that cannot be made says so, and the others are judged all the same.
+    let judged = catch_unwind(AssertUnwindSafe(|| judge(forgery)));
+    let Ok((audited, compared)) = judged else { return Some(format!("{}: a panic", forgery.name)) };
     let held = match forgery.found {
         Found::Audit(code) => audited.iter().any(|fault| fault.code.name() == code),
         Found::Rebuild => audited.is_empty() && !compared.is_empty(),

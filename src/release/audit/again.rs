@@ -171,7 +171,7 @@ fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<Fault> {
     faults
 }
 
-/// The files at the top that follow from the scenes, all of which are given. Those that have a fault already are left out.
+/// The files at the top that follow from the scenes, all of which are given.
 pub(super) fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[PublishedScene]) -> Vec<Fault> {
     let Some(info) = manifest.info() else {
         let message = "it lacks the publisher's words, which this version writes";

@@ -61,6 +61,8 @@ fn of_trajectory(
     let composed = [layout::CHECKS, layout::TRANSFORMS, path_picture::NAME].into_iter().chain(layout::MOTION);
     let is_counted =
         |name: &String| layout::PICTURES.iter().any(|(kind, _)| name.starts_with(&format!("{kind}/")));
-    let made = made.into_keys().filter(|name| !is_counted(name));
+    // Without poses nothing says how many pictures there are.
+    let uncounted = !tree.has(&format!("{}/{}/poses.txt", scene.id, part.name));
+    let made = made.into_keys().filter(|name| uncounted || !is_counted(name));
     composed.map(str::to_owned).chain(pictures).chain(made).collect()
 }

