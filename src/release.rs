@@ -13,10 +13,12 @@ mod datasheet;
 pub mod diff;
 mod facts;
 mod index;
+mod layout;
 pub mod left_out;
 mod loader;
 mod manifest;
 mod path_picture;
+mod published;
 pub mod recheck;
 mod report;
 mod reuse;
@@ -25,23 +27,25 @@ mod split;
 mod tree;
 
 pub use built::GatherError;
-pub use manifest::{Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep};
+pub use manifest::{Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep, Publisher};
 pub use scene::SceneFile;
 pub use split::Leak;
 
-use crate::artifact::Stream;
+use crate::artifact::Motion;
+use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
-use crate::licence::{Passing, is_metadata};
+use crate::licence::{Composed, Passing, is_metadata};
 use crate::plan::Plan;
 use crate::recipe::{self, Faults, ReleaseInfo, SourceTerms, Takedown};
 use crate::run::Summary;
-use crate::sampling::exposure::Exposure;
 use crate::store::record::Output;
 use crate::store::{Store, StoreError};
 use crate::trajectory::transforms;
 use built::{BuiltScene, BuiltTrajectory};
 use croissant::Described;
 use facts::Facts;
+use published::{Places, PublishedScene, PublishedTrajectory};
+use scene::{SplitPart, TrajectoryPart};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use tree::{Content, Tree};
@@ -167,61 +171,37 @@ pub fn write(
     if scenes.is_empty() {
         return Err(ReleaseError::Nothing);
     }
-    let (tree, described) = compose(&scenes, store, beside)?;
+    let (tree, scenes) = compose(scenes, store, beside)?;
     let (files, bytes) = tree::write(to, &tree, (store, &beside.takedown), options)?;
     let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
-    let warnings: BTreeSet<String> = warnings.chain(empty_splits(&described, &beside.info)).collect();
+    let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &beside.info)).collect();
     Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.into_iter().collect() })
 }
 
-/// Lists the tree, but for the sums; with it what its `scene.json` say.
+/// Lists the tree, but for the sums; with it the scenes as their files describe them.
 fn compose(
-    scenes: &[BuiltScene<'_>],
+    scenes: Vec<BuiltScene<'_>>,
     store: &Store,
     beside: &Beside,
-) -> Result<(Tree, Vec<SceneFile>), ReleaseError> {
+) -> Result<(Tree, Vec<PublishedScene>), ReleaseError> {
     let info = &beside.info;
-    let mut tree = Tree::default();
-    let described = describe_all(scenes, info)?;
-    let mut listed = Vec::new();
-    for (scene, file) in scenes.iter().zip(&described) {
-        let files = scene_files(scene, file, store);
-        listed.push(manifest::scene(scene, files.listing()));
+    let described = describe_all(&scenes, info)?;
+    let (mut tree, mut listed, mut published) = (Tree::default(), Vec::new(), Vec::new());
+    for (scene, file) in scenes.into_iter().zip(described) {
+        let files = scene_files(&scene, &file, store);
+        let described = manifest::scene(&scene, files.listing());
+        published.push(PublishedScene::of(scene, file, described.files.clone()));
+        listed.push(described);
         tree.extend(files);
     }
-    let licence = crate::licence::compose_all(scenes.iter().map(|s| &s.licence));
-    let mut top = Tree::default();
-    let facts = Facts { scenes, described: &described, beside, licence: &licence };
-    top.add("README.md".into(), Content::Bytes(card::compose(&facts).into_bytes()));
-    top.add(datasheet::NAME.into(), Content::Bytes(datasheet::compose(&facts).into_bytes()));
-    let reuse = reuse::compose(&described, &licence.expression);
-    top.add(reuse::NAME.into(), Content::Bytes(reuse.into_bytes()));
-    for id in licence.ids.iter().cloned().chain(loader::ids()).collect::<BTreeSet<_>>() {
-        let text = crate::licence::text(&id, &holders(scenes));
-        top.add(format!("LICENSES/{id}.txt"), Content::Bytes(text.into_bytes()));
-    }
-    top.add(loader::NAME.into(), Content::Bytes(loader::TEXT.into()));
-    let index = index_of(scenes, &described);
-    let paths = listed.iter().flat_map(|scene| &scene.files).map(|file| file.path.clone()).collect();
-    let release = Described { info, licence: &licence.expression, scenes: &described, paths, index: &index };
-    top.add(croissant::NAME.into(), Content::json(&croissant::compose(&release)));
-    top.add(index::NAME.into(), Content::Bytes(index));
-    // Last, since it links to every other file.
-    let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
-    let told = report::Told {
-        info,
-        licence: &licence,
-        scenes,
-        described: &described,
-        listed: &listed,
-        taken_down: beside.taken_down,
-        top: top.paths().map(str::to_owned).chain(others).collect(),
-    };
-    top.add(report::NAME.into(), Content::Bytes(report::compose(told, store).into_bytes()));
+    let licence = terms_of(&published);
+    let facts = Facts { scenes: &published, info, taken_down: beside.taken_down, licence: &licence };
+    let top = compose_top(&facts, &|path| tree.place(path).map(Path::to_owned));
     let manifest = Manifest {
         format: 1,
         name: info.name.clone(),
         version: info.version.clone(),
+        publisher: Some(Publisher::of(info)),
         tool: TOOL.into(),
         licence: licence.expression,
         taken_down: beside.taken_down,
@@ -231,16 +211,45 @@ fn compose(
     };
     tree.extend(top);
     tree.add(manifest::NAME.into(), Content::json(&manifest));
-    Ok((tree, described))
+    Ok((tree, published))
+}
+
+/// The terms of all scenes together.
+fn terms_of(scenes: &[PublishedScene]) -> Composed {
+    crate::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
+}
+
+/// Composes the files at the top of the tree, but for the manifest and the sums.
+fn compose_top(facts: &Facts<'_>, places: Places<'_>) -> Tree {
+    let Facts { scenes, info, licence, .. } = *facts;
+    let mut top = Tree::default();
+    top.add(layout::CARD.into(), Content::Bytes(card::compose(facts).into_bytes()));
+    top.add(datasheet::NAME.into(), Content::Bytes(datasheet::compose(facts).into_bytes()));
+    let files: Vec<&SceneFile> = scenes.iter().map(|scene| &scene.file).collect();
+    let reuse = reuse::compose(&files, &licence.expression);
+    top.add(reuse::NAME.into(), Content::Bytes(reuse.into_bytes()));
+    for id in licence.ids.iter().cloned().chain(loader::ids()).collect::<BTreeSet<_>>() {
+        let text = crate::licence::text(&id, &holders(scenes));
+        top.add(layout::licence_text(&id), Content::Bytes(text.into_bytes()));
+    }
+    top.add(loader::NAME.into(), Content::Bytes(loader::TEXT.into()));
+    let index = index_of(scenes);
+    let paths = scenes.iter().flat_map(|scene| &scene.files).map(|file| file.path.clone()).collect();
+    let release = Described { info, licence: &licence.expression, scenes: &files, paths, index: &index };
+    top.add(croissant::NAME.into(), Content::json(&croissant::compose(&release)));
+    top.add(index::NAME.into(), Content::Bytes(index));
+    // Last, since it links to every other file.
+    let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
+    let linked = top.paths().map(str::to_owned).chain(others).collect();
+    top.add(report::NAME.into(), Content::Bytes(report::compose(facts, linked, places).into_bytes()));
+    top
 }
 
 /// The holders of the owners' parts, sorted.
-fn holders(scenes: &[BuiltScene<'_>]) -> Vec<String> {
-    let mut holders: Vec<String> =
-        scenes.iter().filter_map(|s| s.recipe.licence.as_ref()).map(|l| l.holder.clone()).collect();
-    holders.sort();
-    holders.dedup();
-    holders
+fn holders(scenes: &[PublishedScene]) -> Vec<String> {
+    let licences = scenes.iter().filter_map(|scene| scene.recipe.licence.as_ref());
+    let holders: BTreeSet<&String> = licences.map(|licence| &licence.holder).collect();
+    holders.into_iter().cloned().collect()
 }
 
 /// Describes the scenes, and deals them into splits where there are any.
@@ -256,9 +265,10 @@ fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<Sce
 }
 
 /// Splits that no scene is in.
-fn empty_splits(described: &[SceneFile], info: &ReleaseInfo) -> Vec<String> {
+fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec<String> {
     let names = info.splits.iter().flat_map(|splits| splits.shares.keys());
-    let has = |name: &str| described.iter().any(|file| file.split.as_ref().is_some_and(|s| s.name == name));
+    let splits: Vec<&SplitPart> = scenes.iter().filter_map(|scene| scene.file.split.as_ref()).collect();
+    let has = |name: &str| splits.iter().any(|split| split.name == name);
     names.filter(|name| !has(name)).map(|name| format!("no scene is in the split {name}")).collect()
 }
 
@@ -268,11 +278,11 @@ fn describe(scene: &BuiltScene<'_>) -> Result<SceneFile, ReleaseError> {
     scene::compose(scene).map_err(|source| ReleaseError::Io { path: path(), source })
 }
 
-fn index_of(scenes: &[BuiltScene<'_>], described: &[SceneFile]) -> Vec<u8> {
-    let told = |t: &BuiltTrajectory| index::Told::of(&t.motion.report, &t.findings);
-    let rows = scenes.iter().zip(described).flat_map(|(scene, file)| {
+fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
+    let told = |t: &PublishedTrajectory| index::Told::of(&t.motion.report, &t.findings);
+    let rows = scenes.iter().flat_map(|scene| {
         let told: Vec<index::Told> = scene.trajectories.iter().map(told).collect();
-        index::rows(file, &told)
+        index::rows(&scene.file, &told)
     });
     index::compose(rows.collect())
 }
@@ -280,14 +290,14 @@ fn index_of(scenes: &[BuiltScene<'_>], described: &[SceneFile]) -> Vec<u8> {
 fn scene_files(scene: &BuiltScene<'_>, file: &SceneFile, store: &Store) -> Tree {
     let id = &scene.recipe.scene;
     let mut tree = Tree::default();
-    tree.add(format!("{id}/scene.json"), Content::json(file));
+    tree.add(format!("{id}/{}", layout::SCENE), Content::json(file));
     if let Some(photographed) = &scene.photographed {
-        tree.add(format!("{id}/checks.json"), Content::json(&photographed.findings));
+        tree.add(format!("{id}/{}", layout::CHECKS), Content::json(&photographed.findings));
     }
-    for trajectory in &scene.trajectories {
+    for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
         let shown = |name: &str| scene.licence.passing != Passing::Withheld || is_metadata(name);
-        for (name, content) in trajectory_files(scene, trajectory, store) {
+        for (name, content) in trajectory_files(scene, (trajectory, part), store) {
             if shown(&name) {
                 tree.add(at(&name), content);
             }
@@ -300,32 +310,30 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneFile, store: &Store) -> Tree 
 /// was counted) stays there.
 fn trajectory_files(
     scene: &BuiltScene<'_>,
-    trajectory: &BuiltTrajectory,
+    (trajectory, part): (&BuiltTrajectory, &TrajectoryPart),
     store: &Store,
 ) -> BTreeMap<String, Content> {
     let blob = |o: &Output| Content::Blob { path: store.path_of(&o.digest), digest: o.digest, size: o.size };
-    let mut files = BTreeMap::new();
-    files.extend(trajectory.motion_files.iter().map(|o| (o.name.clone(), blob(o))));
-    for stream in trajectory.streams() {
-        let name = stream.name.as_deref();
-        let outputs = trajectory.events.iter().flat_map(|(_, outputs)| outputs);
-        let stored = outputs.filter(|o| o.name == Stream::stored(name));
-        files.extend(stored.map(|o| (Stream::released(name), blob(o))));
-    }
-    for (folder, extension, outputs) in trajectory.pictures() {
-        let pictures = outputs.iter().filter(|o| o.name.ends_with(extension));
-        files.extend(pictures.map(|o| (format!("{folder}/{}", o.name), blob(o))));
-    }
-    files.insert("checks.json".into(), Content::json(&trajectory.findings));
-    let path = path_picture::compose(trajectory).map(Content::Bytes);
+    let outputs = |step: &str| scene.outputs(&trajectory.name, step);
+    let made = layout::made(outputs, &published::stream_names(part));
+    let mut files: BTreeMap<String, Content> =
+        made.into_iter().map(|(name, output)| (name, blob(output))).collect();
+    files.insert(layout::CHECKS.into(), Content::json(&trajectory.findings));
+    let path = path_picture::compose(&trajectory.motion).map(Content::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
-    let sharp: Vec<&str> = trajectory.sharp.iter().flatten().map(|o| o.name.as_str()).collect();
-    let blurred = trajectory.blur.as_ref().map_or(&[][..], |(blurred, _)| &blurred.exposures);
-    let transforms = transforms::compose(
-        &scene.camera(),
-        &trajectory.motion.trajectory,
-        &transforms::Pictures { sharp: &sharp, blurred: &blurred.iter().map(Exposure::times).collect() },
-    );
-    files.insert("transforms.json".into(), Content::json(&transforms));
+    let sharp: Vec<&str> = outputs("sharp").iter().map(|o| o.name.as_str()).collect();
+    let transforms = transforms_of(&scene.camera(), part, &trajectory.motion, &sharp);
+    files.insert(layout::TRANSFORMS.into(), Content::json(&transforms));
     files
+}
+
+/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted.
+fn transforms_of(
+    camera: &Camera,
+    part: &TrajectoryPart,
+    motion: &Motion,
+    sharp: &[&str],
+) -> serde_json::Value {
+    let blurred = &published::exposures(part, motion);
+    transforms::compose(camera, &motion.trajectory, &transforms::Pictures { sharp, blurred })
 }

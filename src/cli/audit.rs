@@ -37,6 +37,7 @@ impl Audit {
         if let Some(again) = self.again.run(&self.dir, common, console)? {
             console.say(&format!("made again: {}", again.scenes.join(", ")));
             report.faults.extend(again.faults);
+            report.made_again = again.scenes.len();
         }
         for fault in &report.faults {
             if console.json {
@@ -48,10 +49,13 @@ impl Audit {
         let count = report.faults.len();
         console.say(&format!("{count} faults in {files} files, {mb:.1} MB"));
         console.say(&format!("this audit covers: {}", report.covers.join("; ")));
+        let (proved, unproved) = (report.proved(), report.unproved());
+        proved.iter().chain(&unproved).for_each(|sentence| console.say(sentence));
         if console.json {
-            console.result(
-                &json!({ "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers }),
-            );
+            console.result(&json!({
+                "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers,
+                "proved": proved, "unproved": unproved, "written_by": report.written_by,
+            }));
         }
         Ok(if count == 0 { Exit::Done } else { Exit::Fault })
     }

@@ -37,8 +37,16 @@ impl<const N: usize> Pixel for [f32; N] {
 pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     let Size { width, height } = image.size();
     let shape: Vec<u64> = [height.into(), width.into()].into_iter().chain(P::CHANNELS).collect();
-    let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
-    writer.extend(P::values(image.pixels()).iter().copied())?;
+    write_values(&shape, P::values(image.pixels()), out)
+}
+
+/// Writes the numbers of an array of this shape, in C order.
+///
+/// # Errors
+/// When `out` fails.
+pub fn write_values(shape: &[u64], values: &[f32], out: impl Write) -> io::Result<()> {
+    let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(out).begin_nd()?;
+    writer.extend(values.iter().copied())?;
     writer.finish()
 }
 

@@ -5,23 +5,28 @@
 //! sorted, each with a code, the file or scene, and what to do. What it does not cover it says: [`Report::covers`]
 //! is the whole list.
 
+mod again;
 mod bytes;
 mod claims;
 mod contents;
 mod croissant;
 mod index;
+mod names;
 pub mod rebuilt;
 mod splits;
+mod steps;
 mod sums;
 mod takedown;
 mod terms;
 mod walk;
 
+use super::layout;
 use super::manifest::Manifest;
+use super::published::PublishedScene;
 use super::scene::SceneFile;
 use crate::recipe::Takedown;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -74,6 +79,12 @@ pub enum Code {
     CroissantReference,
     /// A column or path that `croissant.json` names does not exist, or holds another type.
     CroissantColumn,
+    /// A file that the release format does not have.
+    Stray,
+    /// A file is not what this program composes from the other files.
+    NotComposed,
+    /// A step's key, inputs or outputs do not fit each other or the files.
+    StepDisagrees,
     /// A scene lacks a file that its own description asks for.
     SceneIncomplete,
     /// A check failed, and no waiver says why that is accepted.
@@ -111,6 +122,9 @@ impl Code {
             Self::CroissantFiles => "croissant-files",
             Self::CroissantReference => "croissant-reference",
             Self::CroissantColumn => "croissant-column",
+            Self::Stray => "stray",
+            Self::NotComposed => "not-composed",
+            Self::StepDisagrees => "step-disagrees",
             Self::SceneIncomplete => "scene-incomplete",
             Self::CheckFailedUnwaived => "check-failed-unwaived",
             Self::Unreadable => "unreadable",
@@ -120,7 +134,7 @@ impl Code {
 
     fn help(self) -> &'static str {
         match self {
-            Self::Unlisted => "remove it, or keep it outside the release",
+            Self::Unlisted | Self::Stray => "remove it, or keep it outside the release",
             Self::LicenceMissing | Self::LicenceInvalid | Self::LicenceForbidden => {
                 "correct `licence:` or the source in the recipe, and release again"
             }
@@ -166,12 +180,16 @@ impl Fault {
         Self { scene: Some(scene.to_owned()), ..self }
     }
 
+    /// Whether it is about a scene, or a file of it.
+    fn concerns(&self, scene: &str) -> bool {
+        let below = |file: &String| file.strip_prefix(scene).is_some_and(|rest| rest.starts_with('/'));
+        self.scene.as_deref() == Some(scene) || self.file.as_ref().is_some_and(below)
+    }
+
     /// With the scene that its file belongs to: the longest id that the path begins with.
     fn placed(self, manifest: &Manifest) -> Self {
         let Some(file) = self.file.as_deref().filter(|_| self.scene.is_none()) else { return self };
-        let below = |id: &str| file.strip_prefix(id).is_some_and(|rest| rest.starts_with('/'));
-        let ids = manifest.scenes.iter().map(|scene| scene.id.as_str()).filter(|id| below(id));
-        let scene = ids.max_by_key(|id| id.len()).map(str::to_owned);
+        let scene = manifest.scene_of(file).map(|scene| scene.id.clone());
         Self { scene, ..self }
     }
 }
@@ -194,9 +212,52 @@ pub struct Report {
     pub bytes: u64,
     /// All that was looked at.
     pub covers: Vec<&'static str>,
+    /// The program that wrote the release, where it is another version than this one: what files hold was then not
+    /// compared with what this program composes.
+    pub written_by: Option<String>,
+    /// Scenes of the release.
+    pub scenes: usize,
+    /// Scenes that were made again from their recipes and compared.
+    pub made_again: usize,
 }
 
-const COVERS: [&str; 10] = [
+impl Report {
+    /// What the audit has proved, a sentence each.
+    #[must_use]
+    pub fn proved(&self) -> Vec<String> {
+        if !self.faults.is_empty() {
+            return vec!["The tree is not what its manifest says.".into()];
+        }
+        let mut proved = vec!["The tree is whole and consistent.".to_owned()];
+        proved.extend(self.written_by.as_ref().map(|tool| {
+            format!(
+                "It was written by {tool}, and this is {}: whether its files are what that program composed was not compared.",
+                super::TOOL
+            )
+        }));
+        proved
+    }
+
+    /// What it has not proved and no audit of a tree alone can, a sentence each.
+    #[must_use]
+    pub fn unproved(&self) -> Vec<String> {
+        let signed = "It is not signed: who published it is not known, and";
+        match (self.made_again, self.scenes) {
+            (0, _) => vec![format!(
+                "{signed} a forger who rewrites every file consistently is found only by `gs2e audit --rebuild` from the \
+                 recipes; altered events and poses, in part, by `gs2e check --tree`."
+            )],
+            (made, all) if made < all => vec![format!(
+                "{signed} of the {} scenes that were not made again a consistent forgery is found only by `gs2e audit \
+                 --rebuild {all}`.",
+                all - made
+            )],
+            _ => vec![format!("{signed} the recipes that it was compared with are taken as they stand.")],
+        }
+    }
+}
+
+const COVERS: [&str; 13] = [
     "every byte against SHA256SUMS, B3SUMS and manifest.json",
     "nothing missing, nothing unlisted",
     "paths",
@@ -205,6 +266,9 @@ const COVERS: [&str; 10] = [
     "croissant.json: its fields, and what it says of files, columns and terms",
     "licence expressions, their texts and evidence, what sources demand; REUSE.toml and DATASHEET.md against them",
     "splits: each scene where the rule puts it, no group, photo or Gaussians in two of them",
+    "files that the format does not have",
+    "loader, card, datasheet, report, index, catalogue entry, terms, and what follows from poses: composed again, byte for byte",
+    "keys of steps from their ingredients, inputs from outputs, and files against outputs",
     "failed checks",
     "events, poses, stamps, transforms and pictures open and agree",
 ];
@@ -226,22 +290,29 @@ pub fn audit(dir: &Path) -> io::Result<Report> {
 pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Report> {
     let tree = walk::walk(dir)?;
     let bytes = bytes::hash(dir, &tree.files);
-    let mut faults = tree.oddities;
+    let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
     if let Some(sums) = sums::read(dir, &mut faults) {
         let tree = Tree { dir, intact: bytes::intact(&bytes, &sums) };
         let manifest: Option<Manifest> = claims::parse(&tree, super::manifest::NAME, &mut faults);
         let b3 = sums::read_b3(&tree, &sums, &mut faults);
         bytes::compare(&bytes, &bytes::Stated::new(&sums, b3.as_ref(), manifest.as_ref()), &mut faults);
         if let Some(manifest) = &manifest {
+            written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
+            scenes = manifest.scenes.len();
             faults.extend(audit_scenes(&tree, manifest, takedown));
             faults = faults.into_iter().map(|fault| fault.placed(manifest)).collect();
+        } else if !tree.has(super::manifest::NAME) {
+            let message = "a release has one, and it is not there, or not whole";
+            faults.push(Fault::of_file(Code::Missing, super::manifest::NAME, message));
         }
     }
+    let mut faults = without_echoes(faults);
     faults.sort();
     faults.dedup();
     let read = bytes.values().flatten();
     let covers = COVERS.into_iter().chain(takedown.map(|_| "scenes against the takedown list")).collect();
-    Ok(Report { faults, files: bytes.len(), bytes: read.map(|hashes| hashes.size).sum(), covers })
+    let size = read.map(|hashes| hashes.size).sum();
+    Ok(Report { faults, files: bytes.len(), bytes: size, covers, written_by, scenes, made_again: 0 })
 }
 
 /// Reads and hashes every byte below `dir`, which is the first of the audit's two passes, and says how many there are.
@@ -267,6 +338,11 @@ impl Tree<'_> {
         self.intact.contains_key(path)
     }
 
+    /// Where an intact file lies.
+    fn intact_path(&self, path: &str) -> Option<PathBuf> {
+        self.has(path).then(|| self.path_of(path))
+    }
+
     fn path_of(&self, path: &str) -> PathBuf {
         self.dir.join(path)
     }
@@ -275,7 +351,7 @@ impl Tree<'_> {
 fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown>) -> Vec<Fault> {
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in &manifest.scenes {
-        let path = format!("{}/scene.json", listed.id);
+        let path = format!("{}/{}", listed.id, layout::SCENE);
         let known = scenes.len();
         if !tree.has(&path) {
             faults.push(Fault::of_scene(
@@ -287,24 +363,85 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown
             faults.extend(claims::scene(manifest, listed, &scene));
             faults.extend(terms::scene(&scene, tree));
             faults.extend(contents::scene(tree, &scene));
+            faults.extend(steps::audit(manifest, listed, &scene));
             scenes.push(scene);
         }
         faults.extend(takedown.and_then(|list| takedown::scene(list, listed, scenes.get(known))));
     }
+    faults.extend(splits::audit(manifest, &scenes));
+    faults.extend(names::audit(tree, manifest, &scenes));
+    let published = published(tree, manifest, &scenes, &mut faults);
+    faults.extend(top(tree, manifest, &scenes));
+    faults.extend(composed(tree, manifest, published, &faults));
+    faults
+}
+
+/// The scenes as their files describe them, with the faults of files that follow from others. `None` where a scene has
+/// any fault: what follows from it is then not worth a word.
+fn published(
+    tree: &Tree<'_>,
+    manifest: &Manifest,
+    scenes: &[SceneFile],
+    faults: &mut Vec<Fault>,
+) -> Option<Vec<PublishedScene>> {
+    if manifest.tool != super::TOOL {
+        return None;
+    }
+    let is_sound = |faults: &[Fault], id: &str| faults.iter().all(|fault| !fault.concerns(id));
+    let mut published = Vec::new();
+    for listed in &manifest.scenes {
+        let scene = scenes.iter().find(|scene| scene.id == listed.id);
+        let Some(scene) = scene.filter(|_| is_sound(faults, &listed.id)) else { continue };
+        if let Some(scene) = again::read(tree, listed, scene, faults) {
+            faults.extend(again::scene(tree, listed, &scene));
+            published.push(scene);
+        }
+    }
+    let sound = manifest.scenes.iter().all(|listed| is_sound(faults, &listed.id));
+    (sound && published.len() == manifest.scenes.len() && !published.is_empty()).then_some(published)
+}
+
+/// The files at the top, as far as one look at each tells.
+fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+    let mut faults = Vec::new();
     let index = index::read(tree, &mut faults);
     let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
-    faults.extend(compared.flat_map(|table| index::compare(tree, table, &scenes)));
-    faults.extend(croissant::audit(&croissant::Subject {
-        tree,
-        manifest,
-        index: index.as_ref(),
-        scenes: &scenes,
-    }));
-    faults.extend(splits::audit(manifest, &scenes));
+    faults.extend(compared.flat_map(|table| index::compare(tree, table, scenes)));
+    faults.extend(croissant::audit(&croissant::Subject { tree, manifest, index: index.as_ref(), scenes }));
     faults.extend(terms::texts(manifest, tree));
     faults.extend(terms::card(tree, manifest));
-    faults.extend(terms::files(tree, manifest, &scenes));
+    faults.extend(terms::files(tree, manifest, scenes));
     faults
+}
+
+/// Files that are not what this version composes, where it wrote the release.
+fn composed(
+    tree: &Tree<'_>,
+    manifest: &Manifest,
+    scenes: Option<Vec<PublishedScene>>,
+    known: &[Fault],
+) -> Vec<Fault> {
+    if manifest.tool != super::TOOL {
+        return Vec::new();
+    }
+    let mut found = again::constants(tree);
+    // What people read follows from the manifest too.
+    let sound = known.iter().all(|fault| fault.file.as_deref() != Some(super::manifest::NAME));
+    found.extend(scenes.iter().filter(|_| sound).flat_map(|scenes| again::top(tree, manifest, scenes)));
+    found
+}
+
+/// Leaves out of the files that were composed otherwise those of which something more telling is said.
+fn without_echoes(faults: Vec<Fault>) -> Vec<Fault> {
+    let told: BTreeSet<String> = faults
+        .iter()
+        .filter(|fault| fault.code != Code::NotComposed)
+        .filter_map(|fault| fault.file.clone())
+        .collect();
+    let is_echo = |fault: &Fault| {
+        fault.code == Code::NotComposed && fault.file.as_ref().is_some_and(|file| told.contains(file))
+    };
+    faults.into_iter().filter(|fault| !is_echo(fault)).collect()
 }
 
 /// Files, links and folders below `dir` that its `SHA256SUMS` does not list, sorted.

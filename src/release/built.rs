@@ -1,23 +1,23 @@
 //! What was built, gathered from the store for a release.
 
 use super::left_out::{self, Row};
+use super::published;
 use crate::artifact::{
     Artifact, ArtifactError, Blurred, EventStreams, Files, Motion, Simulation, Stream, Verdicts,
 };
 use crate::camera::{self, Camera};
 use crate::check::Finding;
-use crate::licence::{Composed, Stated};
+use crate::licence::Composed;
 use crate::plan::Plan;
 use crate::plan::assess::{Product, describe};
-use crate::recipe::{Recipe, Source, SourceTerms};
+use crate::recipe::{Recipe, SourceTerms};
 use crate::render::fidelity::Fidelity;
 use crate::run::Summary;
 use crate::scene::{Gaussians, Screening};
 use crate::source::Capture;
-use crate::store::description::Line;
+use crate::store::description::Value;
 use crate::store::record::Output;
 use crate::store::{Key, Store};
-use crate::trajectory::Kind;
 use std::path::PathBuf;
 
 /// A scene whose steps are all made.
@@ -56,42 +56,16 @@ pub(super) struct SceneSummary {
 pub(super) struct BuiltTrajectory {
     pub(super) name: String,
     pub(super) motion: Motion,
-    pub(super) motion_files: Vec<Output>,
-    pub(super) events: Option<(EventStreams, Vec<Output>)>,
-    pub(super) sharp: Option<Vec<Output>>,
-    pub(super) blur: Option<(Blurred, Vec<Output>)>,
-    pub(super) depth: Option<Vec<Output>>,
-    pub(super) flow: Option<Vec<Output>>,
+    pub(super) events: Option<EventStreams>,
+    pub(super) blur: Option<Blurred>,
     pub(super) left_out: Vec<Row>,
     pub(super) findings: Vec<Finding>,
     pub(super) peaks_ev_per_ms: Vec<u64>,
-    /// Pictures that checks made.
-    pub(super) check_pictures: Vec<Output>,
 }
 
 impl BuiltTrajectory {
-    /// How its path was made, as recipes call it.
-    pub(super) fn kind(&self) -> &'static str {
-        match self.motion.report.kind {
-            Kind::Refine => "refine",
-            Kind::Novel => "novel",
-            Kind::Orbit => "orbit",
-            Kind::Keyframes => "keyframes",
-        }
-    }
-
-    /// Its pictures of each kind: the folder in a release, what the names of files end with, and what is in the store.
-    pub(super) fn pictures(&self) -> [(&'static str, &'static str, &[Output]); 4] {
-        [
-            ("sharp", ".png", self.sharp.as_deref().unwrap_or_default()),
-            ("blur", ".png", self.blur.as_ref().map_or(&[], |(_, outputs)| outputs)),
-            ("depth", ".npy", self.depth.as_deref().unwrap_or_default()),
-            ("flow", ".npy", self.flow.as_deref().unwrap_or_default()),
-        ]
-    }
-
     pub(super) fn simulation(&self) -> Option<&Simulation> {
-        self.events.as_ref().map(|(streams, _)| &streams.simulation)
+        self.events.as_ref().map(|streams| &streams.simulation)
     }
 
     /// Its event streams.
@@ -106,7 +80,7 @@ pub(super) struct BuiltStep {
     pub(super) name: String,
     pub(super) stage: &'static str,
     pub(super) key: Key,
-    pub(super) description: Vec<Line>,
+    pub(super) description: Value,
     pub(super) outputs: Vec<Output>,
 }
 
@@ -145,12 +119,11 @@ impl Shelf<'_> {
         self.steps.iter().find(|s| s.name == name).map(|s| s.outputs.as_slice())
     }
 
-    fn open<A: Artifact>(&self, name: &str) -> Result<(A, Vec<Output>), GatherError> {
+    fn open<A: Artifact>(&self, name: &str) -> Result<A, GatherError> {
         let outputs = self
             .find(name)
             .ok_or_else(|| GatherError::NotBuilt { scene: self.scene.to_owned(), step: name.to_owned() })?;
-        let artifact = A::open(&Files::of(outputs, self.store)).map_err(|e| self.unreadable(name, &e))?;
-        Ok((artifact, outputs.to_vec()))
+        A::open(&Files::of(outputs, self.store)).map_err(|e| self.unreadable(name, &e))
     }
 
     /// What the steps of a trajectory left out.
@@ -159,9 +132,12 @@ impl Shelf<'_> {
             |step: &&BuiltStep| step.name.strip_prefix(trajectory).is_some_and(|rest| rest.starts_with('/'));
         let mut rows = Vec::new();
         for step in self.steps.iter().filter(own) {
-            let class = step.description.iter().find(|line| line.path == "class");
+            let class = match &step.description {
+                Value::Record(fields) => fields.get("class").map(ToString::to_string),
+                _ => None,
+            };
             let files = Files::of(&step.outputs, self.store);
-            let left_out = left_out::of_step(step.stage, class.map(|line| line.text.as_str()), &files);
+            let left_out = left_out::of_step(step.stage, class.as_deref(), &files);
             rows.extend(left_out.map_err(|e| self.unreadable(&step.name, &e))?);
         }
         Ok(rows)
@@ -175,7 +151,7 @@ impl Shelf<'_> {
         }
     }
 
-    fn open_optional<A: Artifact>(&self, name: &str) -> Result<Option<(A, Vec<Output>)>, GatherError> {
+    fn open_optional<A: Artifact>(&self, name: &str) -> Result<Option<A>, GatherError> {
         if self.find(name).is_some() { self.open(name).map(Some) } else { Ok(None) }
     }
 }
@@ -194,17 +170,18 @@ pub(super) fn gather<'a>(
     for (id, planned) in plan.steps_of(index) {
         let Product { key, outputs, sources } =
             summary.products.get(&id).ok_or_else(|| not_built(&planned.name))?;
-        let description = describe(planned, sources, &outputs_of).lines();
+        let description = describe(planned, sources, &outputs_of);
         let (name, stage, outputs) = (planned.name.clone(), planned.step.stage(), outputs.clone());
         steps.push(BuiltStep { name, stage, key: *key, description, outputs });
     }
     let shelf = Shelf { scene: &recipe.scene, store, steps };
-    let (capture, _) = shelf.open("capture")?;
+    let capture = shelf.open("capture")?;
     let gaussians = match shelf.open_optional::<Gaussians>("reconstruct")? {
         None => None,
-        Some((gaussians, outputs)) => Some(SceneSummary {
-            path: outputs
-                .first()
+        Some(gaussians) => Some(SceneSummary {
+            path: shelf
+                .find("reconstruct")
+                .and_then(|outputs| outputs.first())
                 .map(|o| store.path_of(&o.digest))
                 .ok_or_else(|| not_built("reconstruct"))?,
             count: gaussians.len() as u64,
@@ -216,45 +193,28 @@ pub(super) fn gather<'a>(
     let photographed = photographed(&shelf)?;
     let names = recipe.trajectories.iter().map(|t| t.name.as_str());
     let trajectories = names.map(|name| trajectory(&shelf, name)).collect::<Result<_, _>>()?;
-    let kind = recipe.source.kind();
-    let url = match &recipe.source {
-        Source::Captured(_, upstream) => upstream.url.as_deref(),
-        Source::Procedural(_) | Source::None => None,
-    };
-    let licence = crate::licence::compose(&Stated {
-        kind,
-        url,
-        owner: recipe.licence.as_ref().map(|l| (l.expression.as_str(), l.holder.as_str())),
-        grant: recipe.licence.as_ref().and_then(|l| l.grant.as_ref()),
-        redistribution: terms.get(kind).map(|stated| stated.because.as_str()),
-    });
+    let allowed = terms.get(recipe.source.kind()).map(|stated| stated.because.as_str());
+    let licence = published::terms(recipe, allowed);
     Ok(BuiltScene { recipe, capture, gaussians, licence, photographed, trajectories, steps: shelf.steps })
 }
 
 fn photographed(shelf: &Shelf<'_>) -> Result<Option<Photographed>, GatherError> {
-    let Some((verdicts, _)) = shelf.open_optional::<Verdicts>("checks")? else { return Ok(None) };
-    let fidelity = shelf.open_optional("fidelity")?.map(|(fidelity, _)| fidelity);
+    let Some(verdicts) = shelf.open_optional::<Verdicts>("checks")? else { return Ok(None) };
+    let fidelity = shelf.open_optional("fidelity")?;
     Ok(Some(Photographed { fidelity, findings: verdicts.findings_of_scene(shelf.scene) }))
 }
 
 fn trajectory(shelf: &Shelf<'_>, name: &str) -> Result<BuiltTrajectory, GatherError> {
     let step = |step: &str| format!("{name}/{step}");
-    let (motion, motion_files) = shelf.open(&step("trajectory"))?;
-    let (verdicts, mut pictures): (Verdicts, _) = shelf.open(&step("checks"))?;
-    pictures.retain(|output| output.name.ends_with(".png"));
+    let verdicts: Verdicts = shelf.open(&step("checks"))?;
     Ok(BuiltTrajectory {
         name: name.to_owned(),
-        motion,
-        motion_files,
+        motion: shelf.open(&step("trajectory"))?,
         events: shelf.open_optional(&step("events"))?,
         left_out: shelf.left_out(name)?,
-        sharp: shelf.find(&step("sharp")).map(<[Output]>::to_vec),
         blur: shelf.open_optional(&step("blur"))?,
-        depth: shelf.find(&step("depth")).map(<[Output]>::to_vec),
-        flow: shelf.find(&step("flow")).map(<[Output]>::to_vec),
         peaks_ev_per_ms: verdicts.peaks_ev_per_ms.clone(),
         findings: verdicts.findings_of(shelf.scene, name),
-        check_pictures: pictures,
     })
 }
 
@@ -263,6 +223,12 @@ impl BuiltScene<'_> {
     pub(super) fn findings(&self) -> impl Iterator<Item = &Finding> {
         let own = self.photographed.iter().flat_map(|photographed| &photographed.findings);
         own.chain(self.trajectories.iter().flat_map(|trajectory| &trajectory.findings))
+    }
+
+    /// The outputs of a step of a trajectory; none of a step that it does not have.
+    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[Output] {
+        let name = format!("{trajectory}/{step}");
+        self.steps.iter().find(|step| step.name == name).map_or(&[], |step| &step.outputs)
     }
 
     /// The camera that was rendered.

@@ -1,10 +1,11 @@
 //! `README.md` of a release, the dataset card: what it is, how to read it, how it was made, under which terms. Every
 //! number in it is computed.
 
-use super::built::{BuiltScene, BuiltTrajectory};
 use super::facts::{Counts, Facts, plain};
-use crate::artifact::Stream;
+use super::published::PublishedScene;
+use super::scene::{Statistics, TrajectoryPart};
 use crate::check::Verdict;
+use crate::image::Size;
 use crate::licence::{Obligation, Passing};
 use crate::recipe::{By, ReleaseInfo};
 use crate::sensor::Sensor;
@@ -13,7 +14,7 @@ use std::fmt::Write as _;
 
 /// Composes the card.
 pub(super) fn compose(facts: &Facts<'_>) -> String {
-    let (scenes, info) = (facts.scenes, &facts.beside.info);
+    let (scenes, info) = (facts.scenes, facts.info);
     let mut text = head(facts);
     for section in [
         introduction(facts),
@@ -36,13 +37,13 @@ pub(super) fn compose(facts: &Facts<'_>) -> String {
     text
 }
 
-fn trajectories<'s>(scenes: &'s [BuiltScene<'_>]) -> impl Iterator<Item = &'s BuiltTrajectory> {
-    scenes.iter().flat_map(|scene| &scene.trajectories)
+fn trajectories(scenes: &[PublishedScene]) -> impl Iterator<Item = (&PublishedScene, &TrajectoryPart)> {
+    scenes.iter().flat_map(|scene| scene.file.trajectories.iter().map(move |part| (scene, part)))
 }
 
 /// The card's head, as dataset hubs read it.
 fn head(facts: &Facts<'_>) -> String {
-    let (info, licence) = (&facts.beside.info, facts.licence);
+    let (info, licence) = (facts.info, facts.licence);
     let mut text = String::from("---\nlanguage: en\n");
     let quoted = |s: &str| serde_json::Value::from(s).to_string();
     // A hub knows few licences by name; an expression is told as another licence with a link.
@@ -86,7 +87,7 @@ fn gate(facts: &Facts<'_>) -> String {
 }
 
 fn introduction(facts: &Facts<'_>) -> String {
-    let info = &facts.beside.info;
+    let info = facts.info;
     let mut text = format!("# {} {}\n\n", plain(&info.name), plain(&info.version));
     if !info.description.is_empty() {
         let _ = writeln!(text, "{}\n", plain(&info.description));
@@ -105,19 +106,15 @@ fn introduction(facts: &Facts<'_>) -> String {
             "\nOf {withheld} scene(s) there are recipe, poses and reports alone: see the licences."
         );
     }
-    if facts.beside.taken_down > 0 {
-        let _ = writeln!(
-            text,
-            "\nLeft out, as their removal was asked for: {} scene(s).",
-            facts.beside.taken_down
-        );
+    if facts.taken_down > 0 {
+        let _ = writeln!(text, "\nLeft out, as their removal was asked for: {} scene(s).", facts.taken_down);
     }
     text
 }
 
 /// How many scenes are in which split; empty where there are none.
 fn splits(facts: &Facts<'_>) -> String {
-    let Some(rule) = &facts.beside.info.splits else { return String::new() };
+    let Some(rule) = &facts.info.splits else { return String::new() };
     let by = match rule.by {
         By::Capture => "capture",
         By::Object => "object",
@@ -160,7 +157,7 @@ const FILES: &str = "\
 | `blur/%06d.png` | 8-bit sRGB mean, in linear light, over an exposure around that pose, which `transforms.json` times |
 | `depth/%06d.npy` | float32 `[H, W]`, scene units along the optical axis: the mean of the Gaussians that a pixel shows, by their weight, so that soft edges mix near and far; NaN where opacity is below 0.5 |
 | `flow/%06d.npy` | float32 `[H, W, 2]`, px/s: image velocity at that pose's time of the static point at a pixel's depth; NaN where depth is |
-| `checks.json` | verdicts of the validation passes |
+| `checks.json`, `checks/*.png` | verdicts of the validation passes, and pictures of what some of them saw |
 | `report.html` | the release for people, in one file that opens from disk: pictures, curves, verdicts, what was left out |
 | `index.parquet` | a row a trajectory, to choose by |
 | `croissant.json` | this release in Croissant 1.1 |
@@ -202,9 +199,10 @@ the pixel's event before.
 ";
 
 /// How numbers are to be read, and which sensors see another brightness than most.
-fn conventions(scenes: &[BuiltScene<'_>]) -> String {
+fn conventions(scenes: &[PublishedScene]) -> String {
     let mut text = CONVENTIONS.to_owned();
-    if trajectories(scenes).flat_map(BuiltTrajectory::streams).any(|s| s.sensor.as_model().labels()) {
+    let streams = trajectories(scenes).flat_map(|(scene, part)| scene.streams(part));
+    if streams.into_iter().any(|(_, sensor)| sensor.as_model().labels()) {
         text.push_str(LABELS);
     }
     let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
@@ -235,8 +233,8 @@ const PATHS: [(&str, &str); 4] = [
     ("keyframes", "poses given by hand, joined by a curve"),
 ];
 
-fn making(scenes: &[BuiltScene<'_>]) -> String {
-    let kinds: Vec<&str> = trajectories(scenes).map(BuiltTrajectory::kind).collect();
+fn making(scenes: &[PublishedScene]) -> String {
+    let kinds: Vec<&str> = trajectories(scenes).map(|(_, part)| part.kind.as_str()).collect();
     let mut text = String::from("## How it was made\n\nEach path is one of these:\n\n");
     for (kind, what) in PATHS.iter().filter(|(kind, _)| kinds.contains(kind)) {
         let _ = writeln!(text, "- `{kind}`: {what}");
@@ -254,12 +252,8 @@ fn making(scenes: &[BuiltScene<'_>]) -> String {
          | scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | C on, off |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for scene in scenes {
-        for trajectory in &scene.trajectories {
-            for row in rows(scene, trajectory) {
-                let _ = writeln!(text, "{row}");
-            }
-        }
+    for row in trajectories(scenes).flat_map(|(scene, part)| rows(scene, part)) {
+        let _ = writeln!(text, "{row}");
     }
     text
 }
@@ -274,38 +268,42 @@ fn word(sensor: &Sensor) -> &'static str {
 }
 
 /// A row for each stream, and one where there is none.
-fn rows(scene: &BuiltScene<'_>, trajectory: &BuiltTrajectory) -> Vec<String> {
-    let stamps = &trajectory.motion.trajectory.stamps_us;
-    let last_us = stamps.last().copied().unwrap_or(0);
-    let size = scene.camera().size;
+fn rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
+    let camera = &scene.file.camera;
+    let size = Size { width: camera.width, height: camera.height };
+    let gaussians = scene.file.reconstruction.as_ref().map(|it| it.gaussians.to_string());
     let row = |name: &str, counted: &str| {
         format!(
             "| {}/{}{name} | {} | {} | {} | {size} | {} | {:.1} | {counted} |",
-            scene.recipe.scene,
-            trajectory.name,
-            scene.recipe.source.kind(),
-            trajectory.kind(),
-            scene.gaussians.as_ref().map_or_else(|| "-".to_owned(), |gaussians| gaussians.count.to_string()),
-            stamps.len(),
-            last_us as f64 * 1e-3,
+            scene.file.id,
+            part.name,
+            scene.file.source.kind,
+            part.kind,
+            gaussians.as_deref().unwrap_or("-"),
+            part.poses,
+            part.duration_us as f64 * 1e-3,
         )
     };
-    let counted = |stream: &Stream| {
-        let account = &stream.account;
-        let pixel_seconds = size.pixels() as f64 * last_us as f64 * 1e-6;
-        let rate = account.events as f64 / pixel_seconds;
-        let share = account.on as f64 / account.events as f64;
-        let (on, off) = stream.sensor.as_model().contrast();
-        let name = stream.name.as_ref().map_or_else(String::new, |name| format!("/{name}"));
-        row(&name, &format!("{} | {rate:.3} | {share:.3} | {on:.4}, {off:.4}", account.events))
+    let counted = |name: Option<&str>, sensor: &Sensor, statistics: &Statistics| {
+        let (events, on) = (statistics.events.unwrap_or(0), statistics.on.unwrap_or(0));
+        let pixel_seconds = size.pixels() as f64 * part.duration_us as f64 * 1e-6;
+        let rate = events as f64 / pixel_seconds;
+        let share = on as f64 / events as f64;
+        let (on, off) = sensor.as_model().contrast();
+        let name = name.map_or_else(String::new, |name| format!("/{name}"));
+        row(&name, &format!("{events} | {rate:.3} | {share:.3} | {on:.4}, {off:.4}"))
     };
-    let rows: Vec<String> = trajectory.streams().iter().map(counted).collect();
+    let streams = scene.streams(part).into_iter().map(|(name, sensor)| {
+        let named = name.and_then(|name| part.sensors.get(name));
+        counted(name, sensor, named.map_or(&part.statistics, |named| &named.statistics))
+    });
+    let rows: Vec<String> = streams.collect();
     if rows.is_empty() { vec![row("", "- | - | - | -")] } else { rows }
 }
 
-fn checks(scenes: &[BuiltScene<'_>]) -> String {
+fn checks(scenes: &[PublishedScene]) -> String {
     let mut text = String::from("## Checks\n\n");
-    let findings: Vec<_> = scenes.iter().flat_map(BuiltScene::findings).collect();
+    let findings: Vec<_> = scenes.iter().flat_map(PublishedScene::all_findings).collect();
     let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
     let _ = writeln!(
         text,
@@ -325,7 +323,7 @@ fn checks(scenes: &[BuiltScene<'_>]) -> String {
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {
         text.push_str("- nothing\n");
     }
-    if scenes.iter().any(|scene| scene.photographed.is_some()) {
+    if scenes.iter().any(|scene| scene.findings.is_some()) {
         text.push_str(PHOTOGRAPHED);
     }
     text

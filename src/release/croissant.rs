@@ -70,7 +70,7 @@ const ROOT_SUM: &str = "https://github.com/mlcommons/croissant/issues/80";
 const SCENE_FILES: &str = "scene-files";
 
 /// Sets of files: id, media type, which, and what they are. A release has those that are not empty.
-const FILE_SETS: [(&str, &str, &str, &str); 11] = [
+const FILE_SETS: [(&str, &str, &str, &str); 12] = [
     ("event-files", HDF5, "**/events.h5", "events of a trajectory, in DSEC's layout"),
     ("sensor-event-files", HDF5, "**/events/*.h5", "events of one of several sensors, in DSEC's layout"),
     ("picture-files", "image/png", "**/sharp/*.png", "sharp pictures, 8-bit sRGB"),
@@ -91,6 +91,7 @@ const FILE_SETS: [(&str, &str, &str, &str); 11] = [
     ("transform-files", JSON, "**/transforms.json", "poses and camera in nerfstudio's form"),
     ("speed-files", JSON, "**/speed.json", "asked and achieved speed of the camera"),
     ("check-files", JSON, "**/checks.json", "verdicts of the validation passes"),
+    ("check-picture-files", "image/png", "**/checks/*.png", "pictures of what validation passes saw"),
     (SCENE_FILES, JSON, "**/scene.json", "what a scene is, and how it was made"),
 ];
 
@@ -104,7 +105,7 @@ pub(super) struct Described<'a> {
     pub(super) info: &'a ReleaseInfo,
     /// SPDX expression of the whole.
     pub(super) licence: &'a str,
-    pub(super) scenes: &'a [SceneFile],
+    pub(super) scenes: &'a [&'a SceneFile],
     /// Paths of the files of all scenes.
     pub(super) paths: Vec<String>,
     /// The bytes of the index.
@@ -159,8 +160,8 @@ const IMPACT: &str = "None is known beyond that of its sources and of methods tr
     bind who receives it: see licence and gated in index.parquet.";
 
 /// The texts of [`RESPONSIBLE`], in its order.
-fn responsible(scenes: &[SceneFile]) -> [Value; RESPONSIBLE.len()] {
-    let made_up = |scene: &SceneFile| scene.source.kind == SourceKind::Procedural.name();
+fn responsible(scenes: &[&SceneFile]) -> [Value; RESPONSIBLE.len()] {
+    let made_up = |scene: &&SceneFile| scene.source.kind == SourceKind::Procedural.name();
     let personal = personal(scenes.iter().all(made_up));
     [
         COLLECTION.into(),
@@ -183,7 +184,7 @@ pub(super) fn personal(made_up: bool) -> &'static str {
 }
 
 /// What the scenes were derived from: each upstream dataset, else each kind of source, once.
-fn sources(scenes: &[SceneFile]) -> Vec<Value> {
+fn sources(scenes: &[&SceneFile]) -> Vec<Value> {
     let named: BTreeSet<(&str, Option<&str>, Option<&str>)> = scenes
         .iter()
         .map(|scene| &scene.source)

@@ -21,7 +21,7 @@ type Asked = (&'static str, String);
 
 /// Composes the file.
 pub(super) fn compose(facts: &Facts<'_>) -> String {
-    let info = &facts.beside.info;
+    let info = facts.info;
     let mut text = format!("# Datasheet of {} {}\n\n", plain(&info.name), plain(&info.version));
     text.push_str(
         "The questions are those of Gebru et al., Datasheets for Datasets (2021). Answers are computed from the release, \

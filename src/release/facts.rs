@@ -1,22 +1,28 @@
 //! What card and datasheet say of a release: counted and gathered once, so that they cannot differ.
 
-use super::Beside;
-use super::built::{BuiltScene, BuiltTrajectory};
-use super::scene::SceneFile;
+use super::published::PublishedScene;
+use super::scene::{Statistics, TrajectoryPart};
 use crate::check::Verdict;
-use crate::licence::{Asset, Composed, Obligation, Part, Passing, ledger};
-use crate::recipe::{Reconstruct, Source};
+use crate::licence::{Asset, Composed, Obligation, Part, ledger};
+use crate::recipe::{Reconstruct, ReleaseInfo, Source};
 use crate::sensor::Sensor;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+/// The streams of a trajectory, by what was counted of them.
+fn streams(part: &TrajectoryPart) -> impl Iterator<Item = &Statistics> {
+    let one = part.sensor.iter().map(|_| &part.statistics);
+    one.chain(part.sensors.values().map(|sensor| &sensor.statistics))
+}
+
 /// A release, as it is told to people.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facts<'a> {
-    pub(super) scenes: &'a [BuiltScene<'a>],
-    /// Their `scene.json`, in the same order.
-    pub(super) described: &'a [SceneFile],
-    pub(super) beside: &'a Beside,
+    pub(super) scenes: &'a [PublishedScene],
+    pub(super) info: &'a ReleaseInfo,
+    /// Number of scenes that are left out since they are taken down.
+    pub(super) taken_down: usize,
+    /// The terms of the whole.
     pub(super) licence: &'a Composed,
 }
 
@@ -40,23 +46,22 @@ pub(super) struct Counts {
 
 impl Facts<'_> {
     pub(super) fn counts(&self) -> Counts {
-        let shown = || self.scenes.iter().filter(|scene| scene.licence.passing != Passing::Withheld);
-        let shown_paths = || shown().flat_map(|scene| &scene.trajectories);
-        let streams = || shown_paths().flat_map(BuiltTrajectory::streams);
-        let paths = || self.scenes.iter().flat_map(|scene| &scene.trajectories);
+        let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
+        let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
+        let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
         let pictures = |kind: &str| -> usize {
-            let of = |t: &BuiltTrajectory| -> usize {
-                let kinds = t.pictures().into_iter().filter(|(folder, ..)| *folder == kind);
-                kinds.flat_map(|(_, end, all)| all.iter().filter(move |o| o.name.ends_with(end))).count()
+            let of = |scene: &PublishedScene| -> usize {
+                let paths = scene.file.trajectories.iter();
+                paths.map(|part| scene.in_folder(&part.name, kind).count()).sum()
             };
-            shown_paths().map(of).sum()
+            shown().map(of).sum()
         };
         Counts {
             scenes: self.scenes.len(),
             trajectories: paths().count(),
-            poses: paths().map(|t| t.motion.trajectory.stamps_us.len()).sum(),
+            poses: paths().map(|part| part.poses).sum(),
             streams: streams().count(),
-            events: streams().map(|stream| stream.account.events).sum(),
+            events: streams().filter_map(|counted| counted.events).sum(),
             frames: pictures("sharp"),
             blurred: pictures("blur"),
             geometry: [pictures("depth"), pictures("flow")],
@@ -71,9 +76,9 @@ impl Facts<'_> {
 
     /// Number of scenes in each split; empty where there are no splits.
     pub(super) fn splits(&self) -> BTreeMap<&str, usize> {
-        let named = self.beside.info.splits.iter().flat_map(|splits| splits.shares.keys());
+        let named = self.info.splits.iter().flat_map(|splits| splits.shares.keys());
         let mut counts: BTreeMap<&str, usize> = named.map(|name| (name.as_str(), 0)).collect();
-        for part in self.described.iter().filter_map(|file| file.split.as_ref()) {
+        for part in self.scenes.iter().filter_map(|scene| scene.file.split.as_ref()) {
             *counts.entry(&part.name).or_default() += 1;
         }
         counts
@@ -81,12 +86,12 @@ impl Facts<'_> {
 
     /// Number of photos that are named and hashed, which are not in the tree.
     pub(super) fn photos(&self) -> usize {
-        self.described.iter().map(|file| file.images.len()).sum()
+        self.scenes.iter().map(|scene| scene.file.images.len()).sum()
     }
 
     /// Verdicts of all checks.
     pub(super) fn verdicts(&self) -> BTreeMap<&'static str, usize> {
-        let findings = self.scenes.iter().flat_map(BuiltScene::findings);
+        let findings = self.scenes.iter().flat_map(PublishedScene::all_findings);
         tally(findings.map(|finding| finding.verdict.name()))
     }
 

@@ -4,11 +4,11 @@
 use super::built::{BuiltScene, BuiltStep};
 use super::left_out::Row;
 use crate::check::{Finding, Verdict};
-use crate::recipe::Splits;
+use crate::recipe::{ReleaseInfo, Splits};
 use crate::render::Work;
-use crate::store::Digest;
-use crate::store::description::Line;
+use crate::store::description::Value;
 use crate::store::record::Output;
+use crate::store::{Digest, Key};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -25,6 +25,10 @@ pub struct Manifest {
     pub name: String,
     /// Version of the release.
     pub version: String,
+    /// The publisher's words, from which card, datasheet and catalogue entry are composed; absent in a release of a
+    /// program that did not write it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub publisher: Option<Publisher>,
     /// Program and version that wrote it.
     pub tool: String,
     /// SPDX expression of the whole: the sorted AND of its scenes.
@@ -46,6 +50,13 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl Manifest {
+    /// The scene that a path lies in: that of the longest id that the path begins with.
+    pub(super) fn scene_of(&self, path: &str) -> Option<&ManifestScene> {
+        let below =
+            |scene: &&ManifestScene| path.strip_prefix(&scene.id).is_some_and(|rest| rest.starts_with('/'));
+        self.scenes.iter().filter(below).max_by_key(|scene| scene.id.len())
+    }
+
     /// The paths of all files that it lists.
     pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
         let of_scenes = self.scenes.iter().flat_map(|scene| &scene.files);
@@ -79,8 +90,16 @@ pub struct ManifestScene {
     pub files: Vec<ManifestFile>,
 }
 
+impl ManifestScene {
+    /// The outputs of a step of a trajectory; none of a step that is absent.
+    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[Output] {
+        let name = format!("{trajectory}/{step}");
+        self.steps.iter().find(|step| step.step == name).map_or(&[], |step| &step.outputs)
+    }
+}
+
 /// A step.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ManifestStep {
     /// Its name within the scene.
@@ -96,8 +115,8 @@ pub struct ManifestStep {
     pub outputs: Vec<Output>,
 }
 
-/// What a step's key is made of, so that two releases can say why a step was made anew.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// The ingredients of a step's key: a reader can compute the key again, and two releases can say why it differs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ingredients {
     /// Revision of the stage.
@@ -105,25 +124,117 @@ pub struct Ingredients {
     /// Numerical class, where the stage has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub class: Option<String>,
-    /// Digest of the parameters as `gs2e why` lists them.
-    pub params: Digest,
+    /// The parameters that the key holds.
+    pub params: Value,
     /// Digest of each input by its role; a file of the source is `file NAME`.
     pub inputs: BTreeMap<String, Digest>,
 }
 
 impl Ingredients {
-    /// From the description on a step's record; `None` where that is none of a step.
-    pub(super) fn of(description: &[Line]) -> Option<Self> {
-        let text = |path: &str| description.iter().find(|line| line.path == path).map(|line| &line.text);
-        let input =
-            |line: &Line| Some((line.path.strip_prefix("inputs.")?.to_owned(), line.text.parse().ok()?));
-        let params = description.iter().filter(|l| l.path == "params" || l.path.starts_with("params."));
-        let params: String = params.map(|line| format!("{} = {}\n", line.path, line.text)).collect();
+    /// From the description of a step; `None` for any other value.
+    pub(super) fn of(description: &Value) -> Option<Self> {
+        let Value::Record(fields) = description else { return None };
+        let (Value::Unsigned(revision), Value::Record(inputs)) =
+            (fields.get("revision")?, fields.get("inputs")?)
+        else {
+            return None;
+        };
+        let input = |(role, digest): (&String, &Value)| match digest {
+            Value::Digest(digest) => Some((role.clone(), *digest)),
+            _ => None,
+        };
+        let class = match fields.get("class") {
+            Some(Value::Text(class)) => Some(class.clone()),
+            _ => None,
+        };
         Some(Self {
-            revision: text("revision")?.parse().ok()?,
-            class: text("class").cloned(),
-            params: Digest::of(params.as_bytes()),
-            inputs: description.iter().filter_map(input).collect(),
+            revision: u32::try_from(*revision).ok()?,
+            class,
+            params: fields.get("params")?.clone(),
+            inputs: inputs.iter().filter_map(input).collect(),
+        })
+    }
+
+    /// The key of a step of this stage.
+    #[must_use]
+    pub fn key(&self, stage: &str) -> Digest {
+        let inputs =
+            self.inputs.iter().map(|(role, digest)| (role.clone(), Value::Digest(*digest))).collect();
+        let mut fields = BTreeMap::from([
+            ("stage".to_owned(), Value::Text(stage.to_owned())),
+            ("revision".to_owned(), Value::Unsigned(self.revision.into())),
+            ("params".to_owned(), self.params.clone()),
+            ("inputs".to_owned(), Value::Record(inputs)),
+        ]);
+        if let Some(class) = &self.class {
+            fields.insert("class".to_owned(), Value::Text(class.clone()));
+        }
+        Key::of(&Value::Record(fields)).0
+    }
+}
+
+/// The publisher's words on a release, but for its name, version and splits.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Publisher {
+    /// Page of the release.
+    pub url: String,
+    /// Who made it.
+    pub creator: String,
+    /// Day of publication, `YYYY-MM-DD`.
+    pub date_published: String,
+    /// How it is cited.
+    pub cite_as: String,
+    /// Its description.
+    pub description: String,
+    /// Who answers, and takes requests for removal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<String>,
+    /// The purpose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub purpose: Option<String>,
+    /// Who paid for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub funding: Option<String>,
+    /// How it is kept up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub maintenance: Option<String>,
+}
+
+impl Publisher {
+    /// The words of a `release.yaml`.
+    pub(super) fn of(info: &ReleaseInfo) -> Self {
+        Self {
+            url: info.url.clone(),
+            creator: info.creator.clone(),
+            date_published: info.date_published.clone(),
+            cite_as: info.cite_as.clone(),
+            description: info.description.clone(),
+            contact: info.contact.clone(),
+            purpose: info.purpose.clone(),
+            funding: info.funding.clone(),
+            maintenance: info.maintenance.clone(),
+        }
+    }
+}
+
+impl Manifest {
+    /// The `release.yaml` behind the release; `None` where the publisher's words are absent.
+    pub(super) fn info(&self) -> Option<ReleaseInfo> {
+        let publisher = self.publisher.clone()?;
+        Some(ReleaseInfo {
+            name: self.name.clone(),
+            version: self.version.clone(),
+            url: publisher.url,
+            creator: publisher.creator,
+            date_published: publisher.date_published,
+            cite_as: publisher.cite_as,
+            description: publisher.description,
+            contact: publisher.contact,
+            purpose: publisher.purpose,
+            funding: publisher.funding,
+            maintenance: publisher.maintenance,
+            splits: self.splits.clone(),
         })
     }
 }
@@ -143,10 +254,6 @@ pub struct ManifestFile {
 /// Describes a scene; its files are added when the tree is known.
 pub(super) fn scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
     let findings: Vec<&Finding> = built.trajectories.iter().flat_map(|t| &t.findings).collect();
-    let mut checks = BTreeMap::new();
-    for finding in &findings {
-        *checks.entry(finding.verdict.name().to_owned()).or_default() += 1;
-    }
     let left_out = built.trajectories.iter().filter_map(|t| Some((t.name.clone(), t.simulation()?.work)));
     let omitted = built.trajectories.iter().map(|t| (t.name.clone(), t.left_out.clone()));
     ManifestScene {
@@ -154,12 +261,25 @@ pub(super) fn scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> Manifes
         source: built.recipe.source.kind().to_owned(),
         licence: built.licence.expression.clone(),
         steps: built.steps.iter().map(step).collect(),
-        checks,
-        waivers: findings.into_iter().filter(|f| f.verdict == Verdict::Waived).cloned().collect(),
+        checks: verdicts(findings.iter().copied()),
+        waivers: waivers(findings.into_iter()),
         left_out: left_out.collect(),
         omitted: omitted.collect(),
         files,
     }
+}
+
+/// Number of verdicts of each kind among the findings on trajectories.
+pub(super) fn verdicts<'f>(findings: impl Iterator<Item = &'f Finding>) -> BTreeMap<String, usize> {
+    findings.fold(BTreeMap::new(), |mut counts, finding| {
+        *counts.entry(finding.verdict.name().to_owned()).or_default() += 1;
+        counts
+    })
+}
+
+/// The accepted faults among the findings on trajectories.
+pub(super) fn waivers<'f>(findings: impl Iterator<Item = &'f Finding>) -> Vec<Finding> {
+    findings.filter(|finding| finding.verdict == Verdict::Waived).cloned().collect()
 }
 
 fn step(built: &BuiltStep) -> ManifestStep {

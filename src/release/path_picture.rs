@@ -1,7 +1,7 @@
 //! `trajectory.png`: the path from above and from the side, for whoever has no reader of SVG at hand. The scale and the
 //! speed over time are in `trajectory.svg`.
 
-use super::built::BuiltTrajectory;
+use crate::artifact::Motion;
 use crate::image::{Image, Size, png};
 use crate::trajectory::picture::sketch;
 
@@ -16,10 +16,9 @@ const PATH: [f64; 3] = [153.0; 3];
 const BAR: [f64; 3] = [51.0; 3];
 
 /// The picture; `None` where there is no pose.
-pub(super) fn compose(trajectory: &BuiltTrajectory) -> Option<Vec<u8>> {
+pub(super) fn compose(motion: &Motion) -> Option<Vec<u8>> {
     let [width, height] = VIEW;
-    let (poses, speeds) =
-        (&trajectory.motion.trajectory.world_from_camera, &trajectory.motion.report.linear_unit_s);
+    let (poses, speeds) = (&motion.trajectory.world_from_camera, &motion.report.linear_unit_s);
     let views = sketch(poses, speeds, [f64::from(width), f64::from(height)], DRAWN)?;
     let size = Size { width: 2 * width, height };
     let mut canvas = Canvas { size, pixels: vec![[255.0; 3]; size.pixels()] };

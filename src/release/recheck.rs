@@ -3,19 +3,20 @@
 //! Passes that need what a release does not hold (what the sensor saw between the frames, depth, the account of the
 //! simulation) say so; the others judge the released bytes by the limits of the recipe in `scene.json`.
 
+use super::published::{self, RecipeError};
 use super::{Manifest, SceneFile};
 use crate::artifact::Stream;
 use crate::check::tally::{Against, Observer};
 use crate::check::{Finding, Subject, Tally, judge};
 use crate::event::{EventSource, h5};
 use crate::image::Size;
-use crate::recipe::{Faults, Recipe, read_all};
+use crate::recipe::{Faults, Recipe};
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
 use crate::units::{Hertz, Ratio};
 use serde::de::DeserializeOwned;
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// Why a tree cannot be checked.
@@ -127,17 +128,11 @@ fn count(path: &Path, mut observer: Observer<'_>) -> Result<Tally, String> {
     Ok(observer.finish())
 }
 
-/// The recipe that a scene carries: JSON is YAML.
 fn recipe_of(scene: &SceneFile) -> Result<Recipe, RecheckError> {
-    let write = || -> io::Result<tempfile::NamedTempFile> {
-        let file = tempfile::Builder::new().prefix("recipe").suffix(".yaml").tempfile()?;
-        serde_json::to_writer(&file, &scene.recipe)?;
-        Ok(file)
-    };
-    let file = write().map_err(|e| unreadable(Path::new("a temporary file"), e))?;
-    let failed = |faults| RecheckError::Recipe { scene: scene.id.clone(), faults };
-    let mut read = read_all(&[file.path().to_owned()]).map_err(failed)?;
-    Ok(read.pop().expect("one recipe was read"))
+    published::recipe(scene).map_err(|e| match e {
+        RecipeError::Io(e) => unreadable(Path::new("a temporary file"), e),
+        RecipeError::Faults(faults) => RecheckError::Recipe { scene: scene.id.clone(), faults },
+    })
 }
 
 fn json<T: DeserializeOwned>(path: &Path) -> Result<T, RecheckError> {

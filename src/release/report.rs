@@ -14,13 +14,11 @@ mod section;
 mod seen;
 mod trajectory;
 
-use super::built::BuiltScene;
-use super::manifest::ManifestScene;
-use super::scene::SceneFile;
+use super::facts::Facts;
+use super::published::Places;
 use crate::check::Finding;
 use crate::licence::Composed;
 use crate::recipe::ReleaseInfo;
-use crate::store::Store;
 use depth::Depth;
 use html::Html;
 use rayon::prelude::*;
@@ -33,40 +31,24 @@ pub(super) const NAME: &str = "report.html";
 /// The style sheet.
 const STYLE: &str = include_str!("report/style.css");
 
-/// What the page is about.
-#[derive(Debug)]
-pub(super) struct Told<'a> {
-    pub(super) info: &'a ReleaseInfo,
-    pub(super) licence: &'a Composed,
-    pub(super) scenes: &'a [BuiltScene<'a>],
-    pub(super) described: &'a [SceneFile],
-    /// The scenes with their files.
-    pub(super) listed: &'a [ManifestScene],
-    /// How many scenes are left out, as they are taken down.
-    pub(super) taken_down: usize,
-    /// Files at the top of the tree.
-    pub(super) top: Vec<String>,
-}
-
 /// The page while it is written.
-#[derive(Debug)]
 struct Page<'a> {
     info: &'a ReleaseInfo,
     licence: &'a Composed,
     entries: Vec<Entry<'a>>,
     taken_down: usize,
     top: Vec<String>,
-    store: &'a Store,
+    places: Places<'a>,
     depth: Depth,
 }
 
 impl<'a> Page<'a> {
     fn findings(&self) -> impl Iterator<Item = &'a Finding> {
-        self.entries.iter().flat_map(|entry| entry.built.findings())
+        self.entries.iter().flat_map(|entry| entry.scene.all_findings())
     }
 
     fn trajectories(&self) -> usize {
-        self.entries.iter().map(|entry| entry.file.trajectories.len()).sum()
+        self.entries.iter().map(|entry| entry.scene.file.trajectories.len()).sum()
     }
 
     /// Whether there are so few scenes that they are shown unfolded.
@@ -78,14 +60,13 @@ impl<'a> Page<'a> {
 /// Most scenes that are shown unfolded.
 const UNFOLDED: usize = 2;
 
-/// Composes the page. Scenes are read side by side; beyond the page itself only what one of them shows is in memory.
-pub(super) fn compose(told: Told<'_>, store: &Store) -> String {
-    let scenes = told.scenes.iter().zip(told.described).zip(told.listed);
-    let entries: Vec<Entry<'_>> =
-        scenes.map(|((built, file), listed)| Entry { built, file, files: &listed.files }).collect();
-    let depth = Depth::of(entries.iter().map(|entry| entry.file.trajectories.len()).sum());
-    let Told { info, licence, taken_down, top, .. } = told;
-    let page = Page { info, licence, entries, taken_down, top, store, depth };
+/// Composes the page; `top` are the files at the top of the tree. Scenes are read in parallel, and only what the page
+/// shows of them stays in memory.
+pub(super) fn compose(facts: &Facts<'_>, top: Vec<String>, places: Places<'_>) -> String {
+    let entries: Vec<Entry<'_>> = facts.scenes.iter().map(|scene| Entry { scene }).collect();
+    let depth = Depth::of(facts.counts().trajectories);
+    let Facts { info, licence, taken_down, .. } = *facts;
+    let page = Page { info, licence, entries, taken_down, top, places, depth };
     let parts: Vec<Part> = page.entries.par_iter().map(|entry| section::compose(&page, entry)).collect();
     Html::page(|html| {
         html.within("head", &[], |html| head(html, page.info));

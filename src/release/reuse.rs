@@ -14,9 +14,9 @@ const NOBODY: &str = "not stated";
 
 /// Composes the file. Where several entries are of one file the last one counts; what files say of themselves never does,
 /// since texts of users stand in them.
-pub(super) fn compose(scenes: &[SceneFile], whole: &str) -> String {
+pub(super) fn compose(scenes: &[&SceneFile], whole: &str) -> String {
     let mut text = String::from("version = 1\n");
-    let everybody: BTreeSet<&str> = scenes.iter().flat_map(holders).collect();
+    let everybody: BTreeSet<&str> = scenes.iter().flat_map(|scene| holders(scene)).collect();
     annotate(&mut text, "**", &everybody, whole);
     for scene in scenes {
         annotate(

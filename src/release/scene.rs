@@ -1,15 +1,18 @@
 //! `scene.json`, schema version 1: what a scene is, where it comes from and how it was made. Photos are named and
 //! hashed, never copied; nothing here is a guess: what is not known is `null`.
 
+mod again;
 mod licence;
 mod trajectory;
 
+pub(super) use again::again;
+
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
-use super::built::{BuiltScene, BuiltTrajectory};
+use super::built::BuiltScene;
 use crate::camera::Camera;
-use crate::licence::Passing;
-use crate::recipe::{Recipe, Reconstruct, SceneScale, Source, Upstream};
+use crate::licence::{Composed, Passing};
+use crate::recipe::{Output, Recipe, Reconstruct, SceneScale, Source, Upstream};
 use crate::reconstruct::Command;
 use crate::render::fidelity::Psnr;
 use crate::seed::{Purpose, Seed};
@@ -337,14 +340,14 @@ pub(super) fn compose(scene: &BuiltScene<'_>) -> std::io::Result<SceneFile> {
         camera: camera(scene),
         conventions: Conventions::of(&recipe.merged),
         reconstruction: reconstruction(scene)?,
-        licence: licence::part(scene),
+        licence: licence::part(recipe, &scene.licence),
         seed: recipe.seed,
-        seeds: seeds(scene),
+        seeds: seeds(recipe),
         recipe: recipe.merged.clone(),
         recipe_sha256: super::checksum::sha256(&compact),
         split: None,
         trajectories: scene.trajectories.iter().map(|t| trajectory::part(recipe, t)).collect(),
-        attributes: attributes(scene),
+        attributes: attributes(recipe, &scene.licence, scene.trajectories.iter().map(|t| &t.motion.report)),
     })
 }
 
@@ -401,14 +404,9 @@ fn camera(scene: &BuiltScene<'_>) -> CameraPart {
 fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<Option<ReconstructionPart>> {
     let Some(summary) = &scene.gaussians else { return Ok(None) };
     let command = command(scene.recipe);
-    let kind = match (&scene.recipe.source, command) {
-        (Source::Procedural(_), _) => "procedural",
-        (_, Some(_)) => "command",
-        (_, None) => "given",
-    };
     let fidelity = scene.photographed.as_ref().and_then(|photographed| photographed.fidelity.as_ref());
     Ok(Some(ReconstructionPart {
-        kind: kind.into(),
+        kind: kind_of_gaussians(scene.recipe).into(),
         scene_sha256: super::checksum::sha256_of_file(&summary.path)?,
         gaussians: summary.count,
         sh_degree: summary.sh_degree,
@@ -422,6 +420,15 @@ fn reconstruction(scene: &BuiltScene<'_>) -> std::io::Result<Option<Reconstructi
     }))
 }
 
+/// Where the Gaussians of a recipe come from.
+fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
+    match (&recipe.source, command(recipe)) {
+        (Source::Procedural(_), _) => "procedural",
+        (_, Some(_)) => "command",
+        (_, None) => "given",
+    }
+}
+
 /// The program that trained the scene.
 fn command(recipe: &Recipe) -> Option<&Command> {
     match &recipe.reconstruct {
@@ -431,35 +438,42 @@ fn command(recipe: &Recipe) -> Option<&Command> {
 }
 
 /// The groups of a novel trajectory share the seeds of its draws, which derive from its name as the recipe has it.
-fn seeds(scene: &BuiltScene<'_>) -> BTreeMap<String, String> {
+fn seeds(recipe: &Recipe) -> BTreeMap<String, String> {
     let mut seeds = BTreeMap::new();
     let mut add = |name: &str, purpose: Purpose, seed: Seed| {
         seeds.insert(format!("{name}/{}", purpose.name()), seed.0.to_string());
     };
-    for asked in &scene.recipe.trajectories {
+    for asked in &recipe.trajectories {
         if let Path::Novel(novel) = &asked.path {
             add(&asked.written, Purpose::Keyframes, novel.keyframes_seed);
             add(&asked.written, Purpose::Curve, novel.curve_seed);
         }
-    }
-    for built in &scene.trajectories {
-        if let Some(simulation) = built.simulation() {
-            add(&built.name, Purpose::Sensor, simulation.seed);
+        if recipe.outputs.contains(&Output::Events) {
+            add(&asked.name, Purpose::Sensor, sensor_seed(recipe, &asked.name));
         }
     }
     seeds
 }
 
-fn attributes(scene: &BuiltScene<'_>) -> Attributes {
-    let shown = scene.licence.passing != Passing::Withheld;
-    let has = |kind: &dyn Fn(&BuiltTrajectory) -> bool| shown && scene.trajectories.iter().any(kind);
-    let data_type = [("sharp", has(&|t| t.sharp.is_some())), ("blurry", has(&|t| t.blur.is_some()))];
+/// The seed of the sensors' noise along a trajectory.
+fn sensor_seed(recipe: &Recipe, trajectory: &str) -> Seed {
+    Seed::derive(recipe.seed, &recipe.scene, trajectory, Purpose::Sensor)
+}
+
+fn attributes<'r>(
+    recipe: &Recipe,
+    licence: &Composed,
+    reports: impl Iterator<Item = &'r Report>,
+) -> Attributes {
+    let shown = licence.passing != Passing::Withheld;
+    let has = |output| shown && recipe.outputs.contains(&output);
+    let data_type = [("sharp", has(Output::Sharp)), ("blurry", has(Output::Blur))];
     // Where the frame rate varies in the speed's place, steps are as short as they are quick.
     let is_uniform = |report: &Report| {
         report.meaning == Meaning::FrameRate
             || Range::of(&report.u).is_none_or(|range| range.max <= UNIFORM * range.min)
     };
-    let captured = match &scene.recipe.source {
+    let captured = match &recipe.source {
         Source::Captured(captured, _) => Some(captured.kind),
         Source::Procedural(_) | Source::None => None,
     };
@@ -467,15 +481,15 @@ fn attributes(scene: &BuiltScene<'_>) -> Attributes {
     let (scale, data_source) = match captured {
         Some(Kind::Mvimgnet) => ("object", "MVImgNet"),
         Some(Kind::Dl3dv) => ("large", "DL3DV-10K"),
-        _ => ("unknown", scene.recipe.source.kind()),
+        _ => ("unknown", recipe.source.kind()),
     };
-    let uniform = scene.trajectories.iter().all(|t| is_uniform(&t.motion.report));
+    let uniform = reports.map(is_uniform).fold(true, |all, uniform| all && uniform);
     Attributes {
         data_type: data_type.into_iter().filter(|(_, has)| *has).map(|(name, _)| name.into()).collect(),
-        scene_scale: scene.recipe.scale.map_or(scale, SceneScale::name).into(),
+        scene_scale: recipe.scale.map_or(scale, SceneScale::name).into(),
         gt_poses: true,
         speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
-        multi_trajectory: scene.trajectories.len() > 1,
+        multi_trajectory: recipe.trajectories.len() > 1,
         device: "3DGS + DVS-Voltmeter".into(),
         data_source: data_source.into(),
     }

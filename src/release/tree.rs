@@ -25,9 +25,14 @@ pub(super) enum Content {
 impl Content {
     /// A JSON document: indented, with a final newline.
     pub(super) fn json<T: serde::Serialize>(value: &T) -> Self {
+        Self::Bytes(Self::json_bytes(value))
+    }
+
+    /// The bytes of a JSON document.
+    pub(super) fn json_bytes<T: serde::Serialize>(value: &T) -> Vec<u8> {
         let mut bytes = serde_json::to_vec_pretty(value).expect("release files are plain data");
         bytes.push(b'\n');
-        Self::Bytes(bytes)
+        bytes
     }
 }
 
@@ -51,6 +56,19 @@ impl Tree {
     /// The paths, sorted.
     pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
         self.files.keys().map(String::as_str)
+    }
+
+    /// The file in the store that a file of the tree is.
+    pub(super) fn place(&self, path: &str) -> Option<&Path> {
+        match self.files.get(path)? {
+            Content::Blob { path, .. } => Some(path),
+            Content::Bytes(_) => None,
+        }
+    }
+
+    /// The files with their contents, sorted by path.
+    pub(super) fn into_files(self) -> BTreeMap<String, Content> {
+        self.files
     }
 
     /// The files with sizes and digests, sorted by path.

@@ -89,8 +89,17 @@ pub fn open(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
     [halfway(pose - half - 1), halfway(pose + half)]
 }
 
-/// The poses with a sharp frame: every `every`-th, and those at the centres of exposures of this
-/// many frames.
+/// [`open`], in whole microseconds.
+///
+/// # Panics
+/// As [`open`].
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "a trajectory lasts no 292,000 years")]
+pub fn open_us(seconds: &[f64], pose: usize, frames: u32) -> [i64; 2] {
+    open(seconds, pose, frames).map(|s| (s * 1e6).round() as i64)
+}
+
+/// The poses of which a sharp frame is kept: every so many, and those in the middle of exposures of so many frames.
 #[must_use]
 pub fn kept(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..poses).step_by(every as usize).collect();
@@ -215,8 +224,7 @@ impl<'a> Exposer<'a> {
         self.add(&between, false, &mut light, go_on)?;
         #[expect(clippy::cast_possible_truncation, reason = "pixels, told with a few digits")]
         let step_px = sees_motion.then_some((moved / f64::from(subframes)) as f32);
-        #[expect(clippy::cast_possible_truncation, reason = "a trajectory lasts no 292,000 years")]
-        let [start_us, end_us] = [start, end].map(|s| (s * 1e6).round() as i64);
+        let [start_us, end_us] = open_us(self.course.seconds, pose, frames);
         let exposure = Exposure { pose, start_us, end_us, subframes, step_px };
         Ok(Exposed { exposure, picture: light.mean() })
     }

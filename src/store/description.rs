@@ -10,6 +10,7 @@
 //! and serde's derive order are never hashed.
 
 mod describer;
+mod typed;
 
 use super::Digest;
 use describer::Describer;

@@ -5,13 +5,14 @@ use super::course::{Course, Kind};
 use super::curve::Curve;
 use super::knots::{Gap, Merged};
 use super::metric::{ALPHA, BETA, Metric};
-use super::sample::{Schedule, Summation};
+use super::sample::{Schedule, Summation, step_seconds};
 use super::travel::{Timing, Travel};
 use crate::se3::rotation::angle;
 use crate::se3::spline::Place;
 use crate::se3::sum::Sum;
 use crate::se3::{Se3, Twist};
 use crate::speed::Meaning;
+use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 
 /// Share of the path below which a step is left out of ratios. The positions of its ends are sums
@@ -139,7 +140,27 @@ impl Report {
         })
     }
 
-    /// Asked share of the path for each step, in the metric.
+    /// The same report with everything measured again that the poses alone determine: their number, the speeds of the
+    /// steps, the largest turn and the largest change. `None` where the rate or the number of steps does not fit.
+    #[must_use]
+    pub fn measured_again(&self, poses: &[Se3]) -> Option<Self> {
+        let rate = Hertz(self.rate.parse().ok()?);
+        let steps = Steps::of(poses, Metric { scale: self.scale_distance });
+        if self.u.len() != steps.linear.len() {
+            return None;
+        }
+        let seconds = |j: usize| step_seconds(self.meaning, rate, &self.u, j);
+        Some(Self {
+            poses: poses.len(),
+            linear_unit_s: per_second(&steps.linear, seconds),
+            angular_rad_s: per_second(&steps.angular, seconds),
+            max_step_deg: steps.largest_turn_deg(),
+            max_step_change: steps.largest_change(),
+            ..self.clone()
+        })
+    }
+
+    /// Share of the path, in the metric, that was asked of each step.
     pub fn asked_shares(&self) -> impl Iterator<Item = f64> {
         self.s.windows(2).map(|w| (w[1] - w[0]) / self.length)
     }
@@ -163,8 +184,6 @@ impl Asked<'_> {
         let steps = Steps::of(poses, metric);
         let follow = |lengths: &[f64], weight: f64| self.follow(lengths, weight);
         let seconds = |j: usize| self.schedule.seconds(self.timing.rate, j);
-        let per_second =
-            |lengths: &[f64]| lengths.iter().enumerate().map(|(j, l)| l / seconds(j)).collect::<Vec<f64>>();
         let fit = Fit::of(self.course);
         Report {
             kind: self.course.kind,
@@ -193,9 +212,9 @@ impl Asked<'_> {
             mixed_chord_ratio: follow(&steps.mixed, 1.0),
             linear_ratio: follow(&steps.linear, metric.mix(0.0, 1.0)),
             angular_ratio: follow(&steps.angular, metric.mix(1.0, 0.0)),
-            linear_unit_s: per_second(&steps.linear),
-            angular_rad_s: per_second(&steps.angular),
-            max_step_deg: steps.angular.iter().copied().fold(0.0, f64::max).to_degrees(),
+            linear_unit_s: per_second(&steps.linear, seconds),
+            angular_rad_s: per_second(&steps.angular, seconds),
+            max_step_deg: steps.largest_turn_deg(),
             max_step_change: steps.largest_change(),
             warnings: self.warnings.iter().map(Warning::to_string).collect(),
             u: self.schedule.speeds,
@@ -265,6 +284,11 @@ impl Fit {
     }
 }
 
+/// Lengths of steps over their durations, s.
+fn per_second(lengths: &[f64], seconds: impl Fn(usize) -> f64) -> Vec<f64> {
+    lengths.iter().enumerate().map(|(j, length)| length / seconds(j)).collect()
+}
+
 /// Lengths of the steps between neighbouring poses.
 struct Steps {
     linear: Vec<f64>,
@@ -281,7 +305,12 @@ impl Steps {
         Self { linear, angular, mixed }
     }
 
-    /// Largest change between neighbouring steps, divided by the mean step; 0 if nothing moves.
+    /// Largest turn of a step, degrees.
+    fn largest_turn_deg(&self) -> f64 {
+        self.angular.iter().copied().fold(0.0, f64::max).to_degrees()
+    }
+
+    /// Largest change between neighbouring steps over the mean step; 0 where nothing moves.
     fn largest_change(&self) -> f64 {
         let mean = Sum::of(self.mixed.iter().copied()) / self.mixed.len().max(1) as f64;
         let largest = self.mixed.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);

@@ -30,6 +30,14 @@ pub struct Schedule {
     meaning: Meaning,
 }
 
+/// Duration of a step, s; `speeds` are what the law asks of the steps.
+pub(super) fn step_seconds(meaning: Meaning, rate: Hertz, speeds: &[f64], step: usize) -> f64 {
+    match meaning {
+        Meaning::Speed => 1.0 / rate.to_f64(),
+        Meaning::FrameRate => 1.0 / (rate.to_f64() * speeds[step]),
+    }
+}
+
 impl Schedule {
     /// The schedule of `speed` over `count >= 1` poses. Under [`Meaning::FrameRate`], steps are the
     /// inverse of the law's values, which has no closed integral here, so the left sum is used.
@@ -53,10 +61,7 @@ impl Schedule {
 
     /// Duration of a step, s.
     pub(super) fn seconds(&self, rate: Hertz, step: usize) -> f64 {
-        match self.meaning {
-            Meaning::Speed => 1.0 / rate.to_f64(),
-            Meaning::FrameRate => 1.0 / (rate.to_f64() * self.speeds[step]),
-        }
+        step_seconds(self.meaning, rate, &self.speeds, step)
     }
 
     /// The stamp of every pose, microseconds: see [`stamps_us`].

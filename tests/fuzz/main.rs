@@ -9,6 +9,7 @@
 mod arguments;
 mod child;
 mod corpus;
+mod forging;
 mod mutate;
 #[path = "../faults/random.rs"]
 #[expect(dead_code, reason = "the fault tests draw more kinds of numbers")]

@@ -11,6 +11,7 @@ use gs2e::scene::{ply, sog, splat, spz};
 use gs2e::source::{colmap, nerfstudio};
 use std::io::{Cursor, Write as _};
 use std::path::Path;
+use std::time::Duration;
 use zip::CompressionMethod;
 use zip::write::SimpleFileOptions;
 
@@ -60,7 +61,8 @@ const ARRAYS: [&str; 3] =
 const SOG: &str = "tests/golden/scenes/flat.sog";
 const PALETTE: &str = "tests/golden/scenes/palette.sog";
 
-pub(crate) const READERS: [Reader; 20] = [
+pub(crate) const READERS: [Reader; 21] = [
+    Reader { name: "release", corpus: crate::forging::corpus, read: crate::forging::read },
     Reader { name: "ply", corpus: || files(&PLY), read: |file| ply::read_ply(file).is_ok() },
     Reader { name: "packed", corpus: || files(&PACKED), read: |file| ply::read_ply(file).is_ok() },
     Reader {
@@ -136,6 +138,13 @@ pub(crate) const READERS: [Reader; 20] = [
         },
     },
 ];
+
+impl Reader {
+    /// The longest that a run may take: an audit of a whole tree in a program that is not optimised takes its time.
+    pub(crate) fn longest(&self) -> Duration {
+        Duration::from_secs(if self.name == "release" { 30 } else { 1 })
+    }
+}
 
 /// Reads the file as either kind of image, for its luminance and for its colours.
 fn read_image(file: &[u8]) -> bool {

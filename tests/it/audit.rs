@@ -11,8 +11,8 @@ use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
 use std::path::Path;
 
-const SCENE: &str = "small/one/scene.json";
-const BASE: &str = "small/one/base";
+pub(crate) const SCENE: &str = "small/one/scene.json";
+pub(crate) const BASE: &str = "small/one/base";
 /// What is found where a row of the index says other than the files that it repeats.
 const INDEX: &str = "claims-disagree index.parquet";
 
@@ -197,7 +197,11 @@ fn unlawful_terms_are_found() {
     let missing = ["licence-missing small/one", unused, "croissant-field croissant.json"];
     check_resealed(|f| both(f, ""), &[&[INDEX; 2], &missing[..]].concat());
     check_resealed(|f| both(f, "CC BY MIT"), &[INDEX, INDEX, "licence-invalid small/one", unused]);
-    check_resealed(|f| both(f, "ISC"), &[INDEX, INDEX, "licence-text-missing LICENSES/ISC.txt", unused]);
+    let composed = format!("not-composed {SCENE}");
+    check_resealed(
+        |f| both(f, "ISC"),
+        &[INDEX, INDEX, "licence-text-missing LICENSES/ISC.txt", unused, &composed, &composed],
+    );
     check_resealed(
         |f| fs::write(f.join("LICENSES/ISC.txt"), "").unwrap(),
         &["licence-unused LICENSES/ISC.txt"],
@@ -227,7 +231,7 @@ fn unlawful_terms_are_found() {
     };
     check_resealed(|f| tool(f, "gaussian-splatting", "CC BY MIT"), &["licence-invalid small/one"]);
     check_resealed(|f| tool(f, "gaussian-splatting", "MIT"), &["licence-forbidden small/one"]);
-    check_resealed(|f| tool(f, "gaussian-splatting", "LicenseRef-Inria-MPII-3DGS"), &[]);
+    check_resealed(|f| tool(f, "gaussian-splatting", "LicenseRef-Inria-MPII-3DGS"), &[&composed, &composed]);
     check_resealed(
         |f| {
             let card = fs::read_to_string(f.join("README.md")).unwrap();
@@ -251,8 +255,9 @@ fn restricted_material_is_found() {
     assert_eq!(count("demands LicenseRef-DL3DV-10K-ToU"), 1);
     assert_eq!(count("demands CC-BY-NC-4.0"), 1);
     assert_eq!(count("must be gated"), 1);
-    // Two event streams, 6 and 10 sharp pictures, 1 and 2 blurred ones, 2 and 3 of depth and as many of flow.
-    assert_eq!(count("nothing says why this release may pass that on"), 31, "{faults:#?}");
+    // Two event streams, 6 and 10 sharp pictures, 1 and 2 blurred ones, 2 and 3 of depth and as many of flow, and two
+    // pictures of checks for each trajectory.
+    assert_eq!(count("nothing says why this release may pass that on"), 35, "{faults:#?}");
 }
 
 #[test]
@@ -330,7 +335,7 @@ fn what_is_told_of_terms_elsewhere_is_found() {
     );
     check_resealed(
         |f| fs::remove_file(f.join("gs2e.py")).unwrap(),
-        &["licence-unused LICENSES/Apache-2.0.txt", "licence-unused LICENSES/MIT.txt"],
+        &["missing gs2e.py", "licence-unused LICENSES/Apache-2.0.txt", "licence-unused LICENSES/MIT.txt"],
     );
 }
 
@@ -376,7 +381,7 @@ fn a_failed_check_is_found() {
     );
     check_resealed(
         |f| edit(f, &format!("{BASE}/checks.json"), |v| v[0]["verdict"] = "waived".into()),
-        &[INDEX],
+        &[INDEX, "not-composed manifest.json", "not-composed manifest.json"],
     );
 }
 

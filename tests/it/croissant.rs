@@ -68,6 +68,7 @@ fn it_says_what_the_release_says() {
         "transforms.json",
         "speed.json",
         "checks.json",
+        "checks/*.png",
         "scene.json",
     ];
     assert_eq!(sets, wanted.map(|name| format!("**/{name}")));

@@ -21,6 +21,7 @@ mod event_pictures;
 mod event_statistics;
 mod fidelity;
 mod foreign_readers;
+mod forgeries;
 mod front_ends;
 mod gc;
 mod glance;

@@ -2,7 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+pub(crate) mod forger;
 pub(crate) mod small;
+pub(crate) mod unfindable;
 
 use crate::support::absent::not_run;
 use small::{RECIPE, copy, gs2e, read, release, said};
@@ -35,6 +37,8 @@ fn the_tree_is_that_of_the_contract() {
     for (trajectory, poses) in [("base", 24), ("slow", 36)] {
         let names = [
             "checks.json",
+            "checks/event_frame.png",
+            "checks/motion.png",
             "events.h5",
             "poses.txt",
             "speed.json",

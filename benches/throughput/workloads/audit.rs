@@ -1,7 +1,7 @@
 //! The audit of a release, beside what reads the same bytes: the disk, and `b3sum`.
 //!
-//! The first of the audit's two passes reads and hashes every byte, by SHA-256 and BLAKE3 at once; the second opens events,
-//! poses and pictures. From the disk: every page of the tree is given back to the system before each run.
+//! The sums alone are the first of the audit's two passes: it reads and hashes every byte, by SHA-256 and BLAKE3 at once. The
+//! second opens events, poses and pictures, and composes again all that follows from other files. From the disk: every page of the tree is given back to the system before each run.
 
 use super::amount;
 use crate::measure::{Amount, Run, Workload, timed};
@@ -36,16 +36,16 @@ pub(super) fn workloads() -> Vec<Workload> {
     };
     let whole = |given: &Given| assert_eq!(audit(&given.tree).expect("it can be read").faults, []);
     let mut all = vec![
-        work("first pass, from the disk", false, true, first_pass),
+        work("sums alone, from the disk", false, true, first_pass),
         work("plain reading by one thread, from the disk", true, true, plain),
-        work("first pass, from the page cache", false, false, first_pass),
+        work("sums alone, from the page cache", false, false, first_pass),
     ];
     if Command::new("b3sum").arg("--version").stdout(Stdio::null()).status().is_ok() {
         all.push(work("b3sum of all files, its start included", true, false, b3sum));
     } else {
         eprintln!("not run: b3sum is absent");
     }
-    all.push(work("both passes, from the page cache", false, false, whole));
+    all.push(work("sums, contents and comparisons, from the page cache", false, false, whole));
     all
 }
 

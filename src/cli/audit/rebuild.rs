@@ -62,11 +62,15 @@ impl Rebuild {
             let scenes: Vec<String> = recipes.iter().map(|recipe| recipe.scene.clone()).collect();
             let folder = tempfile::tempdir().map_err(|e| Problem::failed("rebuild", e.to_string()))?;
             let again = self.make(&class, recipes, folder.path(), common, console)?;
+            let tops = rebuilt::compare_tops(dir, &again);
+            found.faults.extend(tops.map_err(|e| Problem::failed("rebuild", e.to_string()))?);
             for scene in &scenes {
                 let compared = rebuilt::compare(dir, &again, scene);
                 found.faults.extend(compared.map_err(|e| Problem::failed("rebuild", e.to_string()))?);
             }
         }
+        found.faults.sort();
+        found.faults.dedup();
         Ok(Some(found))
     }
 

@@ -1,17 +1,29 @@
 //! What the tree's own descriptions say, against each other.
 
-use super::{Code, Fault, Tree};
+use super::{Code, Fault, Tree, again};
+use crate::files::{self, Links};
 use crate::release::checksum;
 use crate::release::manifest::{Manifest, ManifestScene};
 use crate::release::scene::{Conventions, SceneFile};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Reads a JSON file of a known form, if it is intact; keys that the form has not are faults.
-pub(super) fn parse<T: DeserializeOwned>(tree: &Tree<'_>, path: &str, faults: &mut Vec<Fault>) -> Option<T> {
-    if !tree.has(path) {
-        return None;
-    }
-    let parsed = match std::fs::read(tree.path_of(path)) {
+/// Reads a JSON file of a known form, if it is intact; keys that the form does not have are faults, and so is any spelling
+/// but the one in which the program writes.
+pub(super) fn parse<T: DeserializeOwned + Serialize>(
+    tree: &Tree<'_>,
+    path: &str,
+    faults: &mut Vec<Fault>,
+) -> Option<T> {
+    let value: T = read(tree, path, faults)?;
+    faults.extend(again::spelling(tree, path, &value));
+    Some(value)
+}
+
+/// Reads a JSON file of a known form, if it is intact.
+fn read<T: DeserializeOwned>(tree: &Tree<'_>, path: &str, faults: &mut Vec<Fault>) -> Option<T> {
+    let on_disk = tree.intact_path(path)?;
+    let parsed = match files::read_with(&on_disk, Links::Refuse, files::MAX_DOCUMENT) {
         Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| format!("it is not of its form: {e}")),
         Err(e) => Err(e.to_string()),
     };

@@ -9,12 +9,11 @@ use crate::artifact::Stream;
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
 use crate::image::Size;
+use crate::release::layout::{self, CHECKS};
+use crate::release::path_picture;
 use crate::release::scene::{SceneFile, Statistics, TrajectoryPart};
 use rayon::prelude::*;
 use std::path::PathBuf;
-
-/// The file of findings, in a trajectory's folder and in a scene's.
-const CHECKS: &str = "checks.json";
 
 const ABSENT: &str = "the scene needs it, and it is not there, or not whole";
 
@@ -76,22 +75,35 @@ fn streams(part: &TrajectoryPart) -> Vec<(String, &Statistics)> {
     part.sensors.iter().map(|(name, sensor)| (Stream::released(Some(name)), &sensor.statistics)).collect()
 }
 
+/// The names of the pictures that a trajectory has in the tree, by its recipe.
+pub(super) fn pictures_wanted(tree: &Tree<'_>, scene: &SceneFile, part: &TrajectoryPart) -> Vec<String> {
+    // What is withheld is not wanted; that it may be is for the terms to say.
+    if scene.licence.withheld { Vec::new() } else { pictures_planned(tree, scene, part) }
+}
+
+/// The names of the pictures that are made of a trajectory, by its recipe.
+pub(super) fn pictures_planned(tree: &Tree<'_>, scene: &SceneFile, part: &TrajectoryPart) -> Vec<String> {
+    // What is stated may be any number. A line of poses.txt has 16 bytes at least; a wrong count is another fault.
+    let poses = tree.path_of(&format!("{}/{}/poses.txt", scene.id, part.name));
+    let lines = std::fs::metadata(poses).map_or(0, |file| file.len() / 16);
+    let poses = part.poses.min(usize::try_from(lines).unwrap_or(usize::MAX));
+    pictures::wanted(poses, &scene.recipe, &|output| asks(scene, output))
+}
+
+/// Whether the recipe of a scene asks for an output.
+fn asks(scene: &SceneFile, output: &str) -> bool {
+    let outputs = scene.recipe.get("outputs").and_then(|outputs| outputs.as_array());
+    outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output))
+}
+
 /// The files that the scene's own description asks for and that are not there.
 fn incomplete(folder: &Folder<'_>, scene: &SceneFile) -> Vec<Fault> {
-    let mut wanted: Vec<String> = ["poses.txt", "timestamps_us.txt", "transforms.json", "speed.json", CHECKS]
-        .map(str::to_owned)
-        .to_vec();
-    // What is withheld is not wanted; that it may be is for the terms to say.
-    let outputs = scene.recipe.get("outputs").filter(|_| !scene.licence.withheld);
-    let outputs = outputs.and_then(|outputs| outputs.as_array());
-    let asked = |output: &str| outputs.is_some_and(|outputs| outputs.iter().any(|o| o == output));
-    if asked("events") {
+    let mut wanted: Vec<String> = layout::MOTION.map(str::to_owned).to_vec();
+    wanted.extend([layout::TRANSFORMS, path_picture::NAME, CHECKS].map(str::to_owned));
+    if asks(scene, "events") && !scene.licence.withheld {
         wanted.extend(streams(folder.part).into_iter().map(|(name, _)| name));
     }
-    // What is stated may be any number. A line of poses.txt has 16 bytes at least; that it has fewer lines is told with it.
-    let lines = std::fs::metadata(folder.on_disk("poses.txt")).map_or(0, |file| file.len() / 16);
-    let poses = folder.part.poses.min(usize::try_from(lines).unwrap_or(usize::MAX));
-    wanted.extend(pictures::wanted(poses, &scene.recipe, &asked));
+    wanted.extend(pictures_wanted(folder.tree, scene, folder.part));
     let absent = wanted.iter().filter(|name| !folder.has(name));
     absent.map(|name| folder.fault(Code::SceneIncomplete, name, ABSENT)).collect()
 }

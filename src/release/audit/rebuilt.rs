@@ -1,9 +1,10 @@
 //! Scenes of a release against the same scenes made again from their recipes, byte for byte.
 
 use super::{Code, Fault};
-use crate::release::manifest::{Ingredients, Manifest, ManifestScene};
-use crate::release::{ManifestStep, checksum};
-use std::collections::BTreeMap;
+use crate::files;
+use crate::release::manifest::{self, Ingredients, Manifest, ManifestScene};
+use crate::release::{ManifestStep, checksum, loader};
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::Path;
 
@@ -12,7 +13,8 @@ use std::path::Path;
 /// # Errors
 /// When it is absent or of another form.
 pub fn manifest(dir: &Path) -> io::Result<Manifest> {
-    let bytes = std::fs::read(dir.join(super::super::manifest::NAME))?;
+    let path = dir.join(manifest::NAME);
+    let bytes = files::read_with(&path, files::Links::Refuse, files::MAX_DOCUMENT)?;
     serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 
@@ -46,7 +48,63 @@ pub fn compare(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<Fault>> 
             _ => faults.push(fault(path, "it cannot be read")),
         }
     }
+    faults.extend(steps(stated, made));
+    if (&stated.left_out, &stated.omitted) != (&made.left_out, &made.omitted) {
+        let message = "made again, the scene leaves out other work";
+        faults.push(Fault::of_file(Code::RebuiltDiffers, manifest::NAME, message).in_scene(scene));
+    }
     Ok(faults)
+}
+
+/// The files at the top of two releases, of which the second was made now. They follow from all scenes, so they are
+/// compared where the second release has all of them; the publisher's words and the loader are compared in any case.
+///
+/// # Errors
+/// When a manifest cannot be read.
+pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<Fault>> {
+    let [stated, made] = [manifest(dir)?, manifest(again)?];
+    let fault = |path: &str, message: &str| Fault::of_file(Code::RebuiltDiffers, path, message);
+    let words =
+        |of: &Manifest| (of.name.clone(), of.version.clone(), of.publisher.clone(), of.splits.clone());
+    let mut faults = Vec::new();
+    if words(&stated) != words(&made) {
+        faults.push(fault(
+            manifest::NAME,
+            "release.yaml now has other words of the publisher, or other splits",
+        ));
+    }
+    let ids = |of: &Manifest| of.scenes.iter().map(|scene| scene.id.clone()).collect::<Vec<_>>();
+    let whole = ids(&stated) == ids(&made) && stated.taken_down == made.taken_down;
+    let paths = |of: &Manifest| of.files.iter().map(|file| file.path.clone()).collect::<BTreeSet<_>>();
+    for path in paths(&stated).union(&paths(&made)).filter(|path| whole || *path == loader::NAME) {
+        let both = [dir, again].map(|dir| checksum::both(&dir.join(path)));
+        match both {
+            [Ok(a), Ok(b)] if a == b => {}
+            [Ok(_), Ok(_)] => faults.push(fault(path, "made again, it has other bytes")),
+            [Err(_), Ok(_)] => faults.push(fault(path, "made again, the release has this file too")),
+            _ => faults.push(fault(path, "made again, the release has no such file")),
+        }
+    }
+    Ok(faults)
+}
+
+/// Steps whose key or outputs are not those of the scene made again.
+fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<Fault> {
+    let names: BTreeSet<&String> = stated.steps.iter().chain(&made.steps).map(|step| &step.step).collect();
+    let find =
+        |of: &'_ ManifestScene, name: &String| of.steps.iter().find(|step| step.step == *name).cloned();
+    let differs = |name: &&String| {
+        let (stated, made) = (find(stated, name), find(made, name));
+        let told =
+            |step: &ManifestStep| (step.stage.clone(), step.key, step.made_of.clone(), step.outputs.clone());
+        stated.as_ref().map(told) != made.as_ref().map(told)
+    };
+    let because = cause(stated, made);
+    let fault = |name: &String| {
+        let message = format!("made again, step {name} has another key or other outputs{because}");
+        Fault::of_file(Code::RebuiltDiffers, manifest::NAME, message).in_scene(&stated.id)
+    };
+    names.into_iter().filter(differs).map(fault).collect()
 }
 
 fn of_scene<'a>(manifest: &'a Manifest, scene: &str) -> io::Result<&'a ManifestScene> {

@@ -203,7 +203,7 @@ pub(super) fn files(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) 
         Err(fault) => Some(fault),
     };
     let whole = format!("The whole: `{}`.", manifest.licence);
-    let wanted = reuse::compose(scenes, &manifest.licence);
+    let wanted = reuse::compose(&scenes.iter().collect::<Vec<_>>(), &manifest.licence);
     let known = scenes.len() == manifest.scenes.len();
     let reuse =
         holds(reuse::NAME, &|text| !known || text == wanted, "it does not say of files what the scenes say");

@@ -4,6 +4,7 @@ use super::{Asked, UNKNOWN, UNSTATED};
 use crate::licence::Obligation;
 use crate::recipe::{By, ReleaseInfo};
 use crate::release::facts::{Counts, Facts, plain};
+use crate::release::published::PublishedScene;
 use crate::release::{TOOL, card, croissant};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -89,9 +90,11 @@ impl Answers<'_> {
     }
 
     fn labels(&self) -> String {
-        let streams =
-            self.facts.scenes.iter().flat_map(|scene| &scene.trajectories).flat_map(|t| t.streams());
-        if streams.into_iter().any(|stream| stream.sensor.as_model().labels()) {
+        let of = |scene: &PublishedScene| {
+            let mut streams = scene.file.trajectories.iter().flat_map(|part| scene.streams(part));
+            streams.any(|(_, sensor)| sensor.as_model().labels())
+        };
+        if self.facts.scenes.iter().any(of) {
             "Exact camera poses; where a stream has `events/label`, each event is told as signal or noise."
                 .to_owned()
         } else {
@@ -120,7 +123,7 @@ impl Answers<'_> {
     }
 
     fn taken_down(&self) -> String {
-        match self.facts.beside.taken_down {
+        match self.facts.taken_down {
             0 => String::new(),
             count => format!("{count} scenes were left out, as their removal was asked for."),
         }
@@ -204,7 +207,7 @@ impl Answers<'_> {
 
     fn accessed(&self) -> String {
         let days: BTreeMap<&str, usize> =
-            self.facts.described.iter().filter_map(|file| file.source.accessed.as_deref()).fold(
+            self.facts.scenes.iter().filter_map(|scene| scene.file.source.accessed.as_deref()).fold(
                 BTreeMap::new(),
                 |mut days, day| {
                     *days.entry(day).or_default() += 1;

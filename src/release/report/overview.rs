@@ -51,7 +51,7 @@ const SECTIONS: [(&str, &str); 6] = [
 
 /// How much there is, in large figures.
 fn figures(html: &mut Html, page: &Page<'_>) {
-    let parts = || page.entries.iter().flat_map(|entry| &entry.file.trajectories);
+    let parts = || page.entries.iter().flat_map(|entry| &entry.scene.file.trajectories);
     let streams = || page.entries.iter().flat_map(section::Entry::counted);
     let sum = |values: &mut dyn Iterator<Item = u64>| whole(values.sum());
     let frames = |kind: &str| {
@@ -186,7 +186,7 @@ fn faults(html: &mut Html, page: &Page<'_>) {
     let mut faults: Vec<(&str, &Finding)> = page
         .entries
         .iter()
-        .flat_map(|entry| entry.built.findings().map(|finding| (entry.id(), finding)))
+        .flat_map(|entry| entry.scene.all_findings().map(|finding| (entry.id(), finding)))
         .filter(|(_, finding)| findings::is_fault(finding.verdict))
         .collect();
     faults.sort_by_key(|(_, finding)| findings::rank(finding.verdict));
@@ -299,7 +299,7 @@ pub(super) fn left_out(html: &mut Html, page: &Page<'_>) {
                 html.leaf("li", &[], &words);
             }
         });
-        let rows = page.entries.iter().flat_map(|entry| &entry.built.trajectories).flat_map(|t| &t.left_out);
+        let rows = page.entries.iter().flat_map(|entry| &entry.scene.trajectories).flat_map(|t| &t.left_out);
         let sums = sums(rows);
         if sums.is_empty() {
             return;
@@ -330,7 +330,7 @@ const LEFT_OUT: &str = "Rows that end in \"identical bytes\" change no bit of wh
 fn absences(page: &Page<'_>) -> Vec<String> {
     let withheld: Vec<&str> =
         page.entries.iter().filter(|entry| entry.is_withheld()).map(section::Entry::id).collect();
-    let images = page.entries.iter().flat_map(|entry| &entry.file.images);
+    let images = page.entries.iter().flat_map(|entry| &entry.scene.file.images);
     let [unused, photos] = images.fold([0u64; 2], |[unused, all], i| [unused + u64::from(!i.used), all + 1]);
     let silent = page.entries.iter().filter(|entry| entry.counted().next().is_none()).count();
     let mut told = vec![match withheld.len() {
@@ -404,7 +404,7 @@ pub(super) fn files(html: &mut Html, page: &Page<'_>) {
             }
         });
         html.leaf("p", &[], READING);
-        let gated = page.entries.iter().filter(|entry| entry.file.licence.gated).count();
+        let gated = page.entries.iter().filter(|entry| entry.scene.file.licence.gated).count();
         if gated > 0 {
             let of = counted(gated, "scene", "scenes");
             let words = format!("Gated: who receives them must accept the upstream terms of {of} first.");
@@ -413,7 +413,7 @@ pub(super) fn files(html: &mut Html, page: &Page<'_>) {
         let holders: BTreeSet<&str> = page
             .entries
             .iter()
-            .map(|entry| entry.file.licence.attribution.as_str())
+            .map(|entry| entry.scene.file.licence.attribution.as_str())
             .filter(|holder| !holder.is_empty())
             .collect();
         if !holders.is_empty() {

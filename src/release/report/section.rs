@@ -6,19 +6,36 @@ use super::findings::{self, Count, WORST_FIRST};
 use super::html::{Html, address};
 use super::trajectory;
 use crate::check::{Finding, Verdict};
-use crate::licence::Passing;
-use crate::release::built::BuiltScene;
-use crate::release::manifest::ManifestFile;
+use crate::release::published::{PublishedScene, PublishedTrajectory};
 use crate::release::scene::{SceneFile, SensorPart, Statistics, TrajectoryPart};
 use crate::trajectory::picture::short;
 
 /// A scene of the page.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Entry<'a> {
-    pub(super) built: &'a BuiltScene<'a>,
-    pub(super) file: &'a SceneFile,
-    /// Its files in the tree, sorted by path.
-    pub(super) files: &'a [ManifestFile],
+    pub(super) scene: &'a PublishedScene,
+}
+
+/// A trajectory of the page.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Track<'a> {
+    pub(super) entry: Entry<'a>,
+    pub(super) part: &'a TrajectoryPart,
+    pub(super) published: &'a PublishedTrajectory,
+}
+
+impl<'a> Track<'a> {
+    /// The path of a file in its folder.
+    pub(super) fn path_of(&self, name: &str) -> String {
+        format!("{}/{}/{name}", self.entry.id(), self.part.name)
+    }
+
+    /// Its frames of a kind, `sharp` or `blur`: the number of the pose, and the path.
+    pub(super) fn frames(&self, kind: &str) -> impl Iterator<Item = (usize, &'a str)> + use<'a> {
+        let number = |path: &str| path.rsplit('/').next()?.strip_suffix(".png")?.parse().ok();
+        let paths = self.entry.below(&format!("{}/{kind}/", self.part.name));
+        paths.filter_map(move |path| Some((number(path)?, path)))
+    }
 }
 
 /// What one scene adds to the page.
@@ -28,29 +45,34 @@ pub(super) struct Part {
     pub(super) section: Html,
 }
 
-impl Entry<'_> {
-    pub(super) fn id(&self) -> &str {
-        &self.file.id
+impl<'a> Entry<'a> {
+    pub(super) fn id(&self) -> &'a str {
+        &self.scene.file.id
     }
 
     /// Whether nothing that shows the scene may be passed on.
     pub(super) fn is_withheld(&self) -> bool {
-        self.built.licence.passing == Passing::Withheld
+        self.scene.is_withheld()
+    }
+
+    /// Its trajectories.
+    pub(super) fn tracks(self) -> impl Iterator<Item = Track<'a>> {
+        self.scene.paths().map(move |(part, published)| Track { entry: self, part, published })
     }
 
     pub(super) fn count(&self) -> Count {
-        Count::of(self.built.findings())
+        Count::of(self.scene.all_findings())
     }
 
     /// Paths of its files below its folder.
-    pub(super) fn below(&self, folder: &str) -> impl Iterator<Item = &str> {
+    pub(super) fn below(&self, folder: &str) -> impl Iterator<Item = &'a str> + use<'a> {
         let prefix = format!("{}/{folder}", self.id());
-        self.files.iter().map(|file| file.path.as_str()).filter(move |path| path.starts_with(&prefix))
+        self.scene.files.iter().map(|file| file.path.as_str()).filter(move |path| path.starts_with(&prefix))
     }
 
     /// The counts of its streams.
-    pub(super) fn counted(&self) -> impl Iterator<Item = &Statistics> {
-        self.file.trajectories.iter().flat_map(statistics)
+    pub(super) fn counted(&self) -> impl Iterator<Item = &'a Statistics> + use<'a> {
+        self.scene.file.trajectories.iter().flat_map(statistics)
     }
 }
 
@@ -138,7 +160,7 @@ fn table_row(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     let kinds = WORST_FIRST.into_iter().filter(|verdict| count.get(*verdict) > 0).map(findings::class);
     let withheld = entry.is_withheld().then_some("withheld");
     let class = kinds.chain(withheld).map(|kind| format!("has-{kind}")).collect::<Vec<_>>().join(" ");
-    let file = entry.file;
+    let file = &entry.scene.file;
     html.within("tr", &[("class", &class)], |html| {
         html.within("td", &[], |html| thumbnail(html, page, entry));
         html.within("th", &[("scope", "row")], |html| link(html, entry.id(), entry.id()));
@@ -176,8 +198,8 @@ fn thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
     if entry.is_withheld() {
         return html.leaf("span", &[("class", "none")], "withheld");
     }
-    let sharp = |built| super::seen::sharp(built, page.store, page.depth.thumbnail);
-    match entry.built.trajectories.iter().find_map(sharp) {
+    let sharp = |track: Track<'_>| super::seen::sharp(track, page.places, page.depth.thumbnail);
+    match entry.tracks().find_map(sharp) {
         Some(shown) => image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words)),
         None => html.leaf("span", &[("class", "none")], "no frame"),
     }
@@ -185,7 +207,7 @@ fn thumbnail(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
 
 /// What binds who has the scene, beside the licence's name.
 fn marks(html: &mut Html, entry: &Entry<'_>) {
-    if entry.file.licence.gated {
+    if entry.scene.file.licence.gated {
         html.leaf("span", &[("class", "mark")], "gated");
     }
     if entry.is_withheld() {
@@ -206,9 +228,7 @@ fn details(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
             facts(html, page, entry);
             files(html, entry);
             own_findings(html, page, entry);
-            for (built, part) in entry.built.trajectories.iter().zip(&entry.file.trajectories) {
-                trajectory::compose(html, page, entry, (built, part));
-            }
+            entry.tracks().for_each(|track| trajectory::compose(html, page, track));
         });
     });
 }
@@ -227,7 +247,7 @@ fn files(html: &mut Html, entry: &Entry<'_>) {
 }
 
 fn facts(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
-    let file = entry.file;
+    let file = &entry.scene.file;
     let camera = &file.camera;
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(short);
     let mut facts = vec![
@@ -300,8 +320,8 @@ fn licence(file: &SceneFile) -> String {
 
 /// The findings on the scene itself, by its photos and its capture.
 fn own_findings(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>) {
-    let Some(photographed) = &entry.built.photographed else { return };
-    listed(html, page, "Checks of the scene", entry.id(), &photographed.findings);
+    let Some(findings) = &entry.scene.findings else { return };
+    listed(html, page, "Checks of the scene", entry.id(), findings);
 }
 
 /// Findings as deep as the page goes.

@@ -1,4 +1,4 @@
-//! What is read from the store for the page: event rates, and pictures of one moment of a trajectory.
+//! What is read from the scene's files for the page: event rates, and pictures of one moment of a trajectory.
 //!
 //! Rates come from `ms_to_idx`, so that no event is read for them. A picture is of the middle of the trajectory: the sharp
 //! frame nearest to it, and the events around that. What cannot be read is not shown; the release finds out why when it
@@ -7,14 +7,15 @@
 use super::curve::Curve;
 use super::depth::Depth;
 use super::embed::Picture;
+use super::section::Track;
+use crate::artifact::Stream;
 use crate::event::picture::Picture as Balance;
 use crate::event::{EventSink as _, EventSource as _, h5};
+use crate::files;
 use crate::image::Size;
-use crate::release::built::BuiltTrajectory;
-use crate::store::Store;
-use crate::store::record::Output;
+use crate::release::published::{self, Places};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A picture and what it shows.
 #[derive(Debug)]
@@ -23,44 +24,43 @@ pub(super) struct Shown {
     pub(super) words: String,
 }
 
-/// Where the number of the frame of a file name stands.
-fn number(output: &Output) -> Option<usize> {
-    output.name.strip_suffix(".png")?.parse().ok()
-}
-
-/// The sharp frame nearest to the middle of the trajectory, and its number.
-fn middle(built: &BuiltTrajectory) -> Option<(usize, &Output)> {
-    let middle = built.motion.trajectory.stamps_us.len() / 2;
-    let frames = built.sharp.iter().flatten().filter_map(|output| Some((number(output)?, output)));
-    frames.min_by_key(|(number, _)| (number.abs_diff(middle), *number))
+/// The sharp frame nearest to the middle of the trajectory: its number and path.
+fn middle<'a>(track: &Track<'a>) -> Option<(usize, &'a str)> {
+    let middle = track.part.poses / 2;
+    track.frames("sharp").min_by_key(|(number, _)| (number.abs_diff(middle), *number))
 }
 
 /// When it is, us.
-fn moment_us(built: &BuiltTrajectory) -> i64 {
-    let stamps = &built.motion.trajectory.stamps_us;
-    let number = middle(built).map_or(stamps.len() / 2, |(number, _)| number);
+fn moment_us(track: &Track<'_>) -> i64 {
+    let stamps = &track.published.motion.trajectory.stamps_us;
+    let number = middle(track).map_or(stamps.len() / 2, |(number, _)| number);
     stamps.get(number).copied().unwrap_or(0)
 }
 
+/// A PNG file of the tree.
+fn picture(path: &str, places: Places<'_>, width: u32) -> Option<Picture> {
+    let bytes = files::read_with(&places(path)?, files::Links::Refuse, files::MAX_DOCUMENT).ok()?;
+    Picture::of_png(&bytes, width)
+}
+
 /// The sharp frame of the middle.
-pub(super) fn sharp(built: &BuiltTrajectory, store: &Store, width: u32) -> Option<Shown> {
-    let (number, output) = middle(built)?;
-    let picture = Picture::of_png(&std::fs::read(store.path_of(&output.digest)).ok()?, width)?;
-    let words = format!("sharp frame {number} at {:.1} ms", moment_us(built) as f64 * 1e-3);
-    Some(Shown { picture, words })
+pub(super) fn sharp(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
+    let (number, path) = middle(&track)?;
+    let words = format!("sharp frame {number} at {:.1} ms", moment_us(&track) as f64 * 1e-3);
+    Some(Shown { picture: picture(path, places, width)?, words })
 }
 
 /// The blurred frame nearest to that.
-pub(super) fn blurred(built: &BuiltTrajectory, store: &Store, width: u32) -> Option<Shown> {
-    let (blurred, outputs) = built.blur.as_ref()?;
-    let moment = moment_us(built);
-    let exposure = blurred.exposures.iter().min_by_key(|e| (e.start_us + e.end_us - 2 * moment).abs())?;
-    let output = outputs.iter().find(|output| number(output) == Some(exposure.pose))?;
-    let picture = Picture::of_png(&std::fs::read(store.path_of(&output.digest)).ok()?, width)?;
-    let [from, to] = [exposure.start_us, exposure.end_us].map(|us| us as f64 * 1e-3);
+pub(super) fn blurred(track: Track<'_>, places: Places<'_>, width: u32) -> Option<Shown> {
+    let exposures = published::exposures(track.part, &track.published.motion);
+    let moment = moment_us(&track);
+    let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
+    let (pose, times) = exposures.iter().min_by_key(|(_, times)| away(times))?;
+    let (_, path) = track.frames("blur").find(|(number, _)| number == pose)?;
+    let [from, to] = times.map(|us| us as f64 * 1e-3);
     Some(Shown {
-        picture,
-        words: format!("blurred frame {}, exposed from {from:.1} to {to:.1} ms", exposure.pose),
+        picture: picture(path, places, width)?,
+        words: format!("blurred frame {pose}, exposed from {from:.1} to {to:.1} ms"),
     })
 }
 
@@ -87,10 +87,12 @@ fn rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// The events of a stream around the middle of its trajectory.
-pub(super) fn events(built: &BuiltTrajectory, file: &Path, size: Size, width: u32) -> Option<Shown> {
+pub(super) fn events(track: Track<'_>, file: &Path, width: u32) -> Option<Shown> {
+    let camera = &track.entry.scene.file.camera;
+    let size = Size { width: camera.width, height: camera.height };
     let mut reader = h5::Reader::open(file).ok()?;
     let index = reader.index().ok()?;
-    let ms = window(&index, usize::try_from(moment_us(built) / 1000).ok()?, size.pixels() as u64 / DENSITY)?;
+    let ms = window(&index, usize::try_from(moment_us(&track) / 1000).ok()?, size.pixels() as u64 / DENSITY)?;
     let us = |ms: usize| i64::try_from(ms).ok()?.checked_mul(1000);
     let window_us = us(ms.start)?..us(ms.end)?;
     let mut balance = Balance::new(size, window_us.clone());
@@ -123,44 +125,45 @@ fn window(index: &[u64], middle: usize, wanted: u64) -> Option<Range<usize>> {
     Some(range)
 }
 
-/// The picture of a check, `<check>.png` or `<sensor>.<check>.png` in the outputs of the step.
+/// The picture of a check, `checks/<check>.png` or `checks/<sensor>.<check>.png` in the trajectory's folder.
 #[derive(Debug)]
 pub(super) struct OfCheck<'a> {
     pub(super) check: &'a str,
     pub(super) sensor: Option<&'a str>,
-    output: &'a Output,
+    path: &'a str,
 }
 
 impl OfCheck<'_> {
-    pub(super) fn read(&self, store: &Store, width: u32) -> Option<Picture> {
-        Picture::of_png(&std::fs::read(store.path_of(&self.output.digest)).ok()?, width)
+    pub(super) fn read(&self, places: Places<'_>, width: u32) -> Option<Picture> {
+        picture(self.path, places, width)
     }
 }
 
 /// The pictures of checks that the page shows, faults first.
-pub(super) fn of_checks(built: &BuiltTrajectory, depth: Depth) -> Vec<OfCheck<'_>> {
-    let mut pictures: Vec<OfCheck<'_>> = built.check_pictures.iter().filter_map(named).collect();
-    let worst =
-        |of: &OfCheck<'_>| super::findings::worst(built.findings.iter().filter(|f| f.check == of.check));
+pub(super) fn of_checks(track: Track<'_>, depth: Depth) -> Vec<OfCheck<'_>> {
+    let paths = track.entry.below(&format!("{}/checks/", track.part.name));
+    let mut pictures: Vec<OfCheck<'_>> = paths.filter_map(named).collect();
+    let findings = &track.published.findings;
+    let worst = |of: &OfCheck<'_>| super::findings::worst(findings.iter().filter(|f| f.check == of.check));
     pictures.retain(|of| depth.passed_pictures || worst(of).is_some_and(super::findings::is_fault));
     pictures.sort_by_key(|of| worst(of).map_or(usize::MAX, super::findings::rank));
     pictures.truncate(depth.check_pictures);
     pictures
 }
 
-fn named(output: &Output) -> Option<OfCheck<'_>> {
-    let stem = output.name.strip_suffix(".png")?;
+fn named(path: &str) -> Option<OfCheck<'_>> {
+    let stem = path.rsplit('/').next()?.strip_suffix(".png")?;
     let (sensor, check) = match stem.rsplit_once('.') {
         Some((sensor, check)) => (Some(sensor), check),
         None => (None, stem),
     };
-    Some(OfCheck { check, sensor, output })
+    Some(OfCheck { check, sensor, path })
 }
 
-/// The event files of a trajectory in the store, with the names of their sensors.
-pub(super) fn streams(built: &BuiltTrajectory) -> impl Iterator<Item = (Option<&str>, &Path)> {
-    let files = built.events.iter().flat_map(|(streams, _)| streams.files.iter().map(|file| file.as_path()));
-    built.streams().iter().map(|stream| stream.name.as_deref()).zip(files)
+/// The event files of a trajectory, with the names of their sensors.
+pub(super) fn streams<'a>(track: Track<'a>, places: Places<'_>) -> Vec<(Option<&'a str>, PathBuf)> {
+    let names = published::stream_names(track.part).into_iter();
+    names.filter_map(|name| Some((name, places(&track.path_of(&Stream::released(name)))?))).collect()
 }
 
 #[cfg(test)]
@@ -196,16 +199,13 @@ mod tests {
 
     #[test]
     fn pictures_of_checks_say_whose_they_are() {
-        let output =
-            |name: &str| Output { name: name.to_owned(), digest: crate::store::Digest::of(b""), size: 0 };
         for (name, wanted) in [
-            ("motion.png", Some((None, "motion"))),
-            ("fine.event_frame.png", Some((Some("fine"), "event_frame"))),
-            ("a.b.motion.png", Some((Some("a.b"), "motion"))),
-            ("verdicts.json", None),
+            ("s/t/checks/motion.png", Some((None, "motion"))),
+            ("s/t/checks/fine.event_frame.png", Some((Some("fine"), "event_frame"))),
+            ("s/t/checks/a.b.motion.png", Some((Some("a.b"), "motion"))),
+            ("s/t/checks/verdicts.json", None),
         ] {
-            let output = output(name);
-            assert_eq!(named(&output).map(|of| (of.sensor, of.check)), wanted);
+            assert_eq!(named(name).map(|of| (of.sensor, of.check)), wanted);
         }
     }
 }

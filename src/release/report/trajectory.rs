@@ -4,9 +4,9 @@ use super::Page;
 use super::curve::{self, Curve, stroke};
 use super::findings::is_fault;
 use super::html::Html;
-use super::section::{self, Entry, file_link, image, on_share, whole};
+use super::section::{self, Track, file_link, image, on_share, whole};
 use super::seen::{self, Shown};
-use crate::release::built::BuiltTrajectory;
+use crate::release::published::PublishedTrajectory;
 use crate::release::scene::{Range, Statistics, TrajectoryPart};
 use crate::trajectory::picture::{Sketch, short, sketch};
 use crate::units::amount;
@@ -16,31 +16,27 @@ use std::fmt::Write as _;
 const VIEW: [f64; 2] = [240.0, 160.0];
 
 /// Writes it.
-pub(super) fn compose(
-    html: &mut Html,
-    page: &Page<'_>,
-    entry: &Entry<'_>,
-    (built, part): (&BuiltTrajectory, &TrajectoryPart),
-) {
+pub(super) fn compose(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+    let Track { entry, part, published } = track;
     html.within("article", &[], |html| {
         html.within("h4", &[], |html| {
-            html.text(&built.name);
+            html.text(&part.name);
             html.leaf("span", &[("class", "kind")], &format!(" {}", part.kind));
         });
         html.leaf("p", &[("class", "counted")], &counted(part));
         html.within("div", &[("class", "figures")], |html| {
             if !entry.is_withheld() {
-                pictures(html, page, entry, built);
+                pictures(html, page, track);
             }
-            path(html, page, built);
-            curves(html, page, entry, (built, part));
+            path(html, page, published);
+            curves(html, page, track);
             if !entry.is_withheld() {
-                pictures_of_checks(html, page, built);
+                pictures_of_checks(html, page, track);
             }
         });
-        files(html, page, entry, built);
-        let prefix = format!("{}/{}", entry.id(), built.name);
-        section::listed(html, page, "Checks", &prefix, &built.findings);
+        files(html, page, track);
+        let prefix = format!("{}/{}", entry.id(), part.name);
+        section::listed(html, page, "Checks", &prefix, &published.findings);
     });
 }
 
@@ -77,9 +73,10 @@ fn figure(html: &mut Html, class: &str, caption: &str, inside: impl FnOnce(&mut 
 }
 
 /// The sharp frame of the middle, and the events around it.
-fn pictures(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTrajectory) {
-    let (depth, store) = (page.depth, page.store);
-    let first = entry.built.trajectories.first().is_some_and(|first| std::ptr::eq(first, built));
+fn pictures(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+    let (depth, places) = (page.depth, page.places);
+    let trajectories = &track.entry.scene.file.trajectories;
+    let first = trajectories.first().is_some_and(|first| first.name == track.part.name);
     if !depth.every && !first {
         return;
     }
@@ -89,12 +86,12 @@ fn pictures(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTr
         }
     };
     if depth.sharp {
-        show(seen::sharp(built, store, depth.picture));
-        show(seen::blurred(built, store, depth.picture));
+        show(seen::sharp(track, places, depth.picture));
+        show(seen::blurred(track, places, depth.picture));
     }
-    let Some(simulation) = built.simulation() else { return };
-    for (name, file) in seen::streams(built).take(if depth.every { MOST_STREAMS } else { 1 }) {
-        let shown = seen::events(built, file, simulation.camera.size, depth.picture);
+    let most = if depth.every { MOST_STREAMS } else { 1 };
+    for (name, file) in seen::streams(track, places).into_iter().take(most) {
+        let shown = seen::events(track, &file, depth.picture);
         let named = |shown: Shown| match name {
             Some(name) => Shown { words: format!("{name}: {}", shown.words), ..shown },
             None => shown,
@@ -107,8 +104,8 @@ fn pictures(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTr
 const MOST_STREAMS: usize = 4;
 
 /// The path from above and from the side.
-fn path(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory) {
-    let motion = &built.motion;
+fn path(html: &mut Html, page: &Page<'_>, published: &PublishedTrajectory) {
+    let motion = &published.motion;
     let counts = [page.depth.points, page.depth.cameras];
     let views = sketch(&motion.trajectory.world_from_camera, &motion.report.linear_unit_s, VIEW, counts);
     let Some(views) = views else { return };
@@ -152,24 +149,19 @@ fn draw_views(html: &mut Html, views: &[Sketch; 2]) {
 }
 
 /// Event rates and speeds over time.
-fn curves(
-    html: &mut Html,
-    page: &Page<'_>,
-    entry: &Entry<'_>,
-    (built, part): (&BuiltTrajectory, &TrajectoryPart),
-) {
+fn curves(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+    let Track { part, published, .. } = track;
     let points = page.depth.points;
-    let streams = seen::streams(built).take(MOST_STREAMS);
-    // Of a scene that is withheld the events are not in the release; how many there were is told all the same.
-    for (name, file) in streams.filter(|_| !entry.is_withheld()) {
-        let Some(rate) = seen::rate(file, part.duration_us, points) else { continue };
+    // A scene that is withheld has no event files here.
+    for (name, file) in seen::streams(track, page.places).into_iter().take(MOST_STREAMS) {
+        let Some(rate) = seen::rate(&file, part.duration_us, points) else { continue };
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count times 1000")]
         let highest = amount(rate.highest() as u64, "ev/s");
         let words = format!("{of}event rate over time, from 0 to {highest}");
         figure(html, "", &words, |html| curve::draw(html, &[("a", &rate)]));
     }
-    let report = &built.motion.report;
+    let report = &published.motion.report;
     let durations: Vec<f64> = report.durations().collect();
     let curve = |values: &[f64]| Curve::new(values, &durations, points).over_mean();
     let (linear, angular) = (curve(&report.linear_unit_s), curve(&report.angular_rad_s));
@@ -195,10 +187,10 @@ fn speeds(counted: &Statistics) -> String {
 }
 
 /// Pictures that checks made.
-fn pictures_of_checks(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory) {
-    for of in seen::of_checks(built, page.depth) {
-        let Some(picture) = of.read(page.store, page.depth.picture) else { continue };
-        let own = built.findings.iter().filter(|finding| finding.check == of.check);
+fn pictures_of_checks(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+    for of in seen::of_checks(track, page.depth) {
+        let Some(picture) = of.read(page.places, page.depth.picture) else { continue };
+        let own = track.published.findings.iter().filter(|finding| finding.check == of.check);
         let fault = super::findings::worst(own).filter(|verdict| is_fault(*verdict));
         let mut words = format!("check {}", of.check);
         if let Some(sensor) = of.sensor {
@@ -212,10 +204,10 @@ fn pictures_of_checks(html: &mut Html, page: &Page<'_>, built: &BuiltTrajectory)
 }
 
 /// The trajectory's files in the tree; of a folder of many, the first. A brief page links to the most wanted.
-fn files(html: &mut Html, page: &Page<'_>, entry: &Entry<'_>, built: &BuiltTrajectory) {
-    let folder = format!("{}/", built.name);
-    let prefix = format!("{}/{folder}", entry.id());
-    let paths: Vec<&str> = entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();
+fn files(html: &mut Html, page: &Page<'_>, track: Track<'_>) {
+    let folder = format!("{}/", track.part.name);
+    let prefix = track.path_of("");
+    let paths: Vec<&str> = track.entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();
     let same = |a: &&str, b: &&str| of_many(a).is_some() && of_many(a) == of_many(b);
     let groups = paths.chunk_by(same).filter(|group| page.depth.every || is_most_wanted(group[0]));
     html.within("p", &[("class", "files")], |html| {

@@ -1,7 +1,7 @@
 //! Under which terms a scene is passed on, part by part.
 
-use crate::licence::{Grant, Obligation, Part, Passing};
-use crate::release::built::BuiltScene;
+use crate::licence::{Composed, Grant, Obligation, Part, Passing};
+use crate::recipe::Recipe;
 use serde::{Deserialize, Serialize};
 
 /// Under which terms the scene is passed on.
@@ -83,30 +83,30 @@ pub struct LicensedTool {
 }
 
 /// The terms of a scene.
-pub(super) fn part(scene: &BuiltScene<'_>) -> LicencePart {
+pub(super) fn part(recipe: &Recipe, licence: &Composed) -> LicencePart {
     let tool = |name: &str, version: &str, licence: &str| LicensedTool {
         name: name.into(),
         version: version.into(),
         licence: licence.into(),
     };
-    let trainer = super::command(scene.recipe);
+    let trainer = super::command(recipe);
     let trainer = trainer.map(|own| tool(&own.name(), &own.version, &own.licence));
     LicencePart {
-        expression: scene.licence.expression.clone(),
-        parts: scene.licence.parts.iter().map(LicensedPart::of).collect(),
+        expression: licence.expression.clone(),
+        parts: licence.parts.iter().map(LicensedPart::of).collect(),
         tools: [tool("gs2e", env!("CARGO_PKG_VERSION"), "MIT OR Apache-2.0")]
             .into_iter()
             .chain(trainer)
             .collect(),
-        gated: scene.licence.gated,
-        redistribution: scene.licence.passing.because().map(str::to_owned),
-        withheld: scene.licence.passing == Passing::Withheld,
-        attribution: attribution(scene),
+        gated: licence.gated,
+        redistribution: licence.passing.because().map(str::to_owned),
+        withheld: licence.passing == Passing::Withheld,
+        attribution: attribution(licence),
     }
 }
 
 /// Everybody who is to be named.
-fn attribution(scene: &BuiltScene<'_>) -> String {
-    let named = scene.licence.parts.iter().map(|part| part.attribution.as_str());
+fn attribution(licence: &Composed) -> String {
+    let named = licence.parts.iter().map(|part| part.attribution.as_str());
     named.filter(|name| !name.is_empty()).collect::<Vec<_>>().join("; ")
 }

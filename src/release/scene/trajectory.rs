@@ -2,12 +2,15 @@
 
 use super::{DepthQuantiles, Range, SensorPart, Statistics, TrajectoryPart};
 use crate::artifact::{Blurred, Simulation, Stream};
+use crate::image::Size;
 use crate::recipe::{Recipe, TrajectoryRecipe};
 use crate::release::built::BuiltTrajectory;
 use crate::render::RenderChoice;
 use crate::render::flow::Quantiles;
+use crate::seed::Seed;
 use crate::sensor::Sensor;
 use crate::sensor::voltmeter::Voltmeter;
+use crate::trajectory::Kind;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -17,7 +20,7 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
     let stamps = &built.motion.trajectory.stamps_us;
     TrajectoryPart {
         name: built.name.clone(),
-        kind: built.kind().into(),
+        kind: kind_name(built.motion.report.kind).into(),
         parameters: asked.map(parameters).unwrap_or_default(),
         keyframes: built.motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
@@ -25,22 +28,35 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
         rate: recipe.rate.0.to_string(),
         sampling: sampling(recipe, built.simulation()),
         render_rules: render_rules(recipe.render, built.simulation()),
-        sensor: the_one(built).map(|(simulation, stream)| sensor(simulation, stream)),
+        sensor: the_one(built).map(|(simulation, stream)| sensor(simulation.seed, &stream.sensor)),
         sensors: sensors(built),
-        blur: built.blur.as_ref().map(|(blurred, _)| blur(recipe, blurred)),
+        blur: built.blur.as_ref().map(|blurred| blur(recipe, &json!(most_subframes(blurred)))),
         statistics: statistics(built),
     }
 }
 
+/// How a path was made, as recipes call it.
+pub(super) fn kind_name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Refine => "refine",
+        Kind::Novel => "novel",
+        Kind::Orbit => "orbit",
+        Kind::Keyframes => "keyframes",
+    }
+}
+
 /// Dense frames of an exposure and from one to the next, and how many pictures stand for one at most.
-fn blur(recipe: &Recipe, blurred: &Blurred) -> Value {
-    let most = blurred.exposures.iter().map(|exposure| exposure.subframes).max();
+pub(super) fn blur(recipe: &Recipe, most: &Value) -> Value {
     json!({ "frames": recipe.shutter.frames, "stride": recipe.shutter.frames, "subframes": most })
+}
+
+fn most_subframes(blurred: &Blurred) -> Option<u32> {
+    blurred.exposures.iter().map(|exposure| exposure.subframes).max()
 }
 
 /// Frames a second, and how brightness was taken between frames, as the recipe says in full; for a tolerance what was chosen,
 /// and the error that was foreseen and found.
-fn sampling(recipe: &Recipe, simulation: Option<&Simulation>) -> Value {
+pub(super) fn sampling(recipe: &Recipe, simulation: Option<&Simulation>) -> Value {
     let between = recipe.merged.pointer("/sampling/between").cloned().unwrap_or_default();
     let mut out = json!({ "rate": recipe.rate.0.to_string(), "between": between });
     if let (Some(chosen), Some(out)) = (simulation.and_then(|s| s.chosen.as_ref()), out.as_object_mut()) {
@@ -52,7 +68,7 @@ fn sampling(recipe: &Recipe, simulation: Option<&Simulation>) -> Value {
 
 /// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would
 /// round such numbers.
-fn parameters(asked: &TrajectoryRecipe) -> Value {
+pub(super) fn parameters(asked: &TrajectoryRecipe) -> Value {
     let mut parameters = json!(asked.path);
     if let Some(novel) = parameters.get_mut("novel").and_then(Value::as_object_mut) {
         novel.retain(|key, _| !key.ends_with("_seed"));
@@ -62,7 +78,7 @@ fn parameters(asked: &TrajectoryRecipe) -> Value {
     parameters
 }
 
-fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {
+pub(super) fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {
     let antialiased = simulation.map(|s| s.antialiased);
     json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
 }
@@ -73,14 +89,14 @@ fn the_one(built: &BuiltTrajectory) -> Option<(&Simulation, &Stream)> {
     built.simulation().zip(stream)
 }
 
-fn sensor(simulation: &Simulation, stream: &Stream) -> Value {
-    let model = stream.sensor.as_model();
+pub(super) fn sensor(seed: Seed, sensor: &Sensor) -> Value {
+    let model = sensor.as_model();
     let (c_on, c_off) = model.contrast();
     let mut out = json!({
-        "model": stream.sensor.name(), "law_version": model.law_version(), "c_on": c_on, "c_off": c_off,
-        "seed": simulation.seed.0.to_string(),
+        "model": sensor.name(), "law_version": model.law_version(), "c_on": c_on, "c_off": c_off,
+        "seed": seed.0.to_string(),
     });
-    let parameters = match &stream.sensor {
+    let parameters = match sensor {
         Sensor::Voltmeter(v) => voltmeter(v),
         Sensor::Esim(sensor) => json!(sensor),
         Sensor::V2e(sensor) => json!(sensor),
@@ -117,36 +133,45 @@ fn sensors(built: &BuiltTrajectory) -> BTreeMap<String, SensorPart> {
     let named = built.streams().iter().enumerate().filter_map(|(i, s)| Some((i, s, s.name.clone()?)));
     let part = |(i, stream, name): (usize, &Stream, String)| {
         let counted = counted(built, simulation, i);
-        let twin_of = twin_of(&stream.sensor, &simulation.streams).map(str::to_owned);
-        (name, SensorPart { sensor: sensor(simulation, stream), twin_of, statistics: counted })
+        let others = simulation.streams.iter().map(|other| (other.name.as_deref(), &other.sensor));
+        let twin_of = twin_of(&stream.sensor, others).map(str::to_owned);
+        (name, SensorPart { sensor: sensor(simulation.seed, &stream.sensor), twin_of, statistics: counted })
     };
     named.map(part).collect()
 }
 
 /// The name of the first sensor that this one without noise would be, if its noise were taken away.
-fn twin_of<'s>(own: &Sensor, streams: &'s [Stream]) -> Option<&'s str> {
+pub(super) fn twin_of<'s>(
+    own: &Sensor,
+    mut all: impl Iterator<Item = (Option<&'s str>, &'s Sensor)>,
+) -> Option<&'s str> {
     let own = own.without_labels();
-    let is_twin = |other: &&Stream| {
-        let noisy = other.sensor.without_labels();
+    let is_twin = |other: &Sensor| {
+        let noisy = other.without_labels();
         noisy != own && noisy.without_noise() == own
     };
-    streams.iter().find(is_twin)?.name.as_deref()
+    all.find(|(_, other)| is_twin(other))?.0
 }
 
 /// What was counted of stream `i`.
 fn counted(built: &BuiltTrajectory, simulation: &Simulation, i: usize) -> Statistics {
     let account = &simulation.streams[i].account;
-    let seconds = built.motion.trajectory.stamps_us.last().map_or(0.0, |t| *t as f64 * 1e-6);
-    let pixel_seconds = simulation.camera.size.pixels() as f64 * seconds;
+    let last_us = built.motion.trajectory.stamps_us.last().copied().unwrap_or(0);
     Statistics {
         events: Some(account.events),
         on: Some(account.on),
         off: Some(account.off),
-        rate_ev_px_s: (pixel_seconds > 0.0).then(|| account.events as f64 / pixel_seconds),
+        rate_ev_px_s: rate_ev_px_s(account.events, simulation.camera.size, last_us),
         peak_ev_per_ms: built.peaks_ev_per_ms.get(i).copied(),
         active_pixels: Some(account.active_pixels),
         ..Statistics::default()
     }
+}
+
+/// Events per pixel and second; `None` where no time passes.
+pub(super) fn rate_ev_px_s(events: u64, size: Size, last_us: i64) -> Option<f64> {
+    let pixel_seconds = size.pixels() as f64 * (last_us as f64 * 1e-6);
+    (pixel_seconds > 0.0).then(|| events as f64 / pixel_seconds)
 }
 
 fn statistics(built: &BuiltTrajectory) -> Statistics {

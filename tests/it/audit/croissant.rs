@@ -133,13 +133,19 @@ fn admit(folder: &Path) {
 #[test]
 fn an_index_that_says_otherwise_is_found() {
     const SCENE: &str = "small/one/scene.json";
-    // What the index repeats and nothing else holds against anything.
+    const COMPOSED: &str = "not-composed small/one/scene.json";
     check_resealed(
         |f| edit(f, SCENE, |v| v["trajectories"][0]["statistics"]["rate_ev_px_s"] = 1.0.into()),
-        &[INDEX],
+        &[INDEX, COMPOSED],
     );
-    check_resealed(|f| edit(f, SCENE, |v| v["trajectories"][1]["sensor"]["c_on"] = 0.5.into()), &[INDEX]);
-    check_resealed(|f| edit(f, SCENE, |v| v["source"]["upstream_id"] = "1a2b".into()), &[INDEX; 2]);
+    check_resealed(
+        |f| edit(f, SCENE, |v| v["trajectories"][1]["sensor"]["c_on"] = 0.5.into()),
+        &[INDEX, COMPOSED],
+    );
+    check_resealed(
+        |f| edit(f, SCENE, |v| v["source"]["upstream_id"] = "1a2b".into()),
+        &[INDEX, INDEX, COMPOSED],
+    );
     check_resealed(|f| edit(f, "small/one/base/speed.json", |v| v["linear_unit_s"] = json!([1.0])), &[INDEX]);
     check_resealed(
         |f| {

@@ -1,8 +1,6 @@
 //! A small release, made by the program itself, and a second hand that can reseal it.
 
-use serde_json::Value;
-use sha2::{Digest as _, Sha256};
-use std::collections::BTreeMap;
+pub(crate) use super::forger::{edit, read, reseal, resum};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -63,56 +61,4 @@ pub(crate) fn copy() -> TempDir {
         std::fs::write(target, bytes).unwrap();
     }
     folder
-}
-
-/// All files below a folder by path.
-pub(crate) fn read(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let files = walkdir::WalkDir::new(folder).into_iter().map(Result::unwrap);
-    let files = files.filter(|entry| entry.file_type().is_file());
-    let below = |path: &Path| path.strip_prefix(folder).unwrap().to_str().unwrap().to_owned();
-    files.map(|entry| (below(entry.path()), std::fs::read(entry.path()).unwrap())).collect()
-}
-
-/// Writes `manifest.json`, `B3SUMS` and `SHA256SUMS` anew, as one would who tampers with a release and covers it up.
-pub(crate) fn reseal(folder: &Path) {
-    let mut files = read(folder);
-    files.remove("SHA256SUMS");
-    files.remove("B3SUMS");
-    let manifest = files.remove("manifest.json").unwrap();
-    let mut manifest: Value = serde_json::from_slice(&manifest).unwrap();
-    let listed = |files: &mut BTreeMap<String, Vec<u8>>, of: &dyn Fn(&str) -> bool| -> Value {
-        let names: Vec<String> = files.keys().filter(|path| of(path)).cloned().collect();
-        let entry = |path: String| {
-            let bytes = files.remove(&path).unwrap();
-            let blake3 = blake3::hash(&bytes).to_hex().to_string();
-            serde_json::json!({ "path": path, "size": bytes.len(), "blake3": blake3 })
-        };
-        names.into_iter().map(entry).collect()
-    };
-    for scene in manifest["scenes"].as_array_mut().unwrap() {
-        let prefix = format!("{}/", scene["id"].as_str().unwrap());
-        scene["files"] = listed(&mut files, &|path| path.starts_with(&prefix));
-    }
-    manifest["files"] = listed(&mut files, &|_| true);
-    std::fs::write(folder.join("manifest.json"), serde_json::to_vec(&manifest).unwrap()).unwrap();
-    let listed = read(folder).into_iter().filter(|(path, _)| path != "B3SUMS" && path != "SHA256SUMS");
-    let line = |(path, bytes): (String, Vec<u8>)| format!("{}  {path}\n", blake3::hash(&bytes).to_hex());
-    std::fs::write(folder.join("B3SUMS"), listed.map(line).collect::<String>()).unwrap();
-    resum(folder);
-}
-
-/// Writes `SHA256SUMS` anew.
-pub(crate) fn resum(folder: &Path) {
-    let files = read(folder).into_iter().filter(|(path, _)| path != "SHA256SUMS");
-    let hex = |bytes: &[u8]| Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect::<String>();
-    let text: String = files.map(|(path, bytes)| format!("{}  {path}\n", hex(&bytes))).collect();
-    std::fs::write(folder.join("SHA256SUMS"), text).unwrap();
-}
-
-/// Changes a JSON file.
-pub(crate) fn edit(folder: &Path, path: &str, change: impl FnOnce(&mut Value)) {
-    let path = folder.join(path);
-    let mut value: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-    change(&mut value);
-    std::fs::write(path, serde_json::to_vec_pretty(&value).unwrap()).unwrap();
 }

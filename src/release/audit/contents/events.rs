@@ -8,14 +8,24 @@ use crate::release::scene::Statistics;
 pub(super) fn audit(folder: &Folder<'_>, name: &str, stated: &Statistics) -> Vec<Fault> {
     let mut faults = Vec::new();
     match count(folder, name) {
-        Ok(Counted { faults: found, events, on }) => {
-            faults.extend(found.map(|message| folder.fault(Code::Unreadable, name, message)));
-            let stated = (stated.events.unwrap_or(events), stated.on.unwrap_or(on));
-            if (events, on) != stated {
-                let message = format!(
-                    "it holds {events} events, {on} of them ON; scene.json says {} and {}",
-                    stated.0, stated.1
-                );
+        Ok(counted) => {
+            let Counted { events, on, peak, active, .. } = counted;
+            faults.extend(counted.faults.map(|message| folder.fault(Code::Unreadable, name, message)));
+            let all = [
+                ("events", events, stated.events),
+                ("ON events", on, stated.on),
+                ("events in its busiest millisecond", peak, stated.peak_ev_per_ms),
+                ("pixels with an event", active, stated.active_pixels),
+            ];
+            let others =
+                all.iter().filter(|(_, found, stated)| stated.is_some_and(|stated| stated != *found));
+            let differing: Vec<String> = others
+                .map(|(what, found, stated)| {
+                    format!("{found} {what}, scene.json says {}", stated.unwrap_or(0))
+                })
+                .collect();
+            if !differing.is_empty() {
+                let message = format!("it holds {}", differing.join("; "));
                 faults.push(folder.fault(Code::ClaimsDisagree, name, message));
             }
         }
@@ -24,21 +34,27 @@ pub(super) fn audit(folder: &Folder<'_>, name: &str, stated: &Statistics) -> Vec
     faults
 }
 
-/// What a pass over the stream found: the first event that is out of place, and the counts.
+/// The first event that is out of place, and the counts of a stream.
 struct Counted {
     faults: Option<String>,
     events: u64,
     on: u64,
+    /// Most events in one millisecond.
+    peak: u64,
+    /// Pixels with an event.
+    active: u64,
 }
 
 fn count(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
     let mut reader = h5::Reader::open(&folder.on_disk(name))?;
     reader.verify_index()?;
     let size = folder.camera.size;
-    let mut counted = Counted { faults: None, events: 0, on: 0 };
+    let mut counted = Counted { faults: None, events: 0, on: 0, peak: 0, active: 0 };
     if reader.header().is_none_or(|header| header.size != size) {
         counted.faults = Some(format!("its sensor is not the {size} of scene.json"));
     }
+    let mut seen = vec![false; size.pixels()];
+    let (mut millisecond, mut within) = (i64::MIN, 0);
     let mut chunk = Vec::new();
     let mut previous: Option<Event> = None;
     while reader.next_chunk(&mut chunk)? {
@@ -50,9 +66,19 @@ fn count(folder: &Folder<'_>, name: &str) -> Result<Counted, EventFileError> {
             }
             counted.events += 1;
             counted.on += u64::from(event.polarity == Polarity::On);
+            let ms = event.t.floor_micros().div_euclid(1000);
+            within = if ms == millisecond { within + 1 } else { 1 };
+            (millisecond, counted.peak) = (ms, counted.peak.max(within));
+            let (x, y) = (usize::from(event.x), usize::from(event.y));
+            if x < size.width as usize
+                && let Some(seen) = seen.get_mut(y * size.width as usize + x)
+            {
+                *seen = true;
+            }
             previous = Some(*event);
         }
     }
+    counted.active = seen.into_iter().filter(|seen| *seen).count() as u64;
     Ok(counted)
 }
 

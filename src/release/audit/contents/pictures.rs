@@ -2,15 +2,13 @@
 //! camera, and holds what its kind can hold.
 
 use super::{Code, Fault, Folder};
-use crate::image::{npy, png};
+use crate::files::{self, Links};
+use crate::image::{Image, Size, npy, png};
+use crate::release::layout::PICTURES;
 use crate::sampling::exposure;
 use rayon::prelude::*;
 use serde_json::Value;
-use std::fs::File;
-use std::io::BufReader;
-
-/// Folder, and what the names in it end with.
-const KINDS: [(&str, &str); 4] = [("sharp", ".png"), ("blur", ".png"), ("depth", ".npy"), ("flow", ".npy")];
+use std::io::Cursor;
 
 /// Names of the pictures that a trajectory of so many poses has by its recipe.
 pub(super) fn wanted(poses: usize, recipe: &Value, asked: &dyn Fn(&str) -> bool) -> Vec<String> {
@@ -26,7 +24,7 @@ pub(super) fn wanted(poses: usize, recipe: &Value, asked: &dyn Fn(&str) -> bool)
             exposure::kept(poses, number(&format!("/{kind}/every"), 1), beside)
         }
     };
-    let asked = KINDS.into_iter().filter(|(kind, _)| asked(kind));
+    let asked = PICTURES.into_iter().filter(|(kind, _)| asked(kind));
     asked
         .flat_map(|(kind, end)| numbers(kind).into_iter().map(move |j| format!("{kind}/{j:06}{end}")))
         .collect()
@@ -34,7 +32,7 @@ pub(super) fn wanted(poses: usize, recipe: &Value, asked: &dyn Fn(&str) -> bool)
 
 pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
     let mut found = Vec::new();
-    for (kind, end) in KINDS {
+    for (kind, end) in PICTURES.into_iter().chain([("checks", ".png")]) {
         let prefix = folder.path_of(&format!("{kind}/"));
         let paths = folder.tree.intact.keys().filter(|path| path.starts_with(&prefix) && path.ends_with(end));
         found.extend(paths.map(|path| (kind, &path[folder.path.len() + 1..])));
@@ -43,30 +41,50 @@ pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
 }
 
 fn picture(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
-    let wanted = folder.camera.size;
-    let file = File::open(folder.on_disk(name)).map_err(|e| e.to_string());
-    let message = file.and_then(|file| match kind {
-        "depth" | "flow" => numbers(kind, folder, BufReader::new(file)),
-        _ => match png::read(BufReader::new(file)) {
-            Ok(image) if image.size() == wanted => Ok(()),
-            Ok(image) => Err(format!("it is {}, the camera is {wanted}", image.size())),
+    let bytes = match files::read_with(&folder.on_disk(name), Links::Refuse, files::MAX_DOCUMENT) {
+        Ok(bytes) => bytes,
+        Err(e) => return Some(folder.fault(Code::Unreadable, name, e.to_string())),
+    };
+    let size = folder.camera.size;
+    let again = match kind {
+        "depth" | "flow" => numbers(kind, size, &bytes),
+        "checks" => png::read(Cursor::new(&bytes)).map(|image| written(&image)).map_err(|e| e.to_string()),
+        _ => match png::read(Cursor::new(&bytes)) {
+            Ok(image) if image.size() == size => Ok(written(&image)),
+            Ok(image) => Err(format!("it is {}, the camera is {size}", image.size())),
             Err(e) => Err(e.to_string()),
         },
-    });
-    Some(folder.fault(Code::Unreadable, name, message.err()?))
+    };
+    match again {
+        Ok(again) if again == bytes => None,
+        Ok(_) => Some(folder.fault(
+            Code::NotComposed,
+            name,
+            "it holds more than its picture, or in another form: this program writes the same picture in other bytes",
+        )),
+        Err(message) => Some(folder.fault(Code::Unreadable, name, message)),
+    }
 }
 
-/// Depth lies in front of the camera, and flow is finite, where there is any.
-fn numbers(kind: &str, folder: &Folder<'_>, mut file: BufReader<File>) -> Result<(), String> {
-    let size = folder.camera.size;
+/// The PNG file of an image.
+fn written(image: &Image<[u8; 3]>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    png::write(image, &mut bytes).expect("a Vec takes any bytes");
+    bytes
+}
+
+/// The file of the array in some bytes: depth lies in front of the camera, and flow is finite, where there is any.
+fn numbers(kind: &str, size: Size, mut bytes: &[u8]) -> Result<Vec<u8>, String> {
     let mut shape = vec![u64::from(size.height), u64::from(size.width)];
     if kind == "flow" {
         shape.push(2);
     }
-    let values = npy::read_values(&shape, &mut file).map_err(|e| e.to_string())?;
+    let values = npy::read_values(&shape, &mut bytes).map_err(|e| e.to_string())?;
     let sound = |v: &f32| v.is_nan() || v.is_finite() && (kind == "flow" || *v > 0.0);
-    match values.iter().find(|v| !sound(v)) {
-        Some(v) => Err(format!("it holds {v}, which is no {kind}")),
-        None => Ok(()),
+    if let Some(v) = values.iter().find(|v| !sound(v)) {
+        return Err(format!("it holds {v}, which is no {kind}"));
     }
+    let mut again = Vec::new();
+    npy::write_values(&shape, &values, &mut again).expect("a Vec takes any bytes");
+    Ok(again)
 }

@@ -1,0 +1,246 @@
+//! Files composed once more from the others, and compared byte for byte: everything that people read or run. The
+//! composers are those that write a release.
+
+use super::{Code, Fault, Tree};
+use crate::artifact::Motion;
+use crate::files::{self, Links};
+use crate::release::facts::Facts;
+use crate::release::manifest::{self, Manifest, ManifestScene};
+use crate::release::published::{self, PublishedScene, PublishedTrajectory};
+use crate::release::scene::{self, SceneFile, TrajectoryPart};
+use crate::release::tree::Content;
+use crate::release::{checksum, layout, loader, path_picture};
+use crate::trajectory::{Trajectory, picture};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use std::io::BufReader;
+use std::path::Path;
+
+/// Reads a scene back from its files; `None` where one of them cannot be read, which other parts of the audit report.
+pub(super) fn read(
+    tree: &Tree<'_>,
+    listed: &ManifestScene,
+    file: &SceneFile,
+    faults: &mut Vec<Fault>,
+) -> Option<PublishedScene> {
+    let path = |name: &str| format!("{}/{name}", file.id);
+    let recipe = match published::recipe(file) {
+        Ok(recipe) => recipe,
+        Err(e) => {
+            let message = format!("the recipe in it cannot be read: {e}");
+            faults.push(Fault::of_file(Code::Unreadable, &path(layout::SCENE), message).in_scene(&file.id));
+            return None;
+        }
+    };
+    let names = |names: Vec<&str>| names.join(", ");
+    let asked = names(recipe.trajectories.iter().map(|asked| asked.name.as_str()).collect());
+    let found = names(file.trajectories.iter().map(|part| part.name.as_str()).collect());
+    if asked != found {
+        let message = format!("its trajectories are {found}, the recipe in it has {asked}");
+        faults.push(Fault::of_file(Code::ClaimsDisagree, &path(layout::SCENE), message).in_scene(&file.id));
+        return None;
+    }
+    let own = path(layout::CHECKS);
+    let findings = if tree.has(&own) { Some(json(tree, &own)?) } else { None };
+    let of = |part: &TrajectoryPart| -> Option<PublishedTrajectory> {
+        let at = |name: &str| path(&format!("{}/{name}", part.name));
+        let poses = files::open_with(&tree.intact_path(&at("poses.txt"))?, Links::Refuse).ok()?;
+        let trajectory = Trajectory::read_poses(BufReader::new(poses)).ok()?;
+        Some(PublishedTrajectory {
+            motion: Motion { trajectory, report: json(tree, &at("speed.json"))? },
+            findings: json(tree, &at(layout::CHECKS))?,
+            left_out: listed.omitted.get(&part.name).cloned().unwrap_or_default(),
+        })
+    };
+    let trajectories = file.trajectories.iter().map(of).collect::<Option<_>>()?;
+    let licence = published::terms(&recipe, file.licence.redistribution.as_deref());
+    let files = listed.files.clone();
+    Some(PublishedScene { recipe, licence, file: file.clone(), findings, trajectories, files })
+}
+
+fn json<T: DeserializeOwned>(tree: &Tree<'_>, path: &str) -> Option<T> {
+    let bytes = files::read_with(&tree.intact_path(path)?, Links::Refuse, files::MAX_DOCUMENT).ok()?;
+    serde_json::from_slice(&bytes).ok()
+}
+
+/// A scene's own files, as they follow from each other.
+pub(super) fn scene(tree: &Tree<'_>, listed: &ManifestScene, scene: &PublishedScene) -> Vec<Fault> {
+    let id = &scene.file.id;
+    let mut faults = described(scene);
+    for (part, of) in scene.paths() {
+        let path = |name: &str| format!("{id}/{}/{name}", part.name);
+        faults.extend(
+            trajectory(tree, scene, (part, &of.motion))
+                .into_iter()
+                .filter_map(|(name, wanted)| compare(tree, &path(name), &wanted)),
+        );
+    }
+    faults.extend(counts(listed, scene));
+    faults.into_iter().map(|fault| fault.in_scene(id)).collect()
+}
+
+/// Values of `scene.json` that the recipe in it and the other files give otherwise.
+fn described(scene: &PublishedScene) -> Vec<Fault> {
+    const MOST: usize = 8;
+    let [found, wanted] = [&scene.file, &scene::again(scene)]
+        .map(|file| serde_json::to_value(file).expect("a description is plain data"));
+    let mut differences = Vec::new();
+    differ("", &found, &wanted, &mut differences);
+    let path = format!("{}/{}", scene.file.id, layout::SCENE);
+    let fault = |(place, found, wanted): (String, String, String)| {
+        let message = format!("its {place} is {found}, the recipe and the other files give {wanted}");
+        Fault::of_file(Code::NotComposed, &path, message)
+    };
+    differences.into_iter().take(MOST).map(fault).collect()
+}
+
+/// Places where two values differ, with both.
+fn differ(place: &str, found: &Value, wanted: &Value, out: &mut Vec<(String, String, String)>) {
+    let below = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
+    match (found, wanted) {
+        (found, wanted) if found == wanted => {}
+        (Value::Object(a), Value::Object(b)) => {
+            let keys: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+            let of = |map: &serde_json::Map<String, Value>, key: &String| {
+                map.get(key).cloned().unwrap_or_default()
+            };
+            keys.into_iter().for_each(|key| differ(&below(key), &of(a, key), &of(b, key), out));
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            for (i, (a, b)) in a.iter().zip(b).enumerate() {
+                differ(&below(&i.to_string()), a, b, out);
+            }
+        }
+        (found, wanted) => {
+            out.push((place.to_owned(), brief(&found.to_string()), brief(&wanted.to_string())))
+        }
+    }
+}
+
+/// The files of a trajectory that follow from its poses, its speeds and `scene.json`.
+fn trajectory(
+    tree: &Tree<'_>,
+    scene: &PublishedScene,
+    (part, motion): (&TrajectoryPart, &Motion),
+) -> Vec<(&'static str, Vec<u8>)> {
+    let text = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
+        let mut bytes = Vec::new();
+        write(&mut bytes).expect("a Vec takes any bytes");
+        bytes
+    };
+    let file = &scene.file.camera;
+    let size = crate::image::Size { width: file.width, height: file.height };
+    let camera = crate::camera::Camera { size, fx: file.fx, fy: file.fy, cx: file.cx, cy: file.cy };
+    let sharp = scene.in_folder(&part.name, "sharp").filter_map(|path| path.rsplit('/').next());
+    // A scene that is withheld has frames that are not in the tree; its poses are told of all the same.
+    let planned = super::contents::pictures_planned(tree, &scene.file, part);
+    let planned = planned.iter().filter_map(|name| name.strip_prefix("sharp/"));
+    let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
+    let transforms = crate::release::transforms_of(&camera, part, motion, &sharp);
+    let mut wanted = vec![
+        ("poses.txt", text(&|out| motion.trajectory.write_poses(out))),
+        ("timestamps_us.txt", text(&|out| motion.trajectory.write_stamps(out))),
+        (layout::TRANSFORMS, Content::json_bytes(&transforms)),
+        ("trajectory.svg", picture::svg(&motion.trajectory, &motion.report).into_bytes()),
+    ];
+    let speed = motion.report.measured_again(&motion.trajectory.world_from_camera);
+    wanted.extend(speed.map(|report| ("speed.json", Content::json_bytes(&report))));
+    wanted.extend(path_picture::compose(motion).map(|picture| (path_picture::NAME, picture)));
+    wanted
+}
+
+/// The manifest's counts of a scene's findings.
+fn counts(listed: &ManifestScene, scene: &PublishedScene) -> Vec<Fault> {
+    let findings = || scene.trajectories.iter().flat_map(|trajectory| &trajectory.findings);
+    let mut faults = Vec::new();
+    let mut fault = |what: &str| {
+        let message = format!("its {what} of {} are not those of checks.json", listed.id);
+        faults.push(Fault::of_file(Code::NotComposed, manifest::NAME, message));
+    };
+    if listed.checks != manifest::verdicts(findings()) {
+        fault("verdicts");
+    }
+    if listed.waivers != manifest::waivers(findings()) {
+        fault("waivers");
+    }
+    let names = |map: Vec<&String>| map.into_iter().cloned().collect::<std::collections::BTreeSet<_>>();
+    let known = scene.file.trajectories.iter().map(|part| &part.name).collect();
+    if names(listed.omitted.keys().collect()) != names(known) {
+        fault("trajectories under omitted");
+    }
+    faults
+}
+
+/// The files at the top that follow from the scenes, all of which are given.
+pub(super) fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[PublishedScene]) -> Vec<Fault> {
+    let Some(info) = manifest.info() else {
+        let message = "it lacks the publisher's words, which this version writes";
+        return vec![Fault::of_file(Code::NotComposed, manifest::NAME, message)];
+    };
+    let licence = crate::release::terms_of(scenes);
+    let facts = Facts { scenes, info: &info, taken_down: manifest.taken_down, licence: &licence };
+    let composed = crate::release::compose_top(&facts, &|path| tree.intact_path(path));
+    let compare = |(path, content): (String, Content)| match content {
+        Content::Bytes(bytes) => compare(tree, &path, &bytes),
+        Content::Blob { .. } => None,
+    };
+    composed.into_files().into_iter().filter_map(compare).collect()
+}
+
+/// Code that people run, and texts of licences of the SPDX list: the same whatever the scenes are.
+pub(super) fn constants(tree: &Tree<'_>) -> Vec<Fault> {
+    let ids = tree.intact.keys().filter_map(|path| layout::licence_id(path));
+    let listed = ids.filter(|id| crate::licence::is_listed(id));
+    let texts = listed.map(|id| (layout::licence_text(id), crate::licence::text(id, &[]).into_bytes()));
+    let loader = [(loader::NAME.to_owned(), loader::TEXT.as_bytes().to_vec())];
+    texts.chain(loader).filter_map(|(path, wanted)| compare(tree, &path, &wanted)).collect()
+}
+
+/// A JSON file in its one spelling, which is that of the value that was read.
+pub(super) fn spelling<T: serde::Serialize>(tree: &Tree<'_>, path: &str, value: &T) -> Option<Fault> {
+    compare(tree, path, &Content::json_bytes(value))
+}
+
+/// A file that has other bytes than those; `None` for one that is absent or not whole, which is another fault.
+fn compare(tree: &Tree<'_>, path: &str, wanted: &[u8]) -> Option<Fault> {
+    let found = tree.intact.get(path)?;
+    if *found == checksum::sha256(wanted) {
+        return None;
+    }
+    let place = first_difference(&tree.path_of(path), wanted);
+    let message = format!("it is not what this program composes from the other files: {place}");
+    Some(Fault::of_file(Code::NotComposed, path, message))
+}
+
+/// Where a file departs from these bytes, for people.
+fn first_difference(path: &Path, wanted: &[u8]) -> String {
+    let Ok(found) = files::read_with(path, Links::Refuse, files::MAX_DOCUMENT) else {
+        return "it cannot be read".into();
+    };
+    let (Ok(found_text), Ok(wanted_text)) = (std::str::from_utf8(&found), std::str::from_utf8(wanted)) else {
+        let at = found.iter().zip(wanted).position(|(a, b)| a != b).unwrap_or(found.len().min(wanted.len()));
+        return format!("byte {at} differs, of {} found and {} wanted", found.len(), wanted.len());
+    };
+    let (mut found, mut wanted) = (found_text.split('\n'), wanted_text.split('\n'));
+    for line in 1.. {
+        match (found.next(), wanted.next()) {
+            (None, None) => break,
+            (a, b) if a == b => {}
+            (a, b) => {
+                let [a, b] =
+                    [a, b].map(|line| line.map_or("nothing".to_owned(), |line| brief(&format!("{line:?}"))));
+                return format!("line {line} is {a}, wanted {b}");
+            }
+        }
+    }
+    "its bytes differ".into()
+}
+
+/// The beginning of a text.
+fn brief(text: &str) -> String {
+    const MOST: usize = 100;
+    match text.char_indices().nth(MOST) {
+        Some((at, _)) => format!("{}…", &text[..at]),
+        None => text.to_owned(),
+    }
+}

@@ -1,0 +1,68 @@
+//! Files that have no place in a release, whatever its sums say: the format names every file that there may be.
+
+use super::{Code, Fault, Tree};
+use crate::release::layout;
+use crate::release::manifest::{Manifest, ManifestScene};
+use crate::release::published::stream_names;
+use crate::release::scene::{SceneFile, TrajectoryPart};
+use crate::release::{checksum, path_picture};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Files at the top and in scenes that the format does not have, and files that every release has and this one lacks.
+/// `scenes` are those that could be read; in others nothing is judged.
+pub(super) fn audit(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+    let allowed: BTreeMap<&str, BTreeSet<String>> =
+        scenes.iter().map(|scene| (scene.id.as_str(), of_scene(tree, scene, manifest))).collect();
+    let mut faults: Vec<Fault> = Vec::new();
+    for path in tree.intact.keys() {
+        match manifest.scene_of(path) {
+            None if !layout::is_top(path) => faults.push(stray(path, "at the top of a release")),
+            Some(scene) if allowed.get(scene.id.as_str()).is_some_and(|paths| !paths.contains(*path)) => {
+                faults.push(stray(path, "in this scene").in_scene(&scene.id));
+            }
+            _ => {}
+        }
+    }
+    // Altered sums stop the audit before, and other lists say that they are absent.
+    let others = [checksum::NAME, checksum::B3_NAME];
+    let lacking = layout::top().filter(|path| !others.contains(path) && !tree.has(path));
+    faults.extend(lacking.map(|path| {
+        Fault::of_file(Code::Missing, path, "a release has one, and it is not there, or not whole")
+    }));
+    faults
+}
+
+fn stray(path: &str, place: &str) -> Fault {
+    Fault::of_file(Code::Stray, path, format!("the release format has no such file {place}"))
+}
+
+/// Every path that a scene may have.
+fn of_scene(tree: &Tree<'_>, scene: &SceneFile, manifest: &Manifest) -> BTreeSet<String> {
+    let listed = manifest.scenes.iter().find(|listed| listed.id == scene.id);
+    let own = [layout::SCENE, layout::CHECKS].map(|name| format!("{}/{name}", scene.id));
+    let paths = scene.trajectories.iter().flat_map(|part| {
+        let names = of_trajectory(tree, scene, (part, listed));
+        names.into_iter().map(|name| format!("{}/{}/{name}", scene.id, part.name))
+    });
+    own.into_iter().chain(paths).collect()
+}
+
+/// The names of the files that a trajectory may have: those of its format, those that its recipe asks for, and the
+/// pictures of checks that its steps made.
+fn of_trajectory(
+    tree: &Tree<'_>,
+    scene: &SceneFile,
+    (part, listed): (&TrajectoryPart, Option<&ManifestScene>),
+) -> BTreeSet<String> {
+    let streams = stream_names(part);
+    let outputs = |step: &str| listed.map_or(&[][..], |listed| listed.outputs(&part.name, step));
+    let made = layout::made(outputs, &streams);
+    let pictures = super::contents::pictures_wanted(tree, scene, part);
+    let composed = [layout::CHECKS, layout::TRANSFORMS, path_picture::NAME].into_iter().chain(layout::MOTION);
+    let is_counted =
+        |name: &String| layout::PICTURES.iter().any(|(kind, _)| name.starts_with(&format!("{kind}/")));
+    // Without poses nothing says how many pictures there are.
+    let uncounted = !tree.has(&format!("{}/{}/poses.txt", scene.id, part.name));
+    let made = made.into_keys().filter(|name| uncounted || !is_counted(name));
+    composed.map(str::to_owned).chain(pictures).chain(made).collect()
+}

@@ -1,0 +1,84 @@
+//! The steps of the manifest: each key is that of its ingredients, each input was made by a step of the scene, and each
+//! file that a step made has the bytes of its output.
+
+use super::{Code, Fault};
+use crate::licence::is_metadata;
+use crate::release::layout;
+use crate::release::manifest::{self, Manifest, ManifestFile, ManifestScene};
+use crate::release::published::stream_names;
+use crate::release::scene::SceneFile;
+use crate::store::Digest;
+use crate::store::record::content;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What a role must start with that stands for a file of the source.
+const SOURCE: &str = "file ";
+
+pub(super) fn audit(manifest: &Manifest, listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
+    let mut faults = keys(listed);
+    faults.extend(outputs(listed, scene));
+    if manifest.tool == crate::release::TOOL {
+        let silent = listed.steps.iter().filter(|step| step.made_of.is_none());
+        faults.extend(silent.map(|step| fault(listed, format!("step {} lacks its ingredients", step.step))));
+    }
+    faults
+}
+
+fn fault(listed: &ManifestScene, message: String) -> Fault {
+    Fault::of_file(Code::StepDisagrees, manifest::NAME, message).in_scene(&listed.id)
+}
+
+fn keys(listed: &ManifestScene) -> Vec<Fault> {
+    let made: BTreeSet<Digest> = listed.steps.iter().map(|step| content(&step.outputs)).collect();
+    let mut faults = Vec::new();
+    for (step, of) in listed.steps.iter().filter_map(|step| Some((step, step.made_of.as_ref()?))) {
+        let key = of.key(&step.stage);
+        if key != step.key {
+            faults.push(fault(
+                listed,
+                format!("the key of step {} is {}, its ingredients give {key}", step.step, step.key),
+            ));
+        }
+        let unknown =
+            of.inputs.iter().find(|(role, digest)| !role.starts_with(SOURCE) && !made.contains(digest));
+        faults.extend(unknown.map(|(role, digest)| {
+            fault(listed, format!("the input {role} of step {} is {digest}, which no step made", step.step))
+        }));
+    }
+    faults
+}
+
+/// The files that steps made, against the manifest's own listing of the scene.
+fn outputs(listed: &ManifestScene, scene: &SceneFile) -> Vec<Fault> {
+    let files: BTreeMap<&str, &ManifestFile> =
+        listed.files.iter().map(|file| (file.path.as_str(), file)).collect();
+    let mut faults = Vec::new();
+    for part in &scene.trajectories {
+        let made = layout::made(|step| listed.outputs(&part.name, step), &stream_names(part));
+        let made = made.into_iter().filter(|(name, _)| !scene.licence.withheld || is_metadata(name));
+        let mut known = BTreeSet::new();
+        for (name, output) in made {
+            let path = format!("{}/{}/{name}", scene.id, part.name);
+            match files.get(path.as_str()) {
+                Some(file) if file.blake3 == output.digest && file.size == output.size => {}
+                Some(_) => faults.push(step_disagrees(&path, "its step made other bytes, by manifest.json")),
+                None => faults
+                    .push(step_disagrees(&path, "its step made it, by manifest.json, and it is not listed")),
+            }
+            known.insert(path);
+        }
+        // Composed files are no step's.
+        let composed = [layout::CHECKS, layout::TRANSFORMS, crate::release::path_picture::NAME]
+            .map(|name| format!("{}/{}/{name}", scene.id, part.name));
+        let folder = format!("{}/{}/", scene.id, part.name);
+        let own =
+            files.keys().filter(|path| path.starts_with(&folder) && !composed.iter().any(|c| c == *path));
+        let unmade = own.filter(|path| !known.contains(**path));
+        faults.extend(unmade.map(|path| step_disagrees(path, "no step made it, by manifest.json")));
+    }
+    faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
+}
+
+fn step_disagrees(path: &str, message: &str) -> Fault {
+    Fault::of_file(Code::StepDisagrees, path, message)
+}

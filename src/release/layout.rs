@@ -1,0 +1,125 @@
+//! Which files a release has, and which step's output each of them is. A file of any other name has no place in the tree.
+
+use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse};
+use crate::artifact::Stream;
+use crate::check;
+use crate::store::record::Output;
+use std::collections::BTreeMap;
+
+/// Name of the card.
+pub(super) const CARD: &str = "README.md";
+/// The folder of licence texts.
+const LICENCES: &str = "LICENSES/";
+
+/// Description of a scene, in its folder.
+pub(super) const SCENE: &str = "scene.json";
+/// Findings, in a scene's folder and in a trajectory's.
+pub(super) const CHECKS: &str = "checks.json";
+/// Poses and camera in nerfstudio's form.
+pub(super) const TRANSFORMS: &str = "transforms.json";
+
+/// Files that the step of a path makes.
+pub(super) const MOTION: [&str; 4] = ["poses.txt", "speed.json", "timestamps_us.txt", "trajectory.svg"];
+
+/// Pictures of each kind: the step and folder, and the end of file names.
+pub(super) const PICTURES: [(&str, &str); 4] =
+    [("sharp", ".png"), ("blur", ".png"), ("depth", ".npy"), ("flow", ".npy")];
+
+/// Files at the top of every release, but for the texts of licences.
+const TOP: [&str; 10] = [
+    CARD,
+    datasheet::NAME,
+    reuse::NAME,
+    loader::NAME,
+    croissant::NAME,
+    index::NAME,
+    report::NAME,
+    manifest::NAME,
+    checksum::NAME,
+    checksum::B3_NAME,
+];
+
+/// The path of a licence's text.
+pub(super) fn licence_text(id: &str) -> String {
+    format!("{LICENCES}{id}.txt")
+}
+
+/// The id of the licence whose text has this path.
+pub(super) fn licence_id(path: &str) -> Option<&str> {
+    path.strip_prefix(LICENCES)?.strip_suffix(".txt").filter(|id| !id.contains('/'))
+}
+
+/// Whether a release may have a file of this path outside its scenes.
+pub(super) fn is_top(path: &str) -> bool {
+    TOP.contains(&path) || licence_id(path).is_some()
+}
+
+/// The files that every release has at its top, but for the texts of licences.
+pub(super) fn top() -> impl Iterator<Item = &'static str> {
+    TOP.into_iter()
+}
+
+/// The files in a trajectory's folder that steps made, by name, with the outputs that they are. `outputs` are those of a
+/// step of the trajectory; `streams` are the names of its event streams.
+pub(super) fn made<'o>(
+    outputs: impl Fn(&str) -> &'o [Output],
+    streams: &[Option<&str>],
+) -> BTreeMap<String, &'o Output> {
+    let mut files = BTreeMap::new();
+    files.extend(
+        outputs("trajectory")
+            .iter()
+            .filter(|o| MOTION.contains(&o.name.as_str()))
+            .map(|o| (o.name.clone(), o)),
+    );
+    for name in streams {
+        let stored = outputs("events").iter().filter(|o| o.name == Stream::stored(*name));
+        files.extend(stored.map(|o| (Stream::released(*name), o)));
+    }
+    for (kind, end) in PICTURES {
+        let pictures = outputs(kind).iter().filter(|o| o.name.ends_with(end));
+        files.extend(pictures.map(|o| (format!("{kind}/{}", o.name), o)));
+    }
+    let seen = outputs("checks").iter().filter(|o| is_picture_of_check(&o.name, streams));
+    files.extend(seen.map(|o| (format!("checks/{}", o.name), o)));
+    files
+}
+
+/// Whether a file is `<check>.png`, or `<sensor>.<check>.png` of one of several streams.
+fn is_picture_of_check(name: &str, streams: &[Option<&str>]) -> bool {
+    let Some(stem) = name.strip_suffix(".png") else { return false };
+    let of = |sensor: &Option<&str>| match sensor {
+        None => Some(stem),
+        Some(sensor) => stem.strip_prefix(sensor)?.strip_prefix('.'),
+    };
+    streams.iter().filter_map(of).any(|check| check::NAMES.contains(&check))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_release_has_files_of_known_names_alone() {
+        for path in ["gs2e.py", "README.md", "SHA256SUMS", "LICENSES/MIT.txt"] {
+            assert!(is_top(path), "{path}");
+        }
+        for path in
+            ["numpy.py", "setup.py", ".git/config", "LICENSES/a/MIT.txt", "LICENSES/MIT.py", "readme.md"]
+        {
+            assert!(!is_top(path), "{path}");
+        }
+        let [one, two] = [&[None][..], &[Some("fine"), Some("a.b")]];
+        for (name, streams, wanted) in [
+            ("motion.png", one, true),
+            ("fine.motion.png", one, false),
+            ("fine.motion.png", two, true),
+            ("a.b.motion.png", two, true),
+            ("motion.png", two, false),
+            ("virus.png", one, false),
+            ("motion.py", one, false),
+        ] {
+            assert_eq!(is_picture_of_check(name, streams), wanted, "{name} {streams:?}");
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! A scene as the files of its folder describe it. Card, datasheet, index, catalogue entry and report are composed from
+//! this alone, by the release that writes them and by the audit that compares them.
+
+use super::built::BuiltScene;
+use super::left_out::Row;
+use super::manifest::ManifestFile;
+use super::scene::{SceneFile, TrajectoryPart};
+use crate::artifact::Motion;
+use crate::check::Finding;
+use crate::licence::{self, Composed, Passing, Stated};
+use crate::recipe::{Faults, Recipe, RecipeFile, Source, read_files};
+use crate::sampling::exposure;
+use crate::sensor::Sensor;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Where the bytes of a file of the tree lie, by its path; `None` for a file that is absent.
+pub(super) type Places<'a> = &'a (dyn Fn(&str) -> Option<PathBuf> + Sync);
+
+/// A scene.
+#[derive(Debug)]
+pub(super) struct PublishedScene {
+    /// The recipe in `scene.json`.
+    pub(super) recipe: Recipe,
+    pub(super) licence: Composed,
+    pub(super) file: SceneFile,
+    /// The findings of its own `checks.json`, where it has one.
+    pub(super) findings: Option<Vec<Finding>>,
+    /// In the order of `scene.json`.
+    pub(super) trajectories: Vec<PublishedTrajectory>,
+    /// Its files, sorted by path.
+    pub(super) files: Vec<ManifestFile>,
+}
+
+/// A trajectory.
+#[derive(Debug)]
+pub(super) struct PublishedTrajectory {
+    /// `poses.txt` and `speed.json`.
+    pub(super) motion: Motion,
+    /// `checks.json`.
+    pub(super) findings: Vec<Finding>,
+    /// `omitted` of `manifest.json`.
+    pub(super) left_out: Vec<Row>,
+}
+
+impl PublishedScene {
+    /// A scene that was just composed, with the listing of its files.
+    pub(super) fn of(built: BuiltScene<'_>, file: SceneFile, files: Vec<ManifestFile>) -> Self {
+        let trajectories = built.trajectories.into_iter().map(|built| PublishedTrajectory {
+            motion: built.motion,
+            findings: built.findings,
+            left_out: built.left_out,
+        });
+        Self {
+            recipe: built.recipe.clone(),
+            licence: built.licence,
+            file,
+            findings: built.photographed.map(|photographed| photographed.findings),
+            trajectories: trajectories.collect(),
+            files,
+        }
+    }
+
+    /// The findings on the scene, then those on its trajectories.
+    pub(super) fn all_findings(&self) -> impl Iterator<Item = &Finding> {
+        let own = self.findings.iter().flatten();
+        own.chain(self.trajectories.iter().flat_map(|trajectory| &trajectory.findings))
+    }
+
+    /// Whether upstream forbids passing on anything that shows the scene.
+    pub(super) fn is_withheld(&self) -> bool {
+        self.licence.passing == Passing::Withheld
+    }
+
+    /// Its trajectories, with their parts of `scene.json`.
+    pub(super) fn paths(&self) -> impl Iterator<Item = (&TrajectoryPart, &PublishedTrajectory)> {
+        self.file.trajectories.iter().zip(&self.trajectories)
+    }
+
+    /// The files in a folder of a trajectory.
+    pub(super) fn in_folder(&self, trajectory: &str, folder: &str) -> impl Iterator<Item = &str> {
+        let prefix = format!("{}/{trajectory}/{folder}/", self.file.id);
+        self.files.iter().map(|file| file.path.as_str()).filter(move |path| path.starts_with(&prefix))
+    }
+
+    /// The sensors whose events were simulated along a trajectory, by name where there are several.
+    pub(super) fn streams(&self, part: &TrajectoryPart) -> Vec<(Option<&str>, &Sensor)> {
+        let made = |name: Option<&str>| match name {
+            None => part.sensor.is_some(),
+            Some(name) => part.sensors.contains_key(name),
+        };
+        self.recipe.sensors.iter().filter(|(name, _)| made(*name)).collect()
+    }
+}
+
+/// The names of a trajectory's event streams; one without a name where there is one sensor.
+pub(super) fn stream_names(part: &TrajectoryPart) -> Vec<Option<&str>> {
+    let one = part.sensor.iter().map(|_| None);
+    one.chain(part.sensors.keys().map(|name| Some(name.as_str()))).collect()
+}
+
+/// When the shutter was open for each blurred frame of a trajectory, microseconds, by the number of its pose.
+pub(super) fn exposures(part: &TrajectoryPart, motion: &Motion) -> BTreeMap<usize, [i64; 2]> {
+    let frames = part.blur.as_ref().and_then(|blur| blur["frames"].as_u64());
+    let Some(frames) = frames.and_then(|n| u32::try_from(n).ok()).filter(|n| *n > 0) else {
+        return BTreeMap::new();
+    };
+    let seconds = motion.seconds();
+    let centres = exposure::centres(seconds.len(), frames);
+    centres.into_iter().map(|pose| (pose, exposure::open_us(&seconds, pose, frames))).collect()
+}
+
+/// The terms of a scene by its recipe; `redistribution` is the releaser's reason why restricted material may be passed on.
+///
+/// # Panics
+/// As [`licence::compose`].
+pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> Composed {
+    let url = match &recipe.source {
+        Source::Captured(_, upstream) => upstream.url.as_deref(),
+        Source::Procedural(_) | Source::None => None,
+    };
+    licence::compose(&Stated {
+        kind: recipe.source.kind(),
+        url,
+        owner: recipe.licence.as_ref().map(|l| (l.expression.as_str(), l.holder.as_str())),
+        grant: recipe.licence.as_ref().and_then(|l| l.grant.as_ref()),
+        redistribution,
+    })
+}
+
+/// Why the recipe in a `scene.json` cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum RecipeError {
+    /// It cannot be put into a file.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// It is not a valid recipe.
+    #[error(transparent)]
+    Faults(#[from] Faults),
+}
+
+/// The recipe that a scene carries: JSON is YAML.
+pub(super) fn recipe(scene: &SceneFile) -> Result<Recipe, RecipeError> {
+    let file = tempfile::Builder::new().prefix("recipe").suffix(".yaml").tempfile()?;
+    serde_json::to_writer(&file, &scene.recipe).map_err(std::io::Error::from)?;
+    // Defaults that lie in the folder for temporary files are not the scene's.
+    let alone = RecipeFile { path: file.path().to_owned(), defaults: None };
+    Ok(read_files(&[alone])?.pop().expect("one recipe was read"))
+}

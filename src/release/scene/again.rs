@@ -1,0 +1,135 @@
+//! `scene.json` composed once more from a tree: from the recipe in it, and from what other files of the scene say.
+
+use super::trajectory::{blur, kind_name, parameters, rate_ev_px_s, sampling, sensor, twin_of};
+use super::{
+    CameraPart, Range, ReconstructionPart, SceneFile, SensorPart, Statistics, TrajectoryPart, attributes,
+    command, kind_of_gaussians, licence, seeds, sensor_seed, source,
+};
+use crate::artifact::Motion;
+use crate::camera;
+use crate::image::Size;
+use crate::recipe::{Output, Recipe};
+use crate::reconstruct::Command;
+use crate::release::checksum;
+use crate::release::published::PublishedScene;
+use serde_json::Value;
+
+/// The file as it follows from the recipe and the other files. The following is taken as it stands, since no other file
+/// of the tree has it: photos, a capture's own camera, what is known of the Gaussians, the rate and error that a
+/// tolerance led to, and counts of the simulation that the events do not show.
+pub(in crate::release) fn again(scene: &PublishedScene) -> SceneFile {
+    let (recipe, found) = (&scene.recipe, &scene.file);
+    let compact = serde_json::to_vec(&recipe.merged).expect("a JSON value is writable");
+    let reports = scene.trajectories.iter().map(|trajectory| &trajectory.motion.report);
+    let photos = found.images.iter().filter(|_| recipe.source.has_photos());
+    SceneFile {
+        schema: 1,
+        id: recipe.scene.clone(),
+        gs2e_version: env!("CARGO_PKG_VERSION").into(),
+        source: source(recipe),
+        images: photos.cloned().collect(),
+        camera: camera(recipe, &found.camera),
+        conventions: super::Conventions::of(&recipe.merged),
+        reconstruction: found.reconstruction.as_ref().map(|found| reconstruction(recipe, found)),
+        licence: licence::part(recipe, &scene.licence),
+        seed: recipe.seed,
+        seeds: seeds(recipe),
+        recipe: recipe.merged.clone(),
+        recipe_sha256: checksum::sha256(&compact),
+        split: found.split.clone(),
+        trajectories: scene.paths().map(|(part, of)| trajectory(scene, part, &of.motion)).collect(),
+        attributes: attributes(recipe, &scene.licence, reports),
+    }
+}
+
+fn camera(recipe: &Recipe, found: &CameraPart) -> CameraPart {
+    // A recipe that says less than a whole camera takes the rest from the capture.
+    camera::choose(recipe.camera, None).map_or_else(
+        || found.clone(),
+        |camera| CameraPart {
+            width: camera.size.width,
+            height: camera.size.height,
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
+            undistorted_from: found.undistorted_from.clone(),
+        },
+    )
+}
+
+fn reconstruction(recipe: &Recipe, found: &ReconstructionPart) -> ReconstructionPart {
+    let command = command(recipe);
+    ReconstructionPart {
+        kind: kind_of_gaussians(recipe).into(),
+        iterations: command.and_then(|command| command.iterations),
+        command: command.map(Command::written),
+        ..found.clone()
+    }
+}
+
+fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -> TrajectoryPart {
+    let recipe = &scene.recipe;
+    let asked = recipe.trajectories.iter().find(|asked| asked.name == found.name);
+    let stamps = &motion.trajectory.stamps_us;
+    let last_us = stamps.last().copied().unwrap_or(0);
+    let size = Size { width: scene.file.camera.width, height: scene.file.camera.height };
+    // A tolerance chooses how brightness is taken between frames, which is a parameter of some sensors.
+    let chosen = recipe.tolerance.is_some();
+    let simulated = recipe.outputs.contains(&Output::Events);
+    let seed = sensor_seed(recipe, &found.name);
+    let sensors = || recipe.sensors.iter().filter(|_| simulated);
+    let one = sensors().find(|(name, _)| name.is_none());
+    let several = sensors().filter_map(|(name, own)| Some((name?.to_owned(), own)));
+    let several = several.map(|(name, own)| {
+        let found = found.sensors.get(&name);
+        let stated = found.map(|part| part.sensor.clone()).filter(|_| chosen);
+        let part = SensorPart {
+            sensor: stated.unwrap_or_else(|| sensor(seed, own)),
+            twin_of: twin_of(own, recipe.sensors.iter()).map(str::to_owned),
+            statistics: found.map(|part| counted(&part.statistics, size, last_us)).unwrap_or_default(),
+        };
+        (name, part)
+    });
+    TrajectoryPart {
+        name: found.name.clone(),
+        kind: kind_name(motion.report.kind).into(),
+        parameters: asked.map(parameters).unwrap_or_default(),
+        keyframes: motion.report.keyframes.iter().map(|k| *k as u64).collect(),
+        poses: stamps.len(),
+        duration_us: last_us,
+        rate: recipe.rate.0.to_string(),
+        sampling: if chosen { found.sampling.clone() } else { sampling(recipe, None) },
+        render_rules: rules(recipe, simulated, &found.render_rules),
+        sensor: one
+            .map(|(_, own)| found.sensor.clone().filter(|_| chosen).unwrap_or_else(|| sensor(seed, own))),
+        sensors: several.collect(),
+        blur: recipe
+            .outputs
+            .contains(&Output::Blur)
+            .then(|| blur(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))),
+        statistics: Statistics {
+            linear_unit_s: Range::of(&motion.report.linear_unit_s),
+            angular_rad_s: Range::of(&motion.report.angular_rad_s),
+            ..counted(&found.statistics, size, last_us)
+        },
+    }
+}
+
+/// Whether a scene that says so itself is antialiased is known to the simulation alone.
+fn rules(recipe: &Recipe, simulated: bool, found: &Value) -> Value {
+    let mut rules = super::trajectory::render_rules(recipe.render, None);
+    if simulated && found["antialiased"].is_boolean() {
+        rules["antialiased"] = found["antialiased"].clone();
+    }
+    rules
+}
+
+/// Counts, with those recomputed that follow from others.
+fn counted(found: &Statistics, size: Size, last_us: i64) -> Statistics {
+    Statistics {
+        off: found.events.zip(found.on).and_then(|(events, on)| events.checked_sub(on)),
+        rate_ev_px_s: found.events.and_then(|events| rate_ev_px_s(events, size, last_us)),
+        ..found.clone()
+    }
+}

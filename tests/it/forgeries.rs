@@ -1,0 +1,148 @@
+//! Forged releases, each with all digests rewritten: which the audit finds, which only a scene made again shows, and
+//! which nothing can show.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+
+mod data;
+mod rows;
+
+use crate::release::forger::{read, reseal, reseal_sums};
+use crate::release::small::{copy, release};
+use crate::release::unfindable::{DATA, VALUES, is_data, is_unfindable};
+use gs2e::release::audit::{Fault, audit, rebuilt};
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// What shows a forgery.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Found {
+    /// The audit, with a fault of this code.
+    Audit(&'static str),
+    /// The scene made again from its recipe, and nothing in the tree.
+    Rebuild,
+    /// Nothing, for this reason.
+    Never(&'static str),
+}
+
+/// A change of a release.
+struct Forgery {
+    name: &'static str,
+    forge: Box<dyn Fn(&Path) + Send + Sync>,
+    /// Whether the manifest is rewritten as well, or the sums alone.
+    whole: bool,
+    found: Found,
+}
+
+/// The faults of an audit, and those against the release that was made from the recipes.
+fn judge(forgery: &Forgery) -> (Vec<Fault>, Vec<Fault>) {
+    let folder = copy();
+    (forgery.forge)(folder.path());
+    if forgery.found == Found::Rebuild {
+        assert_eq!(unlisted(folder.path()), [""; 0], "{}: docs/audit.md does not list it", forgery.name);
+    }
+    if forgery.whole {
+        reseal(folder.path());
+    } else {
+        reseal_sums(folder.path());
+    }
+    let audited = audit(folder.path()).unwrap().faults;
+    let mut compared = Vec::new();
+    if audited.is_empty() {
+        compared = rebuilt::compare(folder.path(), release(), "small/one").unwrap();
+        compared.extend(rebuilt::compare_tops(folder.path(), release()).unwrap());
+    }
+    (audited, compared)
+}
+
+/// Files that differ from those of the release in more than what the audit cannot know. The loader of another version is
+/// not compared.
+fn unlisted(folder: &Path) -> Vec<String> {
+    let (old, new) = (read(release()), read(folder));
+    let other_version = old["manifest.json"] != new["manifest.json"] && new["gs2e.py"] != old["gs2e.py"];
+    let is_known = |path: &str, bytes: &[u8]| {
+        let before = &old[path];
+        before == bytes
+            || is_data(path)
+            || is_unfindable(path, before, bytes)
+            || path == "gs2e.py" && other_version
+    };
+    new.into_iter().filter(|(path, bytes)| !is_known(path, bytes)).map(|(path, _)| path).collect()
+}
+
+/// How a forgery is misjudged, if it is.
+fn misjudged(forgery: &Forgery) -> Option<String> {
+    // A forgery that cannot be made says so, and the others are judged all the same.
+    let judged = catch_unwind(AssertUnwindSafe(|| judge(forgery)));
+    let Ok((audited, compared)) = judged else { return Some(format!("{}: a panic", forgery.name)) };
+    let held = match forgery.found {
+        Found::Audit(code) => audited.iter().any(|fault| fault.code.name() == code),
+        Found::Rebuild => audited.is_empty() && !compared.is_empty(),
+        Found::Never(_) => audited.is_empty() && compared.is_empty(),
+    };
+    (!held).then(|| {
+        let told = |faults: &[Fault]| faults.iter().take(4).map(|f| format!("\n    {f}")).collect::<String>();
+        format!(
+            "{}: wanted {:?}\n  audit:{}\n  rebuild:{}",
+            forgery.name,
+            forgery.found,
+            told(&audited),
+            told(&compared)
+        )
+    })
+}
+
+#[test]
+fn every_forgery_is_found_where_the_table_says() {
+    let rows = rows::all();
+    assert!(rows.len() >= 82, "{}", rows.len());
+    let part = rows.len().div_ceil(4);
+    let missed: Vec<String> = std::thread::scope(|scope| {
+        let hands: Vec<_> = rows
+            .chunks(part)
+            .map(|rows| scope.spawn(|| rows.iter().filter_map(misjudged).collect::<Vec<_>>()))
+            .collect();
+        hands.into_iter().flat_map(|hand| hand.join().unwrap()).collect()
+    });
+    assert!(missed.is_empty(), "{} of {} forgeries:\n{}", missed.len(), rows.len(), missed.join("\n"));
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for row in &rows {
+        let by = match row.found {
+            Found::Audit(_) => "by the audit",
+            Found::Rebuild => "by --rebuild alone",
+            Found::Never(_) => "by nothing",
+        };
+        *counts.entry(by).or_default() += 1;
+    }
+    let _ = writeln!(std::io::stderr(), "{} forgeries, found {counts:?}", rows.len());
+}
+
+#[test]
+fn the_page_lists_what_the_audit_cannot_know() {
+    let page = include_str!("../../docs/audit.md");
+    let values = VALUES.iter().flat_map(|(_, pointers)| *pointers).map(|pointer| {
+        pointer.rsplit_once("*/").map_or_else(|| pointer.trim_start_matches('/'), |(_, below)| below)
+    });
+    // Values of a part that is named as a whole are listed by their last name.
+    let named = |value: &str| {
+        let last = value.rsplit('/').next().unwrap_or(value);
+        page.contains(&format!("`{value}`")) || page.contains(&format!("`{last}`"))
+    };
+    let missing: Vec<&str> = values.chain(DATA).filter(|value| !named(value)).collect();
+    assert_eq!(missing, [""; 0]);
+}
+
+#[test]
+fn a_release_that_names_another_version_is_judged_by_what_holds_for_any() {
+    let folder = copy();
+    rows::of_version(folder.path(), "0.0.9");
+    reseal(folder.path());
+    let report = audit(folder.path()).unwrap();
+    assert_eq!((report.faults.as_slice(), report.written_by.as_deref()), (&[][..], Some("gs2e 0.0.9")));
+    assert!(report.proved().concat().contains("written by gs2e 0.0.9"), "{:?}", report.proved());
+    std::fs::write(folder.path().join("setup.py"), "").unwrap();
+    reseal(folder.path());
+    let codes: Vec<&str> = audit(folder.path()).unwrap().faults.iter().map(|f| f.code.name()).collect();
+    assert_eq!(codes, ["stray"]);
+}

@@ -1,0 +1,88 @@
+//! Forgeries of the data itself: events, pictures and arrays that stay what their formats prescribe.
+
+use super::super::audit::BASE;
+use gs2e::event::h5::{self, Filter, Options};
+use gs2e::event::{Event, EventSink as _, EventSource as _, Polarity};
+use gs2e::image::{Image, Size, npy, png};
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+/// Rewrites the events of the first trajectory.
+pub(super) fn events(folder: &Path, options: Options, change: impl FnOnce(&mut Vec<Event>)) {
+    let path = folder.join(BASE).join("events.h5");
+    let mut reader = h5::Reader::open(&path).unwrap();
+    let (header, mut events, mut chunk) = (reader.header().unwrap(), Vec::new(), Vec::new());
+    while reader.next_chunk(&mut chunk).unwrap() {
+        events.extend_from_slice(&chunk);
+    }
+    change(&mut events);
+    let mut writer = h5::Writer::create_as(&path, &header, options).unwrap();
+    writer.append(&events).unwrap();
+    let stamps = fs::read_to_string(folder.join(BASE).join("timestamps_us.txt")).unwrap();
+    writer.finish(stamps.lines().next_back().unwrap().parse().unwrap()).unwrap();
+}
+
+/// Two events near the beginning that trade their polarities, so that every count stays.
+pub(super) fn trade_polarities(events: &mut Vec<Event>) {
+    let on = events.iter().position(|event| event.polarity == Polarity::On).unwrap();
+    let off = events.iter().position(|event| event.polarity == Polarity::Off).unwrap();
+    (events[on].polarity, events[off].polarity) = (Polarity::Off, Polarity::On);
+    events.sort_by_key(Event::file_order);
+}
+
+/// The first event that can be one microsecond later and still sorts before the next.
+pub(super) fn delay_one(events: &mut Vec<Event>) {
+    let us = |event: &Event| event.t.floor_micros();
+    let later = events
+        .windows(2)
+        .position(|pair| us(&pair[1]) > us(&pair[0]) + 1 && (us(&pair[0]) + 1) / 1000 == us(&pair[0]) / 1000);
+    let event = &mut events[later.unwrap()];
+    event.t = gs2e::units::Timestamp::from_micros(event.t.floor_micros() + 1);
+}
+
+pub(super) fn drop_one(events: &mut Vec<Event>) {
+    events.remove(0);
+}
+
+pub(super) fn nothing(_: &mut Vec<Event>) {}
+
+/// Another way to store the same events.
+pub(super) fn plain() -> Options {
+    Options { filter: Filter::None, ..Options::default() }
+}
+
+/// Rewrites a picture.
+pub(super) fn picture(path: &Path, change: impl FnOnce(&mut Vec<[u8; 3]>)) {
+    let image = png::read(Cursor::new(fs::read(path).unwrap())).unwrap();
+    let (size, mut pixels) = (image.size(), image.pixels().to_vec());
+    change(&mut pixels);
+    let mut bytes = Vec::new();
+    png::write(&Image::from_vec(size, pixels), &mut bytes).unwrap();
+    fs::write(path, bytes).unwrap();
+}
+
+/// A PNG file with a text chunk before its end.
+pub(super) fn with_text_chunk(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    let (kind, text) = (b"tEXt", b"Comment\0hidden");
+    let mut chunk = u32::try_from(text.len()).unwrap().to_be_bytes().to_vec();
+    chunk.extend(kind);
+    chunk.extend(text);
+    let mut crc = flate2::Crc::new();
+    crc.update(&chunk[4..]);
+    chunk.extend(crc.sum().to_be_bytes());
+    let end = bytes.len() - 12;
+    bytes.splice(end..end, chunk);
+    fs::write(path, bytes).unwrap();
+}
+
+/// Rewrites a depth image.
+pub(super) fn depth(path: &Path, size: Size, change: impl FnOnce(&mut Vec<f32>)) {
+    let shape = [u64::from(size.height), u64::from(size.width)];
+    let mut values = npy::read_values(&shape, &mut Cursor::new(fs::read(path).unwrap())).unwrap();
+    change(&mut values);
+    let mut bytes = Vec::new();
+    npy::write_values(&shape, &values, &mut bytes).unwrap();
+    fs::write(path, bytes).unwrap();
+}
