@@ -16,6 +16,7 @@ use crate::frames::rendered::Saving;
 use crate::plan::assess::{PlanError, Product, Reason};
 use crate::plan::past::past;
 use crate::plan::{Plan, survey};
+use crate::programs::Programs;
 use crate::render::RenderError;
 use crate::render::gpu::GpuError;
 use crate::stage::{StageError, StepId};
@@ -30,7 +31,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// How a plan is run.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Options {
     /// What all steps together may use.
     pub budget: Budget,
@@ -40,6 +41,8 @@ pub struct Options {
     pub recheck: Option<Recheck>,
     /// Run the programs that recipes name. Without it a step fails that would, and none that is up to date is made again.
     pub allow_commands: bool,
+    /// The programs that can be run.
+    pub programs: Programs,
 }
 
 /// Which of the steps that are up to date are made again.
@@ -237,6 +240,12 @@ pub fn run(
     cancel: &AtomicBool,
     observer: &dyn Observer,
 ) -> Result<Summary, StoreError> {
+    // Where this process is killed, the next waits for the end of its programs before it empties their folders.
+    let programs = match store.share_lock()? {
+        Some(lock) => options.programs.holding(lock),
+        None => options.programs,
+    };
+    let options = Options { programs, ..options };
     let (sender, receiver) = mpsc::channel();
     let ranks = order::ranks(plan, &past(plan, store)?);
     thread::scope(|scope| {

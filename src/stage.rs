@@ -20,7 +20,7 @@ use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::camera::{self, Camera, CameraChoice};
 use crate::frames::rendered::Saving;
 use crate::image::Size;
-use crate::reconstruct::Failed;
+use crate::programs::{Failed, Programs};
 use crate::render::backend::Backend;
 use crate::source::Capture;
 use crate::store::Digest;
@@ -188,6 +188,11 @@ pub trait Stage: serde::Serialize {
         false
     }
 
+    /// A program whose version its class lacks: it was not asked, so the key is not known.
+    fn unasked(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Writes the product's files into `cx.out`.
     ///
     /// # Errors
@@ -252,6 +257,8 @@ pub struct Context<'a> {
     pub allows_commands: bool,
     /// Where the file goes that holds what they say; else it lies beside the product's files while they run.
     pub log: Option<PathBuf>,
+    /// The programs that can be run.
+    pub programs: Programs,
 }
 
 impl<'a> Context<'a> {
@@ -259,7 +266,8 @@ impl<'a> Context<'a> {
     #[must_use]
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
         let (warnings, remark, clock, saving) = (Vec::new(), None, None, None);
-        Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None }
+        let programs = Programs::default();
+        Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None, programs }
     }
 
     /// Whether the work is asked to stop.
@@ -386,6 +394,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Whether it runs programs that need no leave.
     fn runs_known_programs(&self) -> bool;
 
+    /// A program that must be asked for its version before the key is known.
+    fn unasked(&self) -> Option<&'static str>;
+
     /// Opens the inputs and does the work.
     ///
     /// # Errors
@@ -442,6 +453,10 @@ where
 
     fn runs_known_programs(&self) -> bool {
         self.stage.runs_known_programs()
+    }
+
+    fn unasked(&self) -> Option<&'static str> {
+        self.stage.unasked()
     }
 
     fn run(&self, files: &[Files], cx: &mut Context<'_>) -> Result<(), StageError> {

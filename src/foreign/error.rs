@@ -1,6 +1,6 @@
 //! Why a program could not be asked.
 
-use crate::reconstruct::Failed;
+use crate::programs::Failed;
 use std::io;
 use std::path::{Path, PathBuf};
 

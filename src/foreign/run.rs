@@ -2,14 +2,14 @@
 
 use super::ForeignError;
 use crate::reconstruct::Desk;
-use crate::reconstruct::process::{self, Ended, Failed, How, Invocation};
+use crate::programs::{self, Ended, Failed, How, Invocation};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What is run, and where.
 pub(super) struct Run<'a> {
-    /// Looked for where the system looks.
+    /// Its name.
     pub(super) program: &'static str,
     pub(super) arguments: Vec<OsString>,
     /// It is stopped after so many seconds.
@@ -17,12 +17,11 @@ pub(super) struct Run<'a> {
     pub(super) desk: Desk<'a>,
 }
 
-/// Neither a screen nor more than one thread is taken, and no order depends on the process.
-const ENVIRONMENT: [(&str, &str); 4] = [
+/// Neither a screen nor more than one thread is taken.
+const ENVIRONMENT: [(&str, &str); 3] = [
     ("QT_QPA_PLATFORM", "offscreen"),
     ("OMP_NUM_THREADS", "1"),
     ("OPENBLAS_NUM_THREADS", "1"),
-    ("PYTHONHASHSEED", "0"),
 ];
 
 /// A run that ended well, and may turn out to have brought nothing.
@@ -40,10 +39,11 @@ impl<'a> Run<'a> {
         let Self { program, arguments, seconds, desk } = self;
         let environment = ENVIRONMENT.map(|(name, value)| (name.to_owned(), value.to_owned()));
         let environment = BTreeMap::from(environment);
-        let folder = desk.folder.to_owned();
+        // The desk lies below the current folder, where version managers look for a file that chooses a program.
+        let folder = PathBuf::from("/");
         let invocation = Invocation { program: program.into(), arguments, environment, folder };
-        let ran = Ran { invocation, program, log: desk.log, from: process::length(desk.log) };
-        match process::run_within(seconds, &ran.invocation, desk.log, desk.goes_on) {
+        let ran = Ran { invocation, program, log: desk.log, from: programs::length(desk.log) };
+        match programs::run_within(seconds, desk.programs, &ran.invocation, desk.log, desk.goes_on) {
             Ok(()) => Ok(Ok(ran)),
             Err(Ended::Stopped) => Err(ForeignError::Stopped),
             Err(Ended::Failed(How::Code(1))) => Ok(Err(ran)),
@@ -60,7 +60,7 @@ impl<'a> Run<'a> {
 impl Ran<'_> {
     /// Whether this is among the last that it said.
     pub(super) fn says(&self, text: &str) -> bool {
-        process::last_lines(self.log, self.from).iter().any(|line| line.contains(text))
+        programs::last_lines(self.log, self.from).iter().any(|line| line.contains(text))
     }
 
     /// The error that it did not do what it was for.
@@ -69,7 +69,7 @@ impl Ran<'_> {
             program: self.program.to_owned(),
             command: self.invocation.to_text(),
             how,
-            last: process::last_lines(self.log, self.from),
+            last: programs::last_lines(self.log, self.from),
             log: self.log.to_owned(),
         })
         .into()

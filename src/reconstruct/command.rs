@@ -1,9 +1,9 @@
 //! A trainer as a recipe names it, and one training.
 
-use super::argument::{Argument, quoted};
+use super::argument::Argument;
 use super::layout::{LayoutError, lay_out};
-use super::process::{self, Ended, Failed, How, Invocation};
 use super::trained::{self, Count};
+use crate::programs::{self, Ended, Failed, How, Invocation, Programs, quoted};
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// A program, and how it is run. What enters the key of a training is what is serialised: no path is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Command {
-    /// A name that is looked for where the system looks, or one of `files`.
+    /// A name that is looked for in the absolute folders of `PATH`, or one of `files`.
     pub program: Argument,
     /// What it is started with.
     pub arguments: Vec<Argument>,
@@ -74,6 +74,8 @@ pub struct Desk<'a> {
     pub log: &'a Path,
     /// Asked again and again; where it says no the program is stopped.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
+    /// The programs that can be run.
+    pub programs: &'a Programs,
 }
 
 impl std::fmt::Debug for Desk<'_> {
@@ -201,8 +203,8 @@ impl Command {
 
     /// Runs it to its end; where in the log what it says begins.
     fn run(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<u64, TrainError> {
-        let from = process::length(desk.log);
-        match process::run(invocation, desk.log, desk.goes_on) {
+        let from = programs::length(desk.log);
+        match programs::run(desk.programs, invocation, desk.log, desk.goes_on) {
             Ok(()) => Ok(from),
             Err(Ended::Stopped) => Err(TrainError::Stopped),
             Err(Ended::Failed(how)) => Err(self.failed(invocation, how, desk, from).into()),
@@ -212,7 +214,7 @@ impl Command {
     /// Has the program say its version, which must be the one that the key holds.
     fn ask_version(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<(), TrainError> {
         let from = self.run(invocation, desk)?;
-        if process::says(desk.log, from, &self.version) {
+        if programs::says(desk.log, from, &self.version) {
             return Ok(());
         }
         Err(self.failed(invocation, How::Version(self.version.clone()), desk, from).into())
@@ -223,7 +225,7 @@ impl Command {
             program: self.name(),
             command: invocation.to_text(),
             how,
-            last: process::last_lines(desk.log, from),
+            last: programs::last_lines(desk.log, from),
             log: desk.log.to_owned(),
         })
     }

@@ -9,8 +9,9 @@ use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::foreign::colmap::{Found, Registration};
 use gs2e::foreign::opencv::{Geometry, Released};
-use gs2e::foreign::{Picture, colmap, opencv, programs};
+use gs2e::foreign::{Picture, colmap, opencv, versions};
 use gs2e::image::{Size, png};
+use gs2e::programs::Programs;
 use gs2e::reconstruct::Desk;
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, View};
@@ -31,22 +32,26 @@ fn say(text: &str) {
     drop(writeln!(std::io::stderr(), "not run: {text}"));
 }
 
+/// The programs of this machine.
+fn programs() -> Programs {
+    Programs::new(std::env::var_os("PATH").as_deref(), env!("CARGO_BIN_EXE_gs2e").into())
+}
+
 fn colmap_is_there() -> bool {
-    let absent = programs::colmap().err();
+    let absent = versions::colmap(&programs()).err();
     assert!(absent.is_none() || std::env::var_os("REQUIRE_COLMAP").is_none(), "{absent:?}");
     absent.inspect(|because| say(because)).is_none()
 }
 
 /// Whether Python has OpenCV and h5py.
 fn python_is_there() -> bool {
-    let there = programs::python().is_ok_and(|p| p.numpy.is_some() && p.cv2.is_some() && p.h5py.is_some());
-    assert!(
-        there || std::env::var_os("REQUIRE_OPENCV").is_none_or(|value| value != "1"),
-        "{}",
-        programs::packages()
-    );
+    let programs = programs();
+    let found = versions::packages(&programs);
+    let packages = versions::python(&programs);
+    let there = packages.is_ok_and(|p| p.numpy.is_some() && p.cv2.is_some() && p.h5py.is_some());
+    assert!(there || std::env::var_os("REQUIRE_OPENCV").is_none_or(|value| value != "1"), "{found}");
     if !there {
-        say(&programs::packages());
+        say(&found);
     }
     there
 }
@@ -98,7 +103,8 @@ impl Filmed {
     fn at_desk<T>(&self, name: &str, ask: impl FnOnce(Desk<'_>) -> T) -> T {
         let folder = self.folder.path().join(name);
         std::fs::create_dir(&folder).unwrap();
-        ask(Desk { folder: &folder, log: &folder.join("log"), goes_on: &|| true })
+        let (log, programs) = (folder.join("log"), programs());
+        ask(Desk { folder: &folder, log: &log, goes_on: &|| true, programs: &programs })
     }
 
     /// The poses with a change of each.
