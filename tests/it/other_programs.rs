@@ -2,6 +2,7 @@
 //! read what is released. Where one is absent, that is said on stderr; with `REQUIRE_COLMAP`, or `REQUIRE_OPENCV=1`, it is a
 //! failure.
 
+use crate::programs::programs;
 use crate::support::shared;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
@@ -11,7 +12,6 @@ use gs2e::foreign::colmap::{Found, Registration};
 use gs2e::foreign::opencv::{Geometry, Released};
 use gs2e::foreign::{Picture, colmap, opencv, versions};
 use gs2e::image::{Size, png};
-use gs2e::programs::Programs;
 use gs2e::reconstruct::Desk;
 use gs2e::render::cpu::Cpu;
 use gs2e::render::{Channels, Layering, Rendered, Renderer as _, Rules, Style, View};
@@ -30,11 +30,6 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Said past the capture of the test's output.
 fn say(text: &str) {
     drop(writeln!(std::io::stderr(), "not run: {text}"));
-}
-
-/// The programs of this machine.
-fn programs() -> Programs {
-    Programs::new(std::env::var_os("PATH").as_deref(), env!("CARGO_BIN_EXE_gs2e").into())
 }
 
 fn colmap_is_there() -> bool {
