@@ -1,7 +1,7 @@
 //! Plans: from recipes to steps, and from steps and the store to what must run.
 
-pub mod assess;
 pub mod asked;
+pub mod assess;
 pub mod past;
 pub mod survey;
 mod wire;

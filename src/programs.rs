@@ -19,7 +19,6 @@ pub use report::{NoReport, Report};
 
 pub use log::{last_lines, length, says};
 
-
 use rustix::fs::Access;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
@@ -141,7 +140,8 @@ fn find_in(folders: &[PathBuf], program: &Path) -> io::Result<PathBuf> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, because));
     }
     let is_program = |file: &PathBuf| {
-        file.metadata().is_ok_and(|about| about.is_file()) && rustix::fs::access(file, Access::EXEC_OK).is_ok()
+        file.metadata().is_ok_and(|about| about.is_file())
+            && rustix::fs::access(file, Access::EXEC_OK).is_ok()
     };
     folders.iter().map(|folder| folder.join(program)).find(is_program).ok_or_else(|| {
         io::Error::new(io::ErrorKind::NotFound, "no absolute folder of PATH has a program of this name")

@@ -6,10 +6,10 @@
 
 use super::console::Console;
 use super::problem::Problem;
-use crate::plan::assess::{Action, assess};
-use crate::plan::{Plan, Renderers, past};
 use crate::foreign::versions::Asked;
 use crate::plan::asked;
+use crate::plan::assess::{Action, assess};
+use crate::plan::{Plan, Renderers, past};
 use crate::programs::Programs;
 use crate::recipe::Recipe;
 use crate::render::Omit;

@@ -1,8 +1,8 @@
 //! One run of a program.
 
 use super::ForeignError;
-use crate::reconstruct::Desk;
 use crate::programs::{self, Ended, Failed, How, Invocation};
+use crate::reconstruct::Desk;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -18,11 +18,8 @@ pub(super) struct Run<'a> {
 }
 
 /// Neither a screen nor more than one thread is taken.
-const ENVIRONMENT: [(&str, &str); 3] = [
-    ("QT_QPA_PLATFORM", "offscreen"),
-    ("OMP_NUM_THREADS", "1"),
-    ("OPENBLAS_NUM_THREADS", "1"),
-];
+const ENVIRONMENT: [(&str, &str); 3] =
+    [("QT_QPA_PLATFORM", "offscreen"), ("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")];
 
 /// A run that ended well, and may turn out to have brought nothing.
 pub(super) struct Ran<'a> {

@@ -37,7 +37,13 @@ fn build(place: &Workspace) -> usize {
     );
     let store = open(place);
     let budget = Budget { cores: 2, memory: u64::MAX, gpus: 0 };
-    let options = Options { budget, keep_going: false, recheck: None, allow_commands: false, programs: Programs::default() };
+    let options = Options {
+        budget,
+        keep_going: false,
+        recheck: None,
+        allow_commands: false,
+        programs: Programs::default(),
+    };
     let summary = run(&plan, &store, options, &AtomicBool::new(false), &Silent).unwrap();
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     settle(&plan, &summary, &store, &tag()).unwrap();

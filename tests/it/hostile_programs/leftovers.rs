@@ -52,7 +52,8 @@ fn until_nothing_is_left(script: &str, act: impl FnOnce(&Workspace, &mut Child))
 
 const GROUP: &str = "sleep 600 & : > \"$beside/at work\"; wait";
 /// The first leaves the group of the trainer, the second has a parent that is gone.
-const ESCAPED: &str = "setsid sleep 600 & (setsid sh -c 'sleep 600 & sleep 600' &) ; : > \"$beside/at work\"; wait; sleep 600";
+const ESCAPED: &str =
+    "setsid sleep 600 & (setsid sh -c 'sleep 600 & sleep 600' &) ; : > \"$beside/at work\"; wait; sleep 600";
 
 #[test]
 fn every_signal_that_ends_a_terminal_or_a_session_stops_the_trainer() {
@@ -100,9 +101,8 @@ fn a_second_interrupt_ends_a_trainer_that_ignores_the_first() {
 fn the_next_build_takes_no_folder_from_under_a_trainer() {
     let script = "cd \"$2\"; : > \"$beside/at work\"; \
                   while :; do (: > alive) 2> /dev/null || : > \"$beside/lost\"; done";
-    let (place, mut child) = training(&script.replace("exec 9> \"$beside/held\"; ", ""));
-    // The pipe has no other reader here: without one the trainer would wait before it begins.
-    let place = std::thread::scope(|scope| {
+    let (place, mut child) = training(script);
+    std::thread::scope(|scope| {
         let reader = scope.spawn(|| fs::read(place.path("held")).unwrap());
         wait_for(&place, "at work", &mut child);
         write_script(&place, COPY);
@@ -110,7 +110,6 @@ fn the_next_build_takes_no_folder_from_under_a_trainer() {
         place.ok("build --allow-commands recipe.yaml");
         reader.join().unwrap();
         child.wait().unwrap();
-        &place
     });
     assert!(!place.path("lost").exists(), "its folder was deleted while it ran");
 }
