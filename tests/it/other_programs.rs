@@ -21,16 +21,10 @@ use gs2e::trajectory::Trajectory;
 use gs2e::{scene, source};
 use serde_json::{Value, json};
 use std::fs::File;
-use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
-
-/// Said past the capture of the test's output.
-fn say(text: &str) {
-    drop(writeln!(std::io::stderr(), "not run: {text}"));
-}
 
 fn colmap_is_there() -> bool {
     let absent = versions::colmap(&programs()).err();
