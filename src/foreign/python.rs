@@ -1,4 +1,4 @@
-//! Python, asked by a file and answering by one.
+//! Questions to Python, with a file for the question and a file for the answer.
 
 use super::ForeignError;
 use super::run::Run;
@@ -9,13 +9,13 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::ffi::OsString;
 
-/// The script that asks OpenCV, h5py and numpy.
+/// The script that calls OpenCV, h5py and numpy.
 const SCRIPT: &str = include_str!("ask.py");
 
 /// Seconds that an answer may take: an hour.
 const MAX_SECONDS: u32 = 3600;
 
-/// The answer to one question.
+/// Asks one question and returns the answer.
 pub(super) fn ask<A: DeserializeOwned>(
     question: &str,
     request: &impl Serialize,

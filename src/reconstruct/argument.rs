@@ -1,5 +1,5 @@
-//! What a program is started with: texts with places left open in braces, `{capture}` for one, and `{{`, `}}` for braces
-//! themselves. No shell ever reads them.
+//! Arguments of a program: texts with placeholders in braces, for example `{capture}`. `{{` and
+//! `}}` are literal braces. No shell reads them.
 
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::fmt;
 use std::path::PathBuf;
 
-/// A text with places left open.
+/// A text with placeholders.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Argument(Vec<Part>);
 
@@ -17,22 +17,23 @@ enum Part {
     Place(String),
 }
 
-/// Why a text is no argument.
+/// The reason why a text is not an argument.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArgumentError {
-    /// A name in braces that nothing has.
+    /// An unknown name in braces.
     #[error("{{{0}}}")]
     Unknown(String),
-    /// A brace without its partner.
+    /// A brace without a matching brace.
     #[error("a brace that stands alone")]
     Alone,
 }
 
 impl Argument {
-    /// Reads a text, whose places must be among `known`. A place that has its value there already is filled.
+    /// Parses a text whose placeholders must be in `known`. A placeholder with a known value is
+    /// filled.
     ///
     /// # Errors
-    /// When a place is not known, or a brace stands alone.
+    /// A placeholder is unknown, or a brace has no matching brace.
     pub fn parse(text: &str, known: &BTreeMap<&str, Option<String>>) -> Result<Self, ArgumentError> {
         let mut parts = Vec::new();
         let mut rest = text;
@@ -60,7 +61,7 @@ impl Argument {
         Ok(Self(parts))
     }
 
-    /// The text with its places filled. One that is not among them stays open.
+    /// Fills the placeholders. Placeholders without a value remain.
     #[must_use]
     pub fn fill(&self, places: &BTreeMap<&str, PathBuf>) -> OsString {
         let mut filled = OsString::new();
@@ -76,7 +77,7 @@ impl Argument {
         filled
     }
 
-    /// Whether this place is left open somewhere in it.
+    /// Returns true if this placeholder is still open.
     #[must_use]
     pub fn names(&self, place: &str) -> bool {
         self.0.iter().any(|part| matches!(part, Part::Place(name) if name == place))
@@ -91,7 +92,7 @@ fn append(parts: &mut Vec<Part>, text: &str) {
     }
 }
 
-/// As it may be written: what is equal is written alike.
+/// Canonical spelling: equal arguments are displayed identically.
 impl fmt::Display for Argument {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|part| match part {
