@@ -29,10 +29,12 @@ mod screening;
 mod simulate;
 mod stress;
 mod study;
+mod supervise;
 mod takedown;
 mod trajectory;
 mod why;
 
+use crate::programs::{Programs, SUPERVISE};
 use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, Device, GpuError};
@@ -40,6 +42,7 @@ use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use console::Console;
 use problem::{Exit, Problem};
 use renderers::{Auto, By, Chosen};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -142,7 +145,30 @@ impl Common {
             Choice::Auto => By::Auto(Auto::new(self.gpu.clone().unwrap_or(gpu::Choice::Hardware))),
             _ => By::One(self.backend()?),
         };
-        Ok(Chosen::new(by, self.omit()))
+        Ok(Chosen::new(by, self.omit(), self.programs()))
+    }
+
+    /// The programs on the user's path. Each runs under a process of this program, whatever its file is called by now.
+    #[expect(clippy::unused_self, reason = "the environment belongs to the command line")]
+    fn programs(&self) -> Programs {
+        let own = PathBuf::from("/proc/self/exe");
+        let own = if own.exists() { own } else { std::env::current_exe().unwrap_or_default() };
+        Programs::new(std::env::var_os("PATH").as_deref(), own)
+    }
+
+    /// Cores to use.
+    fn cores(&self) -> usize {
+        self.jobs.map_or_else(machine::cores, usize::from)
+    }
+
+    /// Keeps `-j` to the cores of this machine: idle threads look for work at one another, which takes time that grows
+    /// with the square of their number.
+    fn clamp_jobs(&mut self, console: &Console) {
+        let cores = u16::try_from(machine::cores()).unwrap_or(u16::MAX);
+        if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
+            console.say(&format!("-j {jobs} is more than this machine has: {cores} cores are used"));
+            self.jobs = Some(cores);
+        }
     }
 
     /// What renderers leave out.
@@ -213,6 +239,9 @@ pub fn command_line() -> clap::Command {
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
+    if arguments.get(1).is_some_and(|verb| verb == SUPERVISE) {
+        return supervise::run(arguments.into_iter().skip(2).collect());
+    }
     let command = command(&arguments);
     let cli = match Cli::try_parse_from(arguments) {
         Ok(Cli { verb, common }) => Cli { verb, common: Common { command, ..common } },
@@ -223,6 +252,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let console = Console::new(cli.common.json, cli.common.quiet);
+    let mut cli = cli;
+    cli.common.clamp_jobs(&console);
     match dispatch(cli, &console) {
         Ok(exit) => exit.into(),
         Err(problem) => {
@@ -267,10 +298,15 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
     }
 }
 
-/// A flag that the first interrupt sets; the second ends the program at once, which is as safe as a power cut.
+/// A flag that the first interrupt sets; the second ends the program at once, which is as safe as a power cut. The end of
+/// a terminal is an interrupt, unless the program was started to outlive it, as by `nohup`.
 fn on_interrupt() -> Result<Arc<AtomicBool>, Problem> {
     let flag = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    let mut signals = vec![SIGINT, SIGTERM, SIGQUIT];
+    if !machine::ignores(SIGHUP) {
+        signals.push(SIGHUP);
+    }
+    for signal in signals {
         signal_hook::flag::register_conditional_shutdown(signal, 130, flag.clone())
             .and_then(|_| signal_hook::flag::register(signal, flag.clone()))
             .map_err(|e| Problem::failed("signals", format!("interrupts cannot be handled: {e}")))?;

@@ -16,10 +16,10 @@ pub mod colmap;
 mod error;
 mod features;
 pub mod opencv;
-pub mod programs;
 mod python;
 pub mod readback;
 mod run;
+pub mod versions;
 
 pub use error::ForeignError;
 

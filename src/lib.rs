@@ -22,7 +22,7 @@
 //!
 //! | room | what lives there |
 //! |---|---|
-//! | [`units`] [`files`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values, and the door for files |
+//! | [`units`] [`files`] [`programs`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values, and the doors for files and for other people's programs |
 //! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`reconstruct`] [`foreign`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
@@ -65,6 +65,7 @@ pub mod frames;
 pub mod image;
 pub mod licence;
 pub mod plan;
+pub mod programs;
 pub mod recipe;
 pub mod reconstruct;
 pub mod release;

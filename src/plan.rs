@@ -1,16 +1,18 @@
 //! Plans: from recipes to steps, and from steps and the store to the work that must run.
 
+pub mod asked;
 pub mod assess;
 pub mod past;
 pub mod survey;
 mod wire;
 
+use crate::foreign::versions::Asked;
 use crate::recipe::Recipe;
 use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
 
-/// Chooses the renderer of each scene, and the work that it may leave out.
+/// Says what renders each scene, and how thoroughly, and which other programs are there.
 pub trait Renderers {
     /// The back end of a scene.
     fn of(&self, recipe: &Recipe) -> Backend;
@@ -18,6 +20,11 @@ pub trait Renderers {
     /// Work left out of every scene.
     fn omit(&self) -> Omit {
         Omit::default()
+    }
+
+    /// The version of a program that trajectories are held against; `None` where it is not known and may not be asked.
+    fn version(&self, _: Asked) -> Option<String> {
+        None
     }
 }
 
@@ -52,11 +59,7 @@ impl Plan {
     pub fn new(recipes: Vec<Recipe>, renderers: &dyn Renderers) -> Self {
         let mut plan = Self::default();
         for (scene, recipe) in recipes.iter().enumerate() {
-            wire::scene(
-                recipe,
-                (&renderers.of(recipe), renderers.omit()),
-                &mut Wiring { plan: &mut plan, scene },
-            );
+            wire::scene(recipe, renderers, &mut Wiring { plan: &mut plan, scene });
         }
         plan.scenes = recipes;
         plan

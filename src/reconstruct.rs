@@ -9,11 +9,9 @@
 mod argument;
 mod command;
 mod layout;
-pub(crate) mod process;
 mod trained;
 
-pub use argument::{Argument, ArgumentError, quoted};
+pub use argument::{Argument, ArgumentError};
 pub use command::{Command, Desk, Places, TrainError, Trained};
 pub use layout::{LAYOUT, LayoutError, memory};
-pub use process::{Failed, How};
 pub use trained::Count;

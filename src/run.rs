@@ -16,6 +16,7 @@ use crate::frames::rendered::Saving;
 use crate::plan::assess::{PlanError, Product, Reason};
 use crate::plan::past::past;
 use crate::plan::{Plan, survey};
+use crate::programs::Programs;
 use crate::render::RenderError;
 use crate::render::gpu::GpuError;
 use crate::stage::{StageError, StepId};
@@ -29,8 +30,8 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Options of a run.
-#[derive(Debug, Clone, Copy)]
+/// How a plan is run.
+#[derive(Debug, Clone)]
 pub struct Options {
     /// Resources for all steps together.
     pub budget: Budget,
@@ -41,6 +42,8 @@ pub struct Options {
     /// Whether programs named by recipes may run. Otherwise a step that needs one fails, and one
     /// that is up to date is not made again.
     pub allow_commands: bool,
+    /// The programs that can be run.
+    pub programs: Programs,
 }
 
 /// The steps that are made again although they are up to date.
@@ -239,6 +242,12 @@ pub fn run(
     cancel: &AtomicBool,
     observer: &dyn Observer,
 ) -> Result<Summary, StoreError> {
+    // Where this process is killed, the next waits for the end of its programs before it empties their folders.
+    let programs = match store.share_lock()? {
+        Some(lock) => options.programs.holding(lock),
+        None => options.programs,
+    };
+    let options = Options { programs, ..options };
     let (sender, receiver) = mpsc::channel();
     let ranks = order::ranks(plan, &past(plan, store)?);
     thread::scope(|scope| {

@@ -22,7 +22,7 @@ use crate::artifact::{Artifact, ArtifactError, Files};
 use crate::camera::{self, Camera, CameraChoice};
 use crate::frames::rendered::Saving;
 use crate::image::Size;
-use crate::reconstruct::Failed;
+use crate::programs::{Failed, Programs};
 use crate::render::backend::Backend;
 use crate::source::Capture;
 use crate::store::Digest;
@@ -193,6 +193,11 @@ pub trait Stage: serde::Serialize {
         false
     }
 
+    /// A program whose version its class lacks: it was not asked, so the key is not known.
+    fn unasked(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Writes the product's files into `cx.out`.
     ///
     /// # Errors
@@ -258,6 +263,8 @@ pub struct Context<'a> {
     /// Destination of the log of external programs. During the run it lies next to the product's
     /// files.
     pub log: Option<PathBuf>,
+    /// The programs that can be run.
+    pub programs: Programs,
 }
 
 impl<'a> Context<'a> {
@@ -265,7 +272,8 @@ impl<'a> Context<'a> {
     #[must_use]
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
         let (warnings, remark, clock, saving) = (Vec::new(), None, None, None);
-        Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None }
+        let programs = Programs::default();
+        Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None, programs }
     }
 
     /// Whether the work has been cancelled.
@@ -393,6 +401,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Whether the stage runs programs that need no permission.
     fn runs_known_programs(&self) -> bool;
 
+    /// A program that must be asked for its version before the key is known.
+    fn unasked(&self) -> Option<&'static str>;
+
     /// Opens the inputs and does the work.
     ///
     /// # Errors
@@ -449,6 +460,10 @@ where
 
     fn runs_known_programs(&self) -> bool {
         self.stage.runs_known_programs()
+    }
+
+    fn unasked(&self) -> Option<&'static str> {
+        self.stage.unasked()
     }
 
     fn run(&self, files: &[Files], cx: &mut Context<'_>) -> Result<(), StageError> {

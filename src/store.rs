@@ -43,6 +43,7 @@ use space::Space;
 use stat_cache::{Entry, Sighting};
 use state::{State, Table};
 use std::collections::BTreeSet;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -106,8 +107,8 @@ pub struct Store {
     counts: Counts,
     /// The first failure of an operation whose result was not awaited.
     failed: Mutex<Option<StoreError>>,
-    /// The lock. It is only held; the kernel frees it with the store.
-    _lock: Option<lock::Lock>,
+    /// The kernel frees it with the store.
+    lock: Option<lock::Lock>,
 }
 
 /// Sources of digests.
@@ -203,7 +204,7 @@ impl Store {
             counts: Counts::default(),
             failed: Mutex::new(None),
             disk,
-            _lock: lock,
+            lock,
         })
     }
 
@@ -213,7 +214,17 @@ impl Store {
         self.state().take_notices()
     }
 
-    /// Number of digests taken from stat fields, and number taken from bytes.
+    /// The file of the store's lock, for a process that works in the store's folders: the lock is held until that process
+    /// has closed it, too. `None` where the store was opened to look only.
+    ///
+    /// # Errors
+    /// When the system has no more file descriptors.
+    pub fn share_lock(&self) -> Result<Option<File>, StoreError> {
+        let shared = self.lock.as_ref().map(lock::Lock::share).transpose();
+        shared.map_err(disk::failed("sharing", &self.root.join("lock")))
+    }
+
+    /// How many digests were taken from stat fields, and how many from bytes.
     #[must_use]
     pub fn digests(&self) -> (usize, usize) {
         (self.counts.trusted.load(Ordering::Relaxed), self.counts.hashed.load(Ordering::Relaxed))

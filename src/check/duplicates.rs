@@ -1,8 +1,8 @@
 //! Events that occur twice in a stream. A gate.
 //!
-//! Two events of a pixel in one microsecond are valid in a burst, but rare: their share is below
-//! 1e-4. The sensor counts its own, and the stream must have exactly as many. That also finds a
-//! chunk that was written twice into a stream with bursts.
+//! Two events of a pixel in one microsecond are legal in a burst and rare: their share is below 1e-4. The sensor
+//! counts its own pairs, and the stream must hold exactly as many, which also finds a chunk that was written twice into a
+//! stream with bursts. Three events of one microsecond are three pairs to both.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
@@ -35,18 +35,18 @@ impl Check for Duplicates {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        let pairs = tally.repeated + tally.contrary;
-        let mut findings = vec![share(subject, pairs, tally.events)];
-        findings.extend(subject.account.map(|account| excess(subject, pairs, account.same_us_same_pixel)));
+        let mut findings = vec![share(subject, tally.repeated + tally.contrary, tally.events)];
+        let made = subject.account.map(|account| account.same_us_same_pixel);
+        findings.extend(made.map(|made| excess(subject, tally.pairs, made)));
         findings
     }
 }
 
-fn share(subject: &Subject<'_>, pairs: u64, events: u64) -> Finding {
+fn share(subject: &Subject<'_>, repeats: u64, events: u64) -> Finding {
     let limit =
         Bound::of(subject.limits.duplicates.and_then(|l| l.max), Bound::gate(SHARE + by_chance(subject)));
-    let share = pairs as f64 / events.max(1) as f64;
-    let because = format!("{pairs} of {events} events have the time and pixel of the one in front of them");
+    let share = repeats as f64 / events.max(1) as f64;
+    let because = format!("{repeats} of {events} events have the time and pixel of the one in front of them");
     let judged = Judged {
         verdict: limit.at_most(share),
         measured: Some(share),

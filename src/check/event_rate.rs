@@ -1,10 +1,10 @@
 //! Event rates of pixels. A gate where the recipe sets a limit, otherwise a warning.
 //!
-//! `rate` is the number of events per pixel and second, compared with the recipe's `min` and `max`.
-//! `flow` is the number of events per pixel and px of median flow: 0.02 to 1 at a contrast of 0.2,
-//! inversely proportional to the contrast, in addition to noise. Values outside indicate wrong
-//! luminance or motion. A sensor with a contrast above 0.5 may see nothing in a picture with softer
-//! edges, so it has no lower bound.
+//! `rate` is events per pixel and second, told and held against the recipe's `min` and `max`. `flow` is events per
+//! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
+//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems. A sensor of a contrast
+//! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound. A stream
+//! without any event gets a warning whatever the sensor: it may be right, and nobody can use it.
 
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};
@@ -61,11 +61,16 @@ fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
     let pixels = tally.size.pixels() as f64;
     let measured = tally.events as f64 / (pixels * seconds);
     let (verdict, limit) = within(measured, least, most);
-    let because = format!(
-        "{} events of {pixels} pixels in {seconds:.4} s, at the peak {:.3} million per second",
-        tally.events,
-        tally.peak_per_ms as f64 * 1e-3
-    );
+    let (verdict, because) = match (tally.events, verdict) {
+        (0, Verdict::Pass) => (Verdict::Warn, empty(seconds)),
+        (events, verdict) => {
+            let peak = tally.peak_per_ms as f64 * 1e-3;
+            let because = format!(
+                "{events} events of {pixels} pixels in {seconds:.4} s, at the peak {peak:.3} million per second"
+            );
+            (verdict, because)
+        }
+    };
     let limit = (limits != Limits::default() && limit.is_finite()).then_some(limit);
     subject.finding(
         NAME,
@@ -74,7 +79,14 @@ fn rate(subject: &Subject<'_>, tally: &Tally) -> Finding {
     )
 }
 
+fn empty(seconds: f64) -> String {
+    format!("no events: no pixel crossed its threshold in {seconds:.4} s")
+}
+
 fn per_flow(subject: &Subject<'_>, tally: &Tally) -> Finding {
+    if tally.events == 0 {
+        return subject.not_run(NAME, "flow", empty(subject.seconds()));
+    }
     let (Some(flow), Ok(law)) = (subject.flow, subject.drift_law()) else {
         return subject.not_run(
             NAME,

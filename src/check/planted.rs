@@ -269,7 +269,8 @@ fn fire(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Eve
 fn account(events: &[Event]) -> Account {
     let on = events.iter().filter(|e| e.polarity == Polarity::On).count() as u64;
     let place = |e: &Event| (e.t.floor_micros(), e.y, e.x);
-    let pairs = events.windows(2).filter(|w| place(&w[0]) == place(&w[1])).count() as u64;
+    let together = events.chunk_by(|a, b| place(a) == place(b)).map(|group| group.len() as u64);
+    let pairs = together.map(|n| n * (n - 1) / 2).sum();
     Account {
         events: events.len() as u64,
         on,

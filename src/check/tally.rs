@@ -40,7 +40,9 @@ pub struct Tally {
     /// Events with the same microsecond and pixel as their predecessor, but with the other
     /// polarity.
     pub contrary: u64,
-    /// Number of distinct times, in microseconds.
+    /// Pairs of events of one pixel in the same microsecond: three events are three pairs.
+    pub pairs: u64,
+    /// Different times, in microseconds.
     pub distinct_us: u64,
     /// Largest number of events in one millisecond.
     pub peak_per_ms: u64,
@@ -100,6 +102,8 @@ pub struct Observer<'a> {
     frames_per_us: f64,
     end_us: i64,
     previous: Option<Event>,
+    /// Events in front of the latest one at its pixel and in its microsecond.
+    together: u64,
     millisecond: (i64, u64),
     counts: Counts,
     crowds: Crowds,
@@ -134,6 +138,7 @@ impl<'a> Observer<'a> {
             frames_per_us: rate.to_f64() * 1e-6,
             end_us,
             previous: None,
+            together: 0,
             millisecond: (0, 0),
             counts: Counts { on: vec![0; pixels], off: vec![0; pixels] },
             crowds: Crowds::new(size, end_us),
@@ -217,6 +222,8 @@ impl<'a> Observer<'a> {
         };
         let (before, after) = (previous.file_order(), event.file_order());
         let same_place = (before.0, before.1, before.2) == (after.0, after.1, after.2);
+        self.together = if same_place { self.together + 1 } else { 0 };
+        tally.pairs += self.together;
         tally.disordered += u64::from(after < before);
         tally.repeated += u64::from(same_place && before.3 == after.3);
         tally.contrary += u64::from(same_place && before.3 != after.3);
@@ -249,6 +256,7 @@ impl Tally {
             off_time: 0,
             repeated: 0,
             contrary: 0,
+            pairs: 0,
             distinct_us: 0,
             peak_per_ms: 0,
             active_pixels: 0,
@@ -302,12 +310,22 @@ mod tests {
             event(10_000, 0, 3, Off),
         ]);
         assert_eq!((found.events, found.on, found.off()), (7, 4, 3));
+        assert_eq!(found.pairs, 2);
         assert_eq!((found.repeated, found.contrary, found.too_soon), (1, 1, 2));
         assert_eq!((found.disordered, found.off_time, found.off_sensor), (1, 1, 2));
         assert_eq!((found.distinct_us, found.active_pixels, found.peak_per_ms), (5, 3, 4));
         // A frame interval of 1000 us in 16 bins of 62.5 us: 10 is in bin 0, 500 in bin 8, 9999 in
         // bin 15.
         assert_eq!((found.phases[0], found.phases[8], found.phases[15]), (4, 2, 1));
+    }
+
+    #[test]
+    fn events_of_one_pixel_and_time_are_counted_in_pairs() {
+        use Polarity::{Off, On};
+        let pairs = |events: &[Event]| (tally(events).pairs, tally(events).repeated + tally(events).contrary);
+        let at = |polarity| event(10, 0, 0, polarity);
+        assert_eq!(pairs(&[at(On), at(On), at(On), at(On)]), (6, 3));
+        assert_eq!(pairs(&[at(Off), at(Off), at(On), event(10, 1, 0, On), event(11, 1, 0, On)]), (3, 2));
     }
 
     #[test]

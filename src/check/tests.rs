@@ -369,6 +369,18 @@ fn a_recipes_rate_is_a_gate() {
 }
 
 #[test]
+fn a_stream_without_events_is_told_and_fails_a_limit() {
+    let mut world = World::sound();
+    world.events.clear();
+    let found = world.finding("event_rate#rate");
+    assert_eq!((found.verdict, found.measured), (Verdict::Warn, Some(0.0)));
+    assert!(found.because.starts_with("no events"), "{}", found.because);
+    assert_eq!(world.finding("event_rate#flow").verdict, Verdict::NotRun);
+    world.limits.event_rate = Some(event_rate::Limits { min: Some(1e-3), max: None });
+    assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Fail);
+}
+
+#[test]
 fn a_brightening_scene_is_predicted_to_be_on() {
     let setting = Setting { pace: 0.0, dawn: 3.0, ..Setting::default() };
     let world = World::new(setting);

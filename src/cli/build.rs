@@ -74,7 +74,7 @@ impl Build {
         }
         let store = open(common, &self.care, console)?;
         // What is to be made again must be in the plan.
-        let renderers = chosen.knowing(&store);
+        let renderers = chosen.asking(&store);
         let surveyed = if self.care.recheck.is_some() {
             unsettled(paths, &renderers)
         } else {
@@ -191,7 +191,7 @@ impl Building<'_> {
     /// Builds what is stale. What comes back is the plan as it was run in the end.
     pub(super) fn build(&self, plan: Plan, store: &Store) -> Result<(Plan, Summary), Problem> {
         let Self { common, console, chosen, .. } = self;
-        let renderers = chosen.knowing(store);
+        let renderers = chosen.asking(store);
         let mut plan = renderers.at_hand(plan)?;
         // What is missing or unreadable shall be known before anything runs, unless the user wants the rest done first.
         let mut idle = false;
@@ -214,17 +214,17 @@ impl Building<'_> {
 
     /// Runs a plan once.
     fn run(&self, plan: &Plan, store: &Store) -> Result<Summary, Problem> {
-        let Self { common, console, .. } = self;
+        let Self { common, console, chosen, .. } = self;
         if store.is_due() {
             // What was learned by reading is not learned again if the run is killed.
             store.flush()?;
         }
-        let options = options(common, self.care);
+        let options = options(common, self.care, chosen);
         let past = if console.is_live() { past(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
-        let progress = progress.beside(self.settled).falling_back(self.chosen.falls_back());
+        let progress = progress.beside(self.settled).falling_back(chosen.falls_back());
         let summary = run::run(plan, store, options, &cancel, &progress);
         let Told { failed, left_out } = progress.close();
         left_out::tell(&left_out, console);
@@ -258,8 +258,8 @@ impl Building<'_> {
     }
 }
 
-fn options(common: &Common, care: &Care) -> Options {
-    let cores = common.jobs.map_or_else(machine::cores, usize::from);
+fn options(common: &Common, care: &Care, chosen: &Chosen) -> Options {
+    let cores = common.cores();
     let memory = care.memory.unwrap_or_else(machine::free_memory);
     // Which steps are made again differs from run to run; it enters no file.
     let seed =
@@ -273,6 +273,7 @@ fn options(common: &Common, care: &Care) -> Options {
         keep_going: common.keep_going,
         recheck: care.recheck.map(|share| Recheck { share, seed }),
         allow_commands: common.allow_commands,
+        programs: chosen.programs().clone(),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::commands;
 use super::message::{Level, Message};
 use super::problem::{FULL, stage_failed, unplanned};
-use crate::reconstruct::Failed;
+use crate::programs::Failed;
 use crate::run::StepError;
 use crate::stage::StageError;
 use crate::store::record::{Provenance, Record, content};

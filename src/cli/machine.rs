@@ -42,6 +42,18 @@ fn group(file: &str) -> Option<u64> {
     read_to_string(format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/'))).ok()?.trim().parse().ok()
 }
 
+/// Whether this process was started to ignore a signal; false where the system does not say.
+pub(super) fn ignores(signal: i32) -> bool {
+    read_to_string("/proc/self/status").is_ok_and(|status| is_ignored(&status, signal))
+}
+
+/// `SigIgn` of `/proc/self/status`: a bit for each signal, that of signal 1 last.
+fn is_ignored(status: &str, signal: i32) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask.checked_shr(signal.unsigned_abs() - 1).is_some_and(|bits| bits & 1 == 1)
+}
+
 /// A number of bytes, as `8GB`, `500 MB` or `1073741824`.
 pub(super) fn bytes(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, u64); 7] = [
@@ -75,6 +87,14 @@ mod tests {
         for wrong in ["", "GB", "-1", "1.5GB", "0", "99999999999GB", "1TB"] {
             t(wrong, None);
         }
+    }
+
+    #[test]
+    fn ignored_signals_are_read() {
+        let status = "Name:\tgs2e\nSigBlk:\tffffffffffffffff\nSigIgn:\t0000000000001001\n";
+        let ignored: Vec<i32> = (1..=64).filter(|signal| is_ignored(status, *signal)).collect();
+        assert_eq!(ignored, [1, 13]);
+        assert!(!is_ignored("Name:\tgs2e\n", 1));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::build::{opening, tag};
 use super::console::Console;
 use super::problem::{Exit, Problem};
-use super::{Common, Targets, machine};
+use super::{Common, Targets};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, Assessment, Reason, assess};
 use crate::plan::past::past;
@@ -160,7 +160,7 @@ fn estimate(
         sum.bytes += past.bytes;
         sum.memory = sum.memory.max(past.memory);
     }
-    let cores = common.jobs.map_or_else(machine::cores, usize::from);
+    let cores = common.cores();
     sum.seconds = sum.core_seconds / cores as f64;
     if console.json {
         console.result(&json!(sum));
@@ -185,6 +185,7 @@ pub(super) fn words(reason: &Reason) -> String {
     match reason {
         Reason::UpToDate => "up to date".to_owned(),
         Reason::InputMayChange { step } => format!("behind {step}"),
+        Reason::NotAsked { program } => format!("the version of {program} is not known: a build asks it"),
         Reason::NoRecord => "never made".to_owned(),
         Reason::InputChanged { name, old, new } => {
             let brief = |digest: &str| was(&digest.chars().take(12).collect::<String>());

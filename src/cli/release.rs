@@ -47,7 +47,7 @@ impl Release {
         let started = Instant::now();
         let store = open(common, &self.care, console)?;
         self.keep_ours(common)?;
-        let plan = Plan::new(recipes, &chosen.knowing(&store));
+        let plan = Plan::new(recipes, &chosen.asking(&store));
         if self.no_build {
             refuse_stale(&plan, &store)?;
         }

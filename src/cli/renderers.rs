@@ -1,4 +1,4 @@
-//! Which back end renders each scene.
+//! Which back end renders each scene, and which other programs are there.
 //!
 //! Left to itself (`--backend auto`), the program renders a scene by what rendered it before, so that no other GPU and no
 //! new driver makes a scene stale by being there; a new scene is rendered by a GPU of hardware, where there is one. The GPU
@@ -6,8 +6,11 @@
 
 use super::console::Console;
 use super::problem::Problem;
+use crate::foreign::versions::Asked;
+use crate::plan::asked;
 use crate::plan::assess::{Action, assess};
 use crate::plan::{Plan, Renderers, past};
+use crate::programs::Programs;
 use crate::recipe::Recipe;
 use crate::render::Omit;
 use crate::render::backend::Backend;
@@ -22,6 +25,7 @@ use std::collections::BTreeSet;
 pub(super) struct Chosen {
     by: By,
     omit: Omit,
+    programs: Programs,
 }
 
 /// What renders.
@@ -34,9 +38,14 @@ pub(super) enum By {
 }
 
 impl Chosen {
-    /// By these, leaving out so much.
-    pub(super) fn new(by: By, omit: Omit) -> Self {
-        Self { by, omit }
+    /// By these, leaving out so much; `programs` are those that a run may start.
+    pub(super) fn new(by: By, omit: Omit, programs: Programs) -> Self {
+        Self { by, omit, programs }
+    }
+
+    /// The programs that a run may start.
+    pub(super) fn programs(&self) -> &Programs {
+        &self.programs
     }
 
     /// Names what of it may change a key: what a survey under another name found does not count.
@@ -48,9 +57,14 @@ impl Chosen {
         if self.omit.is_needless() { by } else { format!("{by} whole") }
     }
 
-    /// With what is known of scenes in a store.
+    /// With what is known of scenes and programs in a store, for a verb that runs nothing.
     pub(super) fn knowing<'a>(&'a self, store: &'a Store) -> Knowing<'a> {
-        Knowing { chosen: self, store }
+        Knowing { chosen: self, store, asks: false }
+    }
+
+    /// With what is known of scenes in a store, for a run: programs that recipes name are asked for their versions.
+    pub(super) fn asking<'a>(&'a self, store: &'a Store) -> Knowing<'a> {
+        Knowing { chosen: self, store, asks: true }
     }
 
     /// Whether what a GPU fails at is rendered on the CPU next.
@@ -124,6 +138,8 @@ impl Auto {
 pub(super) struct Knowing<'a> {
     chosen: &'a Chosen,
     store: &'a Store,
+    /// Whether programs may be run to know their versions.
+    asks: bool,
 }
 
 impl Renderers for Knowing<'_> {
@@ -138,6 +154,15 @@ impl Renderers for Knowing<'_> {
 
     fn omit(&self) -> Omit {
         self.chosen.omit
+    }
+
+    fn version(&self, program: Asked) -> Option<String> {
+        let programs = &self.chosen.programs;
+        if self.asks {
+            Some(asked::ask(program, programs, self.store))
+        } else {
+            asked::recall(program, programs, self.store)
+        }
     }
 }
 
@@ -184,7 +209,7 @@ mod tests {
         let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
         let auto = Auto { gpu: RefCell::new(Some(Ok(device))), ..Auto::new(Choice::Any) };
         let (console, care) = (Console::new(false, true), Care::default());
-        let chosen = Chosen::new(By::Auto(auto), Omit::default());
+        let chosen = Chosen::new(By::Auto(auto), Omit::default(), Programs::default());
         let targets = Targets { recipes: vec![recipe] };
         let store = open(&common, &care, &console).unwrap();
         let plan = Plan::new(crate::recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));

@@ -1,6 +1,6 @@
 """Asks OpenCV, numpy and h5py about a trajectory, in the form in which it is released.
 
-python3 ask.py geometry|readback REQUEST.json ANSWER.json
+python3 -I ask.py geometry|readback REQUEST.json ANSWER.json
 """
 
 import hashlib

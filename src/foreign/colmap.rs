@@ -7,11 +7,12 @@
 //! accurate.
 
 use super::align::{Apart, Pair, apart};
-use super::programs::COLMAP;
 use super::run::Run;
-use super::{ForeignError, Picture, Told, features, programs};
+use super::versions::COLMAP;
+use super::{ForeignError, Picture, Told, features, versions};
 use crate::camera::Camera;
-use crate::reconstruct::{Desk, How};
+use crate::programs::How;
+use crate::reconstruct::Desk;
 use crate::se3::Se3;
 use crate::source::colmap::{Image, Model};
 use serde::{Deserialize, Serialize};
@@ -68,9 +69,9 @@ pub struct Found {
 /// # Errors
 /// A file cannot be used, COLMAP fails, or the work was asked to stop.
 pub fn register(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<Found>, ForeignError> {
-    let program = match programs::colmap() {
-        Ok(program) => program.to_owned(),
-        Err(because) => return Ok(Err(because.to_owned())),
+    let program = match versions::colmap(desk.programs) {
+        Ok(program) => program,
+        Err(because) => return Ok(Err(because)),
     };
     if pictures.len() < LEAST_PICTURES as usize {
         return Ok(Err(format!("there are {} pictures, {LEAST_PICTURES} are the fewest", pictures.len())));

@@ -1,6 +1,6 @@
 //! Errors of running a program.
 
-use crate::reconstruct::Failed;
+use crate::programs::Failed;
 use std::io;
 use std::path::{Path, PathBuf};
 

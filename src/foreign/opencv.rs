@@ -1,7 +1,7 @@
 //! OpenCV's answers from the released poses and camera: the projections of points, and the camera
 //! motion between pictures, recovered from the pictures.
 
-use super::{ForeignError, Picture, Told, programs, python, spread};
+use super::{ForeignError, Picture, Told, python, spread, versions};
 use crate::camera::Camera;
 use crate::reconstruct::Desk;
 use crate::se3::Se3;
@@ -10,6 +10,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// OpenCV's answer on a trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -109,7 +110,7 @@ pub fn measure(
     pictures: &[Picture],
     desk: Desk<'_>,
 ) -> Result<Told<Geometry>, ForeignError> {
-    let program = match programs::having(&["cv2", "numpy"]) {
+    let program = match versions::having(&["cv2", "numpy"], desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
@@ -118,7 +119,7 @@ pub fn measure(
         let file = desk.folder.join(name);
         std::fs::write(&file, bytes).map_err(ForeignError::io(&file))?;
     }
-    let request = Request { camera, trajectory, pictures }.compose()?;
+    let request = Request { camera, trajectory, pictures }.compose(desk.folder)?;
     let Answer { poses_txt, transforms_json, tried, pairs } = python::ask("geometry", &request, desk)?;
     Ok(Ok(Geometry { program, poses_txt, transforms_json, tried, pairs }))
 }
@@ -130,15 +131,15 @@ struct Request<'a> {
 }
 
 impl Request<'_> {
-    fn compose(&self) -> Result<serde_json::Value, ForeignError> {
+    fn compose(&self, folder: &Path) -> Result<serde_json::Value, ForeignError> {
         let stamps = &self.trajectory.stamps_us;
         let pictures = self.pictures.iter().map(|Picture { pose, file }| {
             let file = std::path::absolute(file).map_err(ForeignError::io(file))?;
             Ok(json!({ "pose": pose, "t_us": stamps[*pose], "file": file }))
         });
         Ok(json!({
-            "poses": "poses.txt",
-            "transforms": "transforms.json",
+            "poses": folder.join("poses.txt"),
+            "transforms": folder.join("transforms.json"),
             "views": self.views(),
             "pictures": pictures.collect::<Result<Vec<_>, ForeignError>>()?,
             "starts": spread(self.pictures.len(), STARTS),

@@ -1,17 +1,19 @@
 //! Questions to Python, with a file for the question and a file for the answer.
 
 use super::ForeignError;
-use super::programs::PYTHON;
 use super::run::Run;
-use crate::reconstruct::{Desk, How};
+use super::versions::{ISOLATED, PYTHON};
+use crate::programs::How;
+use crate::reconstruct::Desk;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use std::ffi::OsString;
 
 /// The script that calls OpenCV, h5py and numpy.
 const SCRIPT: &str = include_str!("ask.py");
 
-/// Time limit of an answer: one hour.
-const MOST_SECONDS: u32 = 3600;
+/// Seconds that an answer may take: an hour.
+const MAX_SECONDS: u32 = 3600;
 
 /// Asks one question and returns the answer.
 pub(super) fn ask<A: DeserializeOwned>(
@@ -24,8 +26,9 @@ pub(super) fn ask<A: DeserializeOwned>(
     std::fs::write(&script, SCRIPT).map_err(ForeignError::io(&script))?;
     let request = serde_json::to_vec(request).expect("a request is plain data");
     std::fs::write(&asked, request).map_err(ForeignError::io(&asked))?;
-    let arguments = ["ask.py", question, "request.json", "answer.json"].map(Into::into).to_vec();
-    let ran = Run { program: PYTHON, arguments, seconds: MOST_SECONDS, desk }.end_well()?;
+    let files = [script.into(), question.into(), asked.into(), answer.clone().into()];
+    let arguments = [OsString::from(ISOLATED)].into_iter().chain(files).collect();
+    let ran = Run { program: PYTHON, arguments, seconds: MAX_SECONDS, desk }.end_well()?;
     let product = |e: &dyn std::fmt::Display| ran.failed(How::Product(format!("its answer: {e}")));
     let text = std::fs::read(&answer).map_err(|e| product(&e))?;
     serde_json::from_slice(&text).map_err(|e| product(&e))

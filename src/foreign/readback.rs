@@ -1,7 +1,7 @@
 //! Released files as other programs read them: events by h5py, their index by numpy, pictures by
 //! OpenCV.
 
-use super::{ForeignError, Picture, Told, programs, python};
+use super::{ForeignError, Picture, Told, python, versions};
 use crate::event::{Event, EventSource as _, h5};
 use crate::image::png;
 use crate::reconstruct::Desk;
@@ -75,11 +75,11 @@ pub fn read(
     pictures: &[Picture],
     desk: Desk<'_>,
 ) -> Result<Told<Readback>, ForeignError> {
-    let mut program = match programs::having(&["h5py", "numpy"]) {
+    let mut program = match versions::having(&["h5py", "numpy"], desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
-    let opencv = programs::having(&["cv2"]);
+    let opencv = versions::having(&["cv2"], desk.programs);
     let looks = match &opencv {
         Ok(opencv) if !pictures.is_empty() => {
             program = format!("{program}, {opencv}");

@@ -1,15 +1,15 @@
 //! One run of a program.
 
 use super::ForeignError;
+use crate::programs::{self, Ended, Failed, How, Invocation};
 use crate::reconstruct::Desk;
-use crate::reconstruct::process::{self, Ended, Failed, How, Invocation};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A program with its arguments and folder.
 pub(super) struct Run<'a> {
-    /// Name of the program, which the system searches for.
+    /// Its name.
     pub(super) program: &'static str,
     pub(super) arguments: Vec<OsString>,
     /// Time limit in seconds.
@@ -17,13 +17,9 @@ pub(super) struct Run<'a> {
     pub(super) desk: Desk<'a>,
 }
 
-/// Runs without a display and with one thread; no order depends on the process.
-const ENVIRONMENT: [(&str, &str); 4] = [
-    ("QT_QPA_PLATFORM", "offscreen"),
-    ("OMP_NUM_THREADS", "1"),
-    ("OPENBLAS_NUM_THREADS", "1"),
-    ("PYTHONHASHSEED", "0"),
-];
+/// Neither a screen nor more than one thread is taken.
+const ENVIRONMENT: [(&str, &str); 3] =
+    [("QT_QPA_PLATFORM", "offscreen"), ("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")];
 
 /// A run that ended without a signal. Its result may still be missing.
 pub(super) struct Ran<'a> {
@@ -40,10 +36,11 @@ impl<'a> Run<'a> {
         let Self { program, arguments, seconds, desk } = self;
         let environment = ENVIRONMENT.map(|(name, value)| (name.to_owned(), value.to_owned()));
         let environment = BTreeMap::from(environment);
-        let folder = desk.folder.to_owned();
+        // The desk lies below the current folder, where version managers look for a file that chooses a program.
+        let folder = PathBuf::from("/");
         let invocation = Invocation { program: program.into(), arguments, environment, folder };
-        let ran = Ran { invocation, program, log: desk.log, from: process::length(desk.log) };
-        match process::run_within(seconds, &ran.invocation, desk.log, desk.goes_on) {
+        let ran = Ran { invocation, program, log: desk.log, from: programs::length(desk.log) };
+        match programs::run_within(seconds, desk.programs, &ran.invocation, desk.log, desk.goes_on) {
             Ok(()) => Ok(Ok(ran)),
             Err(Ended::Stopped) => Err(ForeignError::Stopped),
             Err(Ended::Failed(How::Code(1))) => Ok(Err(ran)),
@@ -60,7 +57,7 @@ impl<'a> Run<'a> {
 impl Ran<'_> {
     /// Returns true if the last output contains this text.
     pub(super) fn says(&self, text: &str) -> bool {
-        process::last_lines(self.log, self.from).iter().any(|line| line.contains(text))
+        programs::last_lines(self.log, self.from).iter().any(|line| line.contains(text))
     }
 
     /// Creates the error of a run without the expected result.
@@ -69,7 +66,7 @@ impl Ran<'_> {
             program: self.program.to_owned(),
             command: self.invocation.to_text(),
             how,
-            last: process::last_lines(self.log, self.from),
+            last: programs::last_lines(self.log, self.from),
             log: self.log.to_owned(),
         })
         .into()

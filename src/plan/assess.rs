@@ -18,7 +18,7 @@ use std::path::PathBuf;
 pub enum Action {
     /// It must run: its key has no sound record.
     Run,
-    /// An input will run. If that gives the same bytes as before, this step stays.
+    /// An input will run, or a program is to be asked for its version: if both are as before, this step stays.
     MayRun,
     /// Up to date.
     Keep,
@@ -35,7 +35,12 @@ pub enum Reason {
         /// The step that makes the input.
         step: String,
     },
-    /// Never made before.
+    /// Its key holds the version of a program, which is not asked before the step may run.
+    NotAsked {
+        /// Name of the program.
+        program: String,
+    },
+    /// Never made.
     NoRecord,
     /// An input has changed.
     InputChanged {
@@ -88,7 +93,7 @@ pub struct Assessment {
     pub action: Action,
     /// Why.
     pub reason: Reason,
-    /// Its key; `None` while an input may change.
+    /// Its key; `None` while an input or the version of a program may change.
     pub key: Option<Key>,
     /// The description of the key, without inputs that are not known yet.
     pub description: Value,
@@ -196,8 +201,10 @@ pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> 
     for step in &plan.steps {
         let waiting = step.step.inputs().into_iter().find(|(_, id)| done[id.0].outputs.is_none());
         let outputs_of = |id: StepId| done[id.0].outputs.clone();
-        let assessed = match waiting {
-            Some((_, id)) => step_behind(plan, store, step, id, &outputs_of)?,
+        let waiting = waiting.map(|(_, id)| Reason::InputMayChange { step: plan.steps[id.0].name.clone() });
+        let unasked = || step.step.unasked().map(|name| Reason::NotAsked { program: name.to_owned() });
+        let assessed = match waiting.or_else(unasked) {
+            Some(reason) => step_behind(plan, store, step, reason, &outputs_of)?,
             None => step_alone(plan, store, step, &outputs_of)?,
         };
         done.push(assessed);
@@ -205,7 +212,7 @@ pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> 
     Ok(done)
 }
 
-/// Compares one step with the store, given the outputs of its inputs.
+/// Holds one step against the store, given the outputs of its inputs. The programs in its key have been asked.
 ///
 /// # Errors
 /// As [`assess`].
@@ -229,18 +236,18 @@ pub fn step_alone(
     Ok(Assessment { action, reason, key: Some(key), description, sources, outputs })
 }
 
-/// A step with an input that must run: its description as far as it is known.
+/// A step whose key is not known yet: what is known of it already.
 fn step_behind(
     plan: &Plan,
     store: &Store,
     step: &PlannedStep,
-    waiting_for: StepId,
+    reason: Reason,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<Output>>,
 ) -> Result<Assessment, PlanError> {
     let sources = read_sources(plan, store, step)?;
     Ok(Assessment {
         action: Action::MayRun,
-        reason: Reason::InputMayChange { step: plan.steps[waiting_for.0].name.clone() },
+        reason,
         key: None,
         description: describe(step, &sources, outputs_of),
         sources,

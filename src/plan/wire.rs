@@ -1,7 +1,7 @@
 //! From one recipe to the steps of its scene. A scene pays only for what it needs: no step exists
 //! without an output that uses its product.
 
-use super::Wiring;
+use super::{Renderers, Wiring};
 use crate::artifact::{Motion, Pictures};
 use crate::recipe::{Output, Recipe, Reconstruct, Source, TrajectoryRecipe};
 use crate::render::Omit;
@@ -26,15 +26,16 @@ use crate::stage::trajectory::{Moving, Seeing};
 use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.
-pub(super) fn scene(recipe: &Recipe, (backend, omit): (&Backend, Omit), wiring: &mut Wiring<'_>) {
+pub(super) fn scene(recipe: &Recipe, renderers: &dyn Renderers, wiring: &mut Wiring<'_>) {
+    let (backend, omit) = (&renderers.of(recipe), renderers.omit());
+    let asking = Asking::of(&recipe.checks, recipe.camera, &|program| renderers.version(program));
     let capture = wiring.add("capture".into(), capturing(recipe), ());
     let gaussians = reconstructing(recipe).map(|reconstructing| {
         let trained_on = matches!(reconstructing, Reconstructing::Command(_)).then_some(capture);
         wiring.add("reconstruct".into(), reconstructing, trained_on)
     });
-    let ground = Ground { capture, gaussians, backend, omit };
-    // Trajectories that are the base of others come first, wherever the recipe has them; otherwise
-    // its order is kept.
+    let ground = Ground { capture, gaussians, backend, omit, asking: asking.as_ref() };
+    // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
     let mut motions = BTreeMap::new();
     for trajectory in own.into_iter().chain(drawn) {
@@ -88,6 +89,8 @@ struct Ground<'a> {
     gaussians: Option<Target<Gaussians>>,
     backend: &'a Backend,
     omit: Omit,
+    /// The other programs that trajectories are held against.
+    asking: Option<&'a Asking>,
 }
 
 const RENDERED: &str = "recipes that have something rendered say where the Gaussians come from";
@@ -99,7 +102,7 @@ fn trajectory(
     ground: Ground<'_>,
     wiring: &mut Wiring<'_>,
 ) -> Target<Motion> {
-    let Ground { capture, gaussians, backend, omit } = ground;
+    let Ground { capture, gaussians, backend, omit, asking } = ground;
     let backend = || backend.clone();
     let name = |step: &str| format!("{}/{step}", trajectory.name);
     let seeing = matches!(trajectory.speed, Speed::Flow(_)).then(|| Seeing {
@@ -128,8 +131,8 @@ fn trajectory(
         wiring.add(name("events"), simulating, (capture, gaussians.expect(RENDERED), motion))
     });
     let sharp = pictures(recipe, &trajectory.name, motion, ground, wiring);
-    let asking = Asking::of(&recipe.checks, recipe.camera);
-    let foreign = asking.map(|asking| wiring.add(name("foreign"), asking, (capture, motion, sharp, events)));
+    let foreign =
+        asking.map(|asking| wiring.add(name("foreign"), asking.clone(), (capture, motion, sharp, events)));
     let checking = Checking { limits: recipe.checks.of_trajectory() };
     wiring.add(name("checks"), checking, (motion, events, foreign));
     motion
@@ -143,7 +146,7 @@ fn pictures(
     ground: Ground<'_>,
     wiring: &mut Wiring<'_>,
 ) -> Option<Target<Pictures>> {
-    let Ground { capture, gaussians, backend, omit } = ground;
+    let Ground { capture, gaussians, backend, omit, .. } = ground;
     let shot = || Shot { camera: recipe.camera, render: recipe.render, omit, backend: backend.clone() };
     let name = |step: &str| format!("{trajectory}/{step}");
     let inputs = || (capture, gaussians.expect(RENDERED), motion);

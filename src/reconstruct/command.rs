@@ -1,9 +1,9 @@
 //! A trainer as named by a recipe, and the execution of one training.
 
-use super::argument::{Argument, quoted};
+use super::argument::Argument;
 use super::layout::{LayoutError, lay_out};
-use super::process::{self, Ended, Failed, How, Invocation};
 use super::trained::{self, Count};
+use crate::programs::{self, Ended, Failed, How, Invocation, Programs, quoted};
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// A program and its settings. The serialised fields enter the key of a training; paths do not.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Command {
-    /// A name that the system searches for, or a placeholder for one of `files`.
+    /// A name that is looked for in the absolute folders of `PATH`, or one of `files`.
     pub program: Argument,
     /// Its arguments.
     pub arguments: Vec<Argument>,
@@ -75,6 +75,8 @@ pub struct Desk<'a> {
     pub log: &'a Path,
     /// Polled during the training. The program is stopped when it returns false.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
+    /// The programs that can be run.
+    pub programs: &'a Programs,
 }
 
 impl std::fmt::Debug for Desk<'_> {
@@ -204,8 +206,8 @@ impl Command {
 
     /// Runs a command to its end. Returns the offset of its output in the log.
     fn run(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<u64, TrainError> {
-        let from = process::length(desk.log);
-        match process::run(invocation, desk.log, desk.goes_on) {
+        let from = programs::length(desk.log);
+        match programs::run(desk.programs, invocation, desk.log, desk.goes_on) {
             Ok(()) => Ok(from),
             Err(Ended::Stopped) => Err(TrainError::Stopped),
             Err(Ended::Failed(how)) => Err(self.failed(invocation, how, desk, from).into()),
@@ -215,7 +217,7 @@ impl Command {
     /// Runs the version command. The output must contain the version in the key.
     fn ask_version(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<(), TrainError> {
         let from = self.run(invocation, desk)?;
-        if process::says(desk.log, from, &self.version) {
+        if programs::says(desk.log, from, &self.version) {
             return Ok(());
         }
         Err(self.failed(invocation, How::Version(self.version.clone()), desk, from).into())
@@ -226,7 +228,7 @@ impl Command {
             program: self.name(),
             command: invocation.to_text(),
             how,
-            last: process::last_lines(desk.log, from),
+            last: programs::last_lines(desk.log, from),
             log: desk.log.to_owned(),
         })
     }

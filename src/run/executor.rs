@@ -147,7 +147,7 @@ impl<'scope, 'a> Executor<'scope, 'a> {
         let outputs_of = |id| Some(self.summary.products[&id].outputs.clone());
         let Assessment { action, reason, key, description, sources, outputs } =
             step_alone(self.plan, self.store, planned, &outputs_of)?;
-        let key = key.expect("a step alone has a key");
+        let key = key.expect("a step has a key once its inputs and its programs are known");
         let may_run = self.options.allow_commands || planned.step.programs().is_empty();
         let chosen = || may_run && self.options.recheck.is_some_and(|r| r.chooses(&key));
         let recheck = outputs.clone().filter(|_| chosen());
@@ -193,7 +193,9 @@ impl<'scope, 'a> Executor<'scope, 'a> {
             self.observer.tell(&Event::TooLarge { step, memory, budget: whole.memory });
         }
         let allows_commands = self.options.allow_commands;
-        let job = Job { plan: self.plan, store: self.store, cancel: self.cancel, cores, allows_commands };
+        let programs = self.options.programs.clone();
+        let job =
+            Job { plan: self.plan, store: self.store, cancel: self.cancel, cores, allows_commands, programs };
         let sender = sender.clone();
         let thread = scope.spawn(move || {
             // A panic is passed to the waiting thread, which would otherwise wait forever.

@@ -5,6 +5,7 @@ use crate::artifact::Files;
 use crate::frames::rendered::Saving;
 use crate::plan::assess::{Reason, Sources, read_sources};
 use crate::plan::{Plan, PlannedStep};
+use crate::programs::Programs;
 use crate::stage::{Context, Need, StageError, StepId};
 use crate::store::description::Value;
 use crate::store::record::{Output, Provenance, Record};
@@ -51,6 +52,7 @@ pub(super) struct Job<'a> {
     pub(super) cancel: &'a AtomicBool,
     pub(super) cores: usize,
     pub(super) allows_commands: bool,
+    pub(super) programs: Programs,
 }
 
 impl Job<'_> {
@@ -68,6 +70,7 @@ impl Job<'_> {
         let mut cx = Context::new(workspace.path(), self.cancel);
         cx.clock = Some(seconds);
         cx.allows_commands = self.allows_commands;
+        cx.programs = self.programs.clone();
         let runs_commands = self.allows_commands && !planned.step.programs().is_empty();
         if runs_commands || planned.step.runs_known_programs() {
             cx.log = Some(self.store.log_of(&stale.key)?);

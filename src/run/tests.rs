@@ -103,7 +103,8 @@ fn plan(folder: &Path, steps: Steps) -> Plan {
 fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> Summary {
     let store = Store::open(&folder.join("store"), Access::Write, &mut |_| {}).unwrap();
     let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
-    let options = Options { budget, keep_going, recheck: None, allow_commands: false };
+    let options =
+        Options { budget, keep_going, recheck: None, allow_commands: false, programs: Programs::default() };
     run(&plan(folder, steps), &store, options, &AtomicBool::new(cancelled), &Silent).unwrap()
 }
 

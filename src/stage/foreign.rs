@@ -1,19 +1,19 @@
-//! Stage `foreign`: asks other programs about a trajectory. It exists if a recipe requests
-//! `pose_colmap`, `pose_opencv` or `readback`. Its class names the programs found, so that one
-//! installed later is asked.
+//! Stage `foreign`: asks other programs about a trajectory. It exists where a recipe asks for `pose_colmap`, `pose_opencv` or
+//! `readback`. Its class holds the versions of the programs, so a program that is installed later is asked.
 
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Pictures, write_json};
 use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::foreign::{Foreign, ForeignError, Picture, Told, colmap, opencv, programs, readback, spread};
+use crate::foreign::versions::Asked;
+use crate::foreign::{Foreign, ForeignError, Picture, Told, colmap, opencv, readback, spread};
 use crate::reconstruct::Desk;
 use crate::source::Capture;
 use serde::Serialize;
 use std::path::Path;
 
-/// Parameters: the programs to ask.
-#[derive(Debug, Serialize)]
+/// Parameters: who is asked.
+#[derive(Debug, Clone, Serialize)]
 pub struct Asking {
     /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -25,18 +25,27 @@ pub struct Asking {
     pub opencv: bool,
     /// Whether other programs read the released files.
     pub readback: bool,
+    /// The versions of the programs, or the first program whose version is not known.
+    #[serde(skip)]
+    pub versions: Result<String, Asked>,
 }
 
 impl Asking {
-    /// The programs to ask for a recipe with these checks; `None` without any.
+    /// Who is asked where a recipe has these checks; `None` where nobody is. `version` gives the version of a program that
+    /// is known.
     #[must_use]
-    pub fn of(checks: &Limits, camera: Option<CameraChoice>) -> Option<Self> {
-        checks.asks_programs().then(|| Self {
-            camera,
-            colmap: checks.pose_colmap.map(|limits| limits.frames.unwrap_or(colmap::PICTURES)),
-            opencv: checks.pose_opencv.is_some(),
-            readback: checks.readback.is_some(),
-        })
+    pub fn of(
+        checks: &Limits,
+        camera: Option<CameraChoice>,
+        version: &dyn Fn(Asked) -> Option<String>,
+    ) -> Option<Self> {
+        let colmap = checks.pose_colmap.map(|limits| limits.frames.unwrap_or(colmap::PICTURES));
+        let (opencv, readback) = (checks.pose_opencv.is_some(), checks.readback.is_some());
+        let python = (opencv || readback).then_some(Asked::Python);
+        let asked = colmap.map(|_| Asked::Colmap).into_iter().chain(python);
+        let versions = asked.map(|program| version(program).ok_or(program)).collect::<Result<Vec<_>, _>>();
+        let versions = versions.map(|versions| versions.join("; "));
+        checks.asks_programs().then_some(Self { camera, colmap, opencv, readback, versions })
     }
 }
 
@@ -53,9 +62,11 @@ impl Stage for Asking {
     type Output = Foreign;
 
     fn class(&self) -> Option<String> {
-        let colmap = self.colmap.map(|_| programs::colmap().unwrap_or_else(|absent| absent).to_owned());
-        let python = (self.opencv || self.readback).then(programs::packages);
-        Some(colmap.into_iter().chain(python).collect::<Vec<_>>().join("; "))
+        self.versions.clone().ok()
+    }
+
+    fn unasked(&self) -> Option<&'static str> {
+        self.versions.as_ref().err().map(|program| program.name())
     }
 
     fn need(&self, files: &[Files]) -> Need {
@@ -122,7 +133,8 @@ fn at_desk<T>(
     let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io(cx.out))?;
     std::fs::create_dir(&folder).map_err(StageError::io(&folder))?;
     let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
-    let told = ask(Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled() }).map_err(failure)?;
+    let desk = Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled(), programs: &cx.programs };
+    let told = ask(desk).map_err(failure)?;
     std::fs::remove_dir_all(&folder).map_err(StageError::io(&folder))?;
     Ok(told)
 }

@@ -30,7 +30,7 @@ const TRY: Duration = Duration::from_millis(50);
 
 #[derive(Debug)]
 pub(super) struct Lock {
-    _file: File,
+    file: File,
 }
 
 impl Lock {
@@ -68,7 +68,14 @@ impl Lock {
             std::thread::sleep(TRY);
         }
         write(&mut file, &Holder::us(claim).to_text()).map_err(disk::failed("writing", &path))?;
-        Ok(Self { _file: file })
+        Ok(Self { file })
+    }
+}
+
+impl Lock {
+    /// The same lock: it is held until both are dropped, whichever process holds the other.
+    pub(super) fn share(&self) -> std::io::Result<File> {
+        self.file.try_clone()
     }
 }
 

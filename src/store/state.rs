@@ -134,7 +134,7 @@ impl State {
     fn connect(&self) -> Result<Connection, String> {
         let access =
             if self.write { OpenFlags::SQLITE_OPEN_READ_WRITE } else { OpenFlags::SQLITE_OPEN_READ_ONLY };
-        let database = self.connection(access).map_err(|e| e.to_string())?;
+        let database = connection(&self.path, access).map_err(|e| e.to_string())?;
         let version: i64 =
             database.pragma_query_value(None, "user_version", |row| row.get(0)).map_err(|e| e.to_string())?;
         if version == VERSION {
@@ -144,20 +144,7 @@ impl State {
         }
     }
 
-    fn connection(&self, access: OpenFlags) -> rusqlite::Result<Connection> {
-        let database = Connection::open_with_flags(&self.path, access | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
-        database.busy_timeout(BUSY)?;
-        // The file may be damaged: sizes are checked, and nothing stored in it is executed.
-        database.pragma_update(None, "cell_size_check", true)?;
-        database.pragma_update(None, "trusted_schema", false)?;
-        if self.write {
-            database.pragma_update(None, "journal_mode", "WAL")?;
-            database.pragma_update(None, "synchronous", "NORMAL")?;
-        }
-        Ok(database)
-    }
-
-    /// Sets the existing database aside, and creates a new one from the records.
+    /// Sets aside what is there, and makes a new database from the records.
     fn rebuild(&mut self) -> Result<(), StoreError> {
         self.database = None;
         let existed = self.path.exists();
@@ -165,11 +152,10 @@ impl State {
         let aside = aside.strip_prefix(&self.root).unwrap_or(&aside).display();
         let (records, damaged) = Record::read_all(&self.root, &self.disk)?;
         let failed = |path: &Path, source| StoreError::State { path: path.to_owned(), source };
-        let database = self
-            .connection(OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE)
-            .and_then(|database| create(&database).map(|()| database))
-            .map_err(|e| failed(&self.path, e))?;
-        self.database = Some(database);
+        let new = self.make_new()?;
+        self.disk.rename(&new, &self.path)?;
+        let database = connection(&self.path, OpenFlags::SQLITE_OPEN_READ_WRITE);
+        self.database = Some(database.map_err(|e| failed(&self.path, e))?);
         if existed || !records.is_empty() {
             let why = self.damage.take().unwrap_or_else(|| "it is not there".to_owned());
             let kept = if existed { format!("; old file kept as {aside}") } else { String::new() };
@@ -186,20 +172,36 @@ impl State {
         Ok(())
     }
 
-    /// Moves the database and its log into `trash/`, or renames it if it does not lie in the store.
+    /// Makes a database without rows under another name, whole before it gets its own: a process that is killed here
+    /// leaves none instead of one without tables.
+    fn make_new(&self) -> Result<PathBuf, StoreError> {
+        let new = with_suffix(&self.path, ".new");
+        for suffix in SUFFIXES {
+            let left = with_suffix(&new, suffix);
+            if left.exists() {
+                self.disk.remove(&left)?;
+            }
+        }
+        let access = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;
+        let made = connection(&new, access).and_then(|database| {
+            create(&database)?;
+            // Its log goes into the file when the last connection ends.
+            database.close().map_err(|(_, error)| error)
+        });
+        made.map_err(|source| StoreError::State { path: new.clone(), source })?;
+        Ok(new)
+    }
+
+    /// Moves the database and its log into `trash/`, or, where it does not lie in the store, to a name beside its own.
     fn set_aside(&self) -> Result<PathBuf, StoreError> {
         let home = self.path.parent().unwrap_or(Path::new(""));
         let folder = if home == self.root { home.join("trash") } else { home.to_owned() };
         let aside = |number: usize| folder.join(format!("state.db.{number}"));
         let number = (1..).find(|n| !aside(*n).exists()).unwrap_or(1);
-        for suffix in ["", "-wal", "-shm"] {
-            let mut from = self.path.clone().into_os_string();
-            from.push(suffix);
-            let from = PathBuf::from(from);
+        for suffix in SUFFIXES {
+            let from = with_suffix(&self.path, suffix);
             if from.exists() {
-                let mut to = aside(number).into_os_string();
-                to.push(suffix);
-                self.disk.rename(&from, Path::new(&to))?;
+                self.disk.rename(&from, &with_suffix(&aside(number), suffix))?;
             }
         }
         Ok(aside(number))
@@ -305,6 +307,28 @@ impl State {
         }
         transaction.commit()
     }
+}
+
+/// What SQLite adds to the name of a database for its files.
+const SUFFIXES: [&str; 3] = ["", "-wal", "-shm"];
+
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.to_owned().into_os_string();
+    name.push(suffix);
+    name.into()
+}
+
+fn connection(path: &Path, access: OpenFlags) -> rusqlite::Result<Connection> {
+    let database = Connection::open_with_flags(path, access | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
+    database.busy_timeout(BUSY)?;
+    // The file may be damaged: sizes are checked, and nothing stored in it is run.
+    database.pragma_update(None, "cell_size_check", true)?;
+    database.pragma_update(None, "trusted_schema", false)?;
+    if access.contains(OpenFlags::SQLITE_OPEN_READ_WRITE) {
+        database.pragma_update(None, "journal_mode", "WAL")?;
+        database.pragma_update(None, "synchronous", "NORMAL")?;
+    }
+    Ok(database)
 }
 
 fn create(database: &Connection) -> rusqlite::Result<()> {

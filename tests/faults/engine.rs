@@ -3,6 +3,7 @@
 use crate::place::{Place, Products};
 use gs2e::plan::assess::{Action, assess};
 use gs2e::plan::survey::{Survey, survey};
+use gs2e::programs::Programs;
 use gs2e::render::backend::Backend;
 use gs2e::run::{Budget, Event, Observer, Options, run, settle};
 use gs2e::stage::StepId;
@@ -86,7 +87,13 @@ impl Engine {
         // As the command does: what is missing or unreadable is known before anything runs.
         assess(&plan, &store).map_err(|e| e.to_string())?;
         let budget = Budget { cores: 1, memory: u64::MAX, gpus: 0 };
-        let options = Options { budget, keep_going: false, recheck: None, allow_commands: false };
+        let options = Options {
+            budget,
+            keep_going: false,
+            recheck: None,
+            allow_commands: false,
+            programs: Programs::default(),
+        };
         let summary =
             run(&plan, &store, options, &AtomicBool::new(false), &Silent).map_err(|e| e.to_string())?;
         settle(&plan, &summary, &store, &tag()).map_err(|e| e.to_string())?;

@@ -4,6 +4,7 @@ use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, alter};
 use gs2e::plan::Plan;
 use gs2e::plan::survey::survey;
+use gs2e::programs::Programs;
 use gs2e::recipe::read_all;
 use gs2e::render::backend::Backend;
 use gs2e::run::{Budget, Event, Observer, Options, run, settle};
@@ -36,7 +37,13 @@ fn build(place: &Workspace) -> usize {
     );
     let store = open(place);
     let budget = Budget { cores: 2, memory: u64::MAX, gpus: 0 };
-    let options = Options { budget, keep_going: false, recheck: None, allow_commands: false };
+    let options = Options {
+        budget,
+        keep_going: false,
+        recheck: None,
+        allow_commands: false,
+        programs: Programs::default(),
+    };
     let summary = run(&plan, &store, options, &AtomicBool::new(false), &Silent).unwrap();
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     settle(&plan, &summary, &store, &tag()).unwrap();

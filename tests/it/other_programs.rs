@@ -2,7 +2,7 @@
 //! read what is released. Where one is absent, that is said on stderr; with `REQUIRE_COLMAP`, or `REQUIRE_OPENCV=1`, it is a
 //! failure.
 
-use crate::support::absent::absent;
+use crate::programs::programs;
 use crate::support::shared;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::foreign::colmap::{Found, Registration};
 use gs2e::foreign::opencv::{Geometry, Released};
-use gs2e::foreign::{Picture, colmap, opencv, programs};
+use gs2e::foreign::{Picture, colmap, opencv, versions};
 use gs2e::image::{Size, png};
 use gs2e::reconstruct::Desk;
 use gs2e::render::cpu::Cpu;
@@ -27,14 +27,20 @@ use std::sync::Arc;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 fn colmap_is_there() -> bool {
-    programs::colmap().map_err(|because| absent("REQUIRE_COLMAP", because)).is_ok()
+    let absent = versions::colmap(&programs()).err();
+    assert!(absent.is_none() || std::env::var_os("REQUIRE_COLMAP").is_none(), "{absent:?}");
+    absent.inspect(|because| say(because)).is_none()
 }
 
 /// Whether Python has OpenCV and h5py.
 fn python_is_there() -> bool {
-    let there = programs::python().is_ok_and(|p| p.numpy.is_some() && p.cv2.is_some() && p.h5py.is_some());
+    let programs = programs();
+    let found = versions::packages(&programs);
+    let packages = versions::python(&programs);
+    let there = packages.is_ok_and(|p| p.numpy.is_some() && p.cv2.is_some() && p.h5py.is_some());
+    assert!(there || std::env::var_os("REQUIRE_OPENCV").is_none_or(|value| value != "1"), "{found}");
     if !there {
-        absent("REQUIRE_OPENCV", &programs::packages());
+        say(&found);
     }
     there
 }
@@ -86,7 +92,8 @@ impl Filmed {
     fn at_desk<T>(&self, name: &str, ask: impl FnOnce(Desk<'_>) -> T) -> T {
         let folder = self.folder.path().join(name);
         std::fs::create_dir(&folder).unwrap();
-        ask(Desk { folder: &folder, log: &folder.join("log"), goes_on: &|| true })
+        let (log, programs) = (folder.join("log"), programs());
+        ask(Desk { folder: &folder, log: &log, goes_on: &|| true, programs: &programs })
     }
 
     /// The poses with a change of each.

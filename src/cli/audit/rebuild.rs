@@ -96,11 +96,11 @@ impl Rebuild {
         console: &Console,
     ) -> Result<PathBuf, Problem> {
         let common = &Common { store: folder.join("store"), ..common.clone() };
-        let chosen = &Chosen::new(By::One(backend(class, common)?), common.omit());
+        let chosen = &Chosen::new(By::One(backend(class, common)?), common.omit(), common.programs());
         let beside = Beside::read(&self.recipes)?;
         let store = Store::open(&common.store, Opening::from(Access::Write), &mut |_| {})?;
         let (targets, care) = (&Targets { recipes: self.recipes.clone() }, &Care::default());
-        let plan = Plan::new(recipes, &chosen.knowing(&store));
+        let plan = Plan::new(recipes, &chosen.asking(&store));
         let building = Building { settled: 0, targets, chosen, common, care, console };
         let (plan, summary) = building.build(plan, &store)?;
         match exit(&summary) {

@@ -68,7 +68,8 @@ impl Training {
         std::fs::create_dir(&folder).map_err(StageError::io(&folder))?;
         let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
         let files = self.given()?.into_iter().map(|file| (file.name, file.path)).collect::<Vec<_>>();
-        let desk = Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled() };
+        let desk =
+            Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled(), programs: &cx.programs };
         let trained = self.command.train(capture, &files, desk);
         let Trained { gaussians, without_photo } = trained.map_err(failure)?;
         // Nothing in this folder is part of the product.

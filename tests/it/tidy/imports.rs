@@ -8,6 +8,7 @@ const ORDER: &[&str] = &[
     // foundation: pure values
     "units",
     "files",
+    "programs",
     "elementary",
     "seed",
     "image",

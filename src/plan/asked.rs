@@ -1,0 +1,40 @@
+//! The versions of other programs, from the last time that they were asked.
+//!
+//! A build asks each program that a recipe names and remembers the answer with the stat fields of the program and of the
+//! folders of its packages. What runs nothing takes the answer from there. It says that a step may run where a program
+//! or one of those folders has moved since.
+
+use crate::foreign::versions::Asked;
+use crate::programs::Programs;
+use crate::store::stat_cache::Sighting;
+use crate::store::{Digest, Store};
+use std::path::PathBuf;
+
+/// Raised when a program is asked in another way.
+const TAG: &[u8] = b"versions of programs 1";
+
+fn name(program: Asked) -> String {
+    format!("program {}", program.name())
+}
+
+/// Asks a program for its version and remembers the answer.
+#[must_use]
+pub fn ask(program: Asked, programs: &Programs, store: &Store) -> String {
+    let version = program.version(programs);
+    let sight = |path: &PathBuf| Some((path.clone(), store.sight(path).ok()?));
+    let grounds: Option<Vec<(PathBuf, Sighting)>> = version.grounds.iter().map(sight).collect();
+    if let (Some(grounds), Some(path)) = (grounds, program.path(programs)) {
+        let fact = (path, version.text.clone());
+        store.remember(&name(program), Digest::of(TAG), &grounds, &[], fact);
+    }
+    version.text
+}
+
+/// The version of a program that is known without asking it. That it is absent is always known.
+#[must_use]
+pub fn recall(program: Asked, programs: &Programs, store: &Store) -> Option<String> {
+    let Some(path) = program.path(programs) else { return Some(program.version(programs).text) };
+    let recalled = store.recall::<(PathBuf, String)>(&[name(program)], &Digest::of(TAG)).ok()?;
+    let (asked, text) = recalled.into_iter().next().flatten()?;
+    (asked == path).then_some(text)
+}

@@ -1,0 +1,49 @@
+//! Commands as text that a person can read and paste.
+
+use std::path::Path;
+
+/// Words as a person may paste them into a shell: quoted where a shell would read something else, with control and
+/// invisible characters written as escapes.
+#[must_use]
+pub fn quoted<'a>(words: impl IntoIterator<Item = &'a Path>) -> String {
+    words.into_iter().map(|word| quoted_word(&word.to_string_lossy())).collect::<Vec<_>>().join(" ")
+}
+
+fn quoted_word(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%{}".contains(c);
+    // Braces that hold a comma or dots would be more than one word.
+    if !word.is_empty() && word.chars().all(is_plain) && !(word.contains('{') && word.contains([',', '.'])) {
+        return word.to_owned();
+    }
+    let mut quoted = String::from("'");
+    for c in word.chars() {
+        match c {
+            '\'' => quoted.push_str("'\\''"),
+            c if hides(c) => quoted.extend(c.escape_unicode()),
+            c => quoted.push(c),
+        }
+    }
+    quoted + "'"
+}
+
+/// Control characters, and those that turn the direction of writing around or take no room.
+fn hides(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{ad}' | '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_shown_as_a_shell_would_take_them_apart() {
+        let t = |words: &[&str], wanted: &str| {
+            assert_eq!(quoted(words.iter().map(Path::new)), wanted, "{words:?}");
+        };
+        t(&["opensplat", "-n", "30000", "{out}/scene"], "opensplat -n 30000 {out}/scene");
+        t(&["a b", "", "$(touch x)", "it's"], r"'a b' '' '$(touch x)' 'it'\''s'");
+        t(&["{a,b}", "{1..3}"], "'{a,b}' '{1..3}'");
+        t(&["x\u{1b}[2Ky", "\u{202e}gnp"], r"'x\u{1b}[2Ky' '\u{202e}gnp'");
+    }
+}

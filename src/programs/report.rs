@@ -1,0 +1,61 @@
+//! How a program ended, as its supervisor writes it: one line of text.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// How a supervised program ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Report {
+    /// It ended with this exit code.
+    Code(i32),
+    /// This signal ended it.
+    Signal(i32),
+    /// It was not started: the system's error number.
+    NotStarted(i32),
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Code(code) => writeln!(f, "code {code}"),
+            Self::Signal(signal) => writeln!(f, "signal {signal}"),
+            Self::NotStarted(error) => writeln!(f, "not-started {error}"),
+        }
+    }
+}
+
+/// The text is no report, as that of a supervisor which was killed while it wrote.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("it ended without a report")]
+pub struct NoReport;
+
+impl FromStr for Report {
+    type Err = NoReport;
+
+    fn from_str(text: &str) -> Result<Self, NoReport> {
+        let (kind, number) = text.strip_suffix('\n').and_then(|line| line.split_once(' ')).ok_or(NoReport)?;
+        let number = number.parse().map_err(|_| NoReport)?;
+        match kind {
+            "code" => Ok(Self::Code(number)),
+            "signal" => Ok(Self::Signal(number)),
+            "not-started" => Ok(Self::NotStarted(number)),
+            _ => Err(NoReport),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_report_is_read_and_no_part_of_one() {
+        for report in [Report::Code(13), Report::Signal(9), Report::NotStarted(2)] {
+            let text = report.to_string();
+            assert_eq!(text.parse(), Ok(report));
+            for cut in 0..text.len() {
+                assert_eq!(text[..cut].parse::<Report>(), Err(NoReport), "{:?}", &text[..cut]);
+            }
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Programs run under the supervisor: what is kept of them, how their end is told, and what is left of them.
+
+use gs2e::programs::{Ended, How, Invocation, Programs, last_lines, length, run, run_within, says};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::Path;
+
+/// The programs of this machine.
+pub(crate) fn programs() -> Programs {
+    Programs::new(std::env::var_os("PATH").as_deref(), env!("CARGO_BIN_EXE_gs2e").into())
+}
+
+fn shell(script: &str, folder: &Path) -> Invocation {
+    Invocation {
+        program: "/bin/sh".into(),
+        arguments: ["-c", script].map(OsString::from).to_vec(),
+        environment: BTreeMap::from([("WORD".to_owned(), "a $b".to_owned())]),
+        folder: folder.to_owned(),
+    }
+}
+
+#[test]
+fn what_a_program_says_is_kept_and_how_it_ends_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    let t = |script: &str, wanted: &str, said: &str| {
+        let from = length(&log);
+        let ended = run(&programs(), &shell(script, folder.path()), &log, &|| true);
+        let told = match ended {
+            Ok(()) => "fine".to_owned(),
+            Err(Ended::Failed(how)) => how.to_string(),
+            Err(Ended::Stopped) => "stopped".to_owned(),
+        };
+        assert_eq!(told, wanted, "{script}");
+        assert_eq!(last_lines(&log, from)[1..].join("|"), said, "{script}");
+    };
+    t("echo out; echo err >&2", "fine", "out|err");
+    t("echo $WORD; pwd | grep -c .; cat", "fine", "a $b|1");
+    t("printf '1%%\\r2%%\\n\\n\\033[1mbold'; exit 3", "it ended with exit code 3", "2%|[1mbold");
+    t("kill -9 $$", "signal 9 ended it", "");
+    t("seq 100", "fine", &(82..=100).map(|n| n.to_string()).collect::<Vec<_>>().join("|"));
+}
+
+/// A command that names the version says nothing of the program.
+#[test]
+fn the_command_itself_says_no_version() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    run(&programs(), &shell(": 1.1.4", folder.path()), &log, &|| true).unwrap();
+    assert!(!says(&log, 0, "1.1.4"), "{}", std::fs::read_to_string(&log).unwrap());
+    run(&programs(), &shell("echo 1.1.4", folder.path()), &log, &|| true).unwrap();
+    assert!(says(&log, 0, "1.1.4"));
+}
+
+#[test]
+fn a_program_that_is_not_there_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = Invocation { program: "/no/such/program".into(), ..shell("", folder.path()) };
+    let ended = run(&programs(), &missing, &folder.path().join("log"), &|| true);
+    let Err(Ended::Failed(how)) = ended else { panic!("{ended:?}") };
+    assert!(how.to_string().starts_with("it cannot be started: "), "{how}");
+}
+
+/// Runs a script that holds the pipe `held` open, and returns when nothing holds it any more.
+fn run_holding(script: &str, folder: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), Ended> {
+    let pipe = folder.join("held");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
+    assert!(made.success());
+    std::thread::scope(|scope| {
+        let reader = scope.spawn(|| std::fs::read(&pipe).unwrap());
+        let script = format!("exec 9> held; {script}");
+        let ended = run(&programs(), &shell(&script, folder), &folder.join("log"), goes_on);
+        reader.join().unwrap();
+        ended
+    })
+}
+
+#[test]
+fn nothing_outlives_a_program() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(run_holding("sleep 600 & echo started", folder.path(), &|| true).is_ok());
+}
+
+#[test]
+fn what_takes_too_long_is_stopped_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |seconds, script: &str| {
+        run_within(seconds, &programs(), &shell(script, folder.path()), &folder.path().join("log"), &|| true)
+    };
+    let ended = run(0, "sleep 600");
+    assert!(matches!(ended, Err(Ended::Failed(How::TooLong(0)))), "{ended:?}");
+    assert!(run(60, ":").is_ok());
+}
+
+#[test]
+fn what_is_asked_to_stop_stops_with_all_that_it_started() {
+    let folder = tempfile::tempdir().unwrap();
+    let at_work = folder.path().join("at work");
+    let script = "trap 'echo stopping; exit 0' TERM; sleep 600 & : > 'at work'; wait";
+    let ended = run_holding(script, folder.path(), &|| !at_work.exists());
+    assert!(matches!(ended, Err(Ended::Stopped)), "{ended:?}");
+    assert!(
+        std::fs::read_to_string(folder.path().join("log")).unwrap().contains("stopping"),
+        "it was asked before it was made to"
+    );
+}
+
+#[test]
+fn an_answer_is_what_a_program_prints() {
+    let programs = programs();
+    assert_eq!(programs.ask("sh", &["-c", "pwd; echo $PWD; exit 3"]).unwrap(), "/\n/\n");
+    let absent = programs.ask("no-such-program", &[]).unwrap_err();
+    assert_eq!(absent, "there is no program `no-such-program`");
+    // More than is read of it: it is neither waited for nor kept.
+    let long = programs.ask("sh", &["-c", "while :; do echo 0123456789; done"]).unwrap();
+    assert_eq!(long.len(), 1 << 20);
+    let none = Programs::default().ask("sh", &["-c", ":"]).unwrap_err();
+    assert_eq!(none, "there is no program `sh`");
+}
