@@ -22,6 +22,7 @@ pub mod view;
 pub use captured::{Captured, PoseFile, Selection, pattern};
 
 use crate::camera::Camera;
+use crate::files::{self, WalkError};
 use crate::image::Size;
 use crate::se3::Se3;
 use glam::{DQuat, DVec3};
@@ -295,6 +296,21 @@ pub enum SourceError {
         /// What was found and what was wanted.
         because: String,
     },
+}
+
+impl From<WalkError> for SourceError {
+    fn from(WalkError { path, because }: WalkError) -> Self {
+        Self::Io { path, source: because }
+    }
+}
+
+/// Whether a path leads to a folder; an error where it leads to neither folder nor file.
+fn is_folder(path: &Path) -> Result<bool, SourceError> {
+    let is_folder = std::fs::metadata(path).is_ok_and(|about| about.is_dir());
+    if !is_folder {
+        files::open(path).map_err(SourceError::io(path))?;
+    }
+    Ok(is_folder)
 }
 
 /// A place in a file of a source.

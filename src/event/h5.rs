@@ -24,6 +24,7 @@
 mod attributes;
 mod filter;
 mod index;
+mod outside;
 mod reader;
 mod writer;
 

@@ -3,6 +3,7 @@
 use super::ForeignError;
 use super::programs::PYTHON;
 use super::run::Run;
+use crate::files;
 use crate::reconstruct::{Desk, How};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -27,6 +28,6 @@ pub(super) fn ask<A: DeserializeOwned>(
     let arguments = ["ask.py", question, "request.json", "answer.json"].map(Into::into).to_vec();
     let ran = Run { program: PYTHON, arguments, seconds: MOST_SECONDS, desk }.end_well()?;
     let product = |e: &dyn std::fmt::Display| ran.failed(How::Product(format!("its answer: {e}")));
-    let text = std::fs::read(&answer).map_err(|e| product(&e))?;
+    let text = files::read(&answer, files::MAX_DOCUMENT).map_err(|e| product(&e))?;
     serde_json::from_slice(&text).map_err(|e| product(&e))
 }

@@ -3,6 +3,7 @@
 //! A group can be stopped whole: what the program has started itself ends with it. Nothing of it outlives its leader.
 
 use super::argument::quoted;
+use crate::files;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, WaitIdStatus, kill_process_group, waitid};
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -194,7 +195,7 @@ pub(crate) fn length(log: &Path) -> u64 {
 /// What the log holds from byte `from`, at most so many bytes.
 fn said(log: &Path, from: u64, most: u64) -> String {
     let read = || {
-        let mut file = File::open(log)?;
+        let mut file = files::open(log)?;
         file.seek(SeekFrom::Start(from))?;
         let mut bytes = Vec::new();
         file.take(most).read_to_end(&mut bytes)?;

@@ -1,6 +1,7 @@
 //! How captures are laid out on disk, and which kind lies at a path, told by the files that are there.
 
 use super::{Capture, Captured, SourceError, Warning, colmap, model, nerfstudio};
+use crate::files::is_there;
 use std::path::Path;
 
 /// The kinds of captures.
@@ -29,14 +30,14 @@ impl Kind {
     /// When there is nothing, or it is of no kind, or of more than one.
     pub fn find(path: &Path) -> Result<Self, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
-        if !std::fs::metadata(path).map_err(SourceError::io(path))?.is_dir() {
+        if !super::is_folder(path)? {
             return Self::of_file(path).ok_or_else(|| absent(format!("a file of another name, {WANTED}")));
         }
         std::fs::read_dir(path).map_err(SourceError::io(path))?;
         let kinds = [
             (Self::Colmap, colmap::Model::near(path).is_some()),
-            (Self::Nerfstudio, nerfstudio::locate(path).is_file()),
-            (Self::Model, model::locate(path).is_file()),
+            (Self::Nerfstudio, is_there(&nerfstudio::locate(path))),
+            (Self::Model, is_there(&model::locate(path))),
         ];
         let found: Vec<Self> = kinds.into_iter().filter_map(|(kind, is)| is.then_some(kind)).collect();
         match found[..] {

@@ -1,13 +1,13 @@
 //! The photos beside a source: found by name, never outside the source's folder; only their hash and size are used.
 
 use super::{SourceError, Unused, Warning, Why, natural};
+use crate::files::{self, Walk};
 use crate::camera::Camera;
 use crate::image::Size;
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::Read;
+use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
-use walkdir::WalkDir;
 
 /// What is known of a photo that is there.
 pub(super) struct Photo {
@@ -51,31 +51,41 @@ pub(super) enum Look {
     Bytes,
 }
 
-/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up.
+/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up. A link to nothing and
+/// a FIFO are there, so that opening them says what is wrong.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     let path = folder.join(name);
-    (!name.is_empty() && Path::new(name).components().all(inside) && path.is_file()).then_some(path)
+    (!name.is_empty() && Path::new(name).components().all(inside) && files::is_there(&path) && !path.is_dir())
+        .then_some(path)
 }
 
 /// Endings of the names of photos; other files beside them are none of ours.
 const ENDINGS: [&str; 7] = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp"];
 
 /// The names of all photos in a folder and below it, `/` between folders, in natural order.
-pub(super) fn list(folder: &Path) -> Vec<String> {
+///
+/// # Errors
+/// When a folder cannot be listed, or the walk leaves its bounds.
+pub(super) fn list(folder: &Path) -> Result<Vec<String>, SourceError> {
     let is_photo = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str());
         ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
     };
-    let entries = WalkDir::new(folder).into_iter().filter_map(Result::ok);
-    let files = entries.filter(|entry| entry.path().is_file() && is_photo(entry.path()));
-    let name = |entry: walkdir::DirEntry| {
-        let parts = entry.path().strip_prefix(folder).ok()?.iter().map(|part| part.to_str());
+    let name = |path: &Path| {
+        let parts = path.strip_prefix(folder).ok()?.iter().map(|part| part.to_str());
         Some(parts.collect::<Option<Vec<_>>>()?.join("/"))
     };
-    let mut names: Vec<String> = files.filter_map(name).collect();
+    let mut names = Vec::new();
+    for entry in Walk::new(folder).entries(|_| true) {
+        let entry = entry.map_err(SourceError::from)?;
+        let path = entry.path();
+        if is_photo(path) && !path.is_dir() {
+            names.extend(name(path));
+        }
+    }
     names.sort_by(|a, b| natural::compare(a, b));
-    names
+    Ok(names)
 }
 
 /// What is told of a camera that was fitted to its photo.
@@ -111,11 +121,16 @@ pub(super) fn read(path: &Path, look: Look) -> Result<Photo, SourceError> {
         Look::Sizes => None,
         Look::Bytes => Some(sha256(path)?),
     };
-    Ok(Photo { sha256, size: imagesize::size(path).ok().and_then(size) })
+    let file = open(path)?;
+    Ok(Photo { sha256, size: imagesize::reader_size(BufReader::new(file)).ok().and_then(size) })
+}
+
+fn open(path: &Path) -> Result<File, SourceError> {
+    files::open_at_most(path, files::MAX_PICTURE).map_err(SourceError::io(path))
 }
 
 fn sha256(path: &Path) -> Result<String, SourceError> {
-    let mut file = File::open(path).map_err(SourceError::io(path))?;
+    let mut file = open(path)?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
     loop {

@@ -4,6 +4,7 @@
 //! h5py and the C library write them by default; of others no attribute is found.
 
 use crate::event::EventFileError;
+use crate::files;
 use rust_hdf5::H5Type;
 use rust_hdf5::format::FormatContext;
 use rust_hdf5::format::messages::attribute::AttributeMessage;
@@ -23,7 +24,7 @@ pub(super) struct Attributes(Vec<AttributeMessage>);
 
 impl Attributes {
     pub(super) fn read(path: &Path) -> Result<Self, EventFileError> {
-        let mut file = File::open(path)?;
+        let mut file = files::open(path)?;
         let Ok(superblock) = SuperblockV0V1::decode(&block(&mut file, 0, 256)?) else {
             return Ok(Self::default());
         };

@@ -1,6 +1,7 @@
 //! What the tree's own descriptions say, against each other.
 
 use super::{Code, Fault, Tree};
+use crate::files::{self, Links};
 use crate::release::checksum;
 use crate::release::manifest::{Manifest, ManifestScene};
 use crate::release::scene::{Conventions, SceneFile};
@@ -11,7 +12,7 @@ pub(super) fn parse<T: DeserializeOwned>(tree: &Tree<'_>, path: &str, faults: &m
     if !tree.has(path) {
         return None;
     }
-    let parsed = match std::fs::read(tree.path_of(path)) {
+    let parsed = match files::read_with(&tree.path_of(path), Links::Refuse, files::MAX_DOCUMENT) {
         Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| format!("it is not of its form: {e}")),
         Err(e) => Err(e.to_string()),
     };

@@ -1,6 +1,7 @@
 //! Scenes of a release against the same scenes made again from their recipes, byte for byte.
 
 use super::{Code, Fault};
+use crate::files::{self, Links};
 use crate::release::manifest::{Ingredients, Manifest, ManifestScene};
 use crate::release::{ManifestStep, checksum};
 use std::collections::BTreeMap;
@@ -12,7 +13,7 @@ use std::path::Path;
 /// # Errors
 /// When it is absent or of another form.
 pub fn manifest(dir: &Path) -> io::Result<Manifest> {
-    let bytes = std::fs::read(dir.join(super::super::manifest::NAME))?;
+    let bytes = files::read_with(&dir.join(super::super::manifest::NAME), Links::Refuse, files::MAX_DOCUMENT)?;
     serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 

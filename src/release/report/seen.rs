@@ -9,6 +9,7 @@ use super::depth::Depth;
 use super::embed::Picture;
 use crate::event::picture::Picture as Balance;
 use crate::event::{EventSink as _, EventSource as _, h5};
+use crate::files;
 use crate::image::Size;
 use crate::release::built::BuiltTrajectory;
 use crate::store::Store;
@@ -45,7 +46,7 @@ fn moment_us(built: &BuiltTrajectory) -> i64 {
 /// The sharp frame of the middle.
 pub(super) fn sharp(built: &BuiltTrajectory, store: &Store, width: u32) -> Option<Shown> {
     let (number, output) = middle(built)?;
-    let picture = Picture::of_png(&std::fs::read(store.path_of(&output.digest)).ok()?, width)?;
+    let picture = Picture::of_png(&files::read(&store.path_of(&output.digest), files::MAX_PICTURE).ok()?, width)?;
     let words = format!("sharp frame {number} at {:.1} ms", moment_us(built) as f64 * 1e-3);
     Some(Shown { picture, words })
 }
@@ -56,7 +57,7 @@ pub(super) fn blurred(built: &BuiltTrajectory, store: &Store, width: u32) -> Opt
     let moment = moment_us(built);
     let exposure = blurred.exposures.iter().min_by_key(|e| (e.start_us + e.end_us - 2 * moment).abs())?;
     let output = outputs.iter().find(|output| number(output) == Some(exposure.pose))?;
-    let picture = Picture::of_png(&std::fs::read(store.path_of(&output.digest)).ok()?, width)?;
+    let picture = Picture::of_png(&files::read(&store.path_of(&output.digest), files::MAX_PICTURE).ok()?, width)?;
     let [from, to] = [exposure.start_us, exposure.end_us].map(|us| us as f64 * 1e-3);
     Some(Shown {
         picture,
@@ -133,7 +134,7 @@ pub(super) struct OfCheck<'a> {
 
 impl OfCheck<'_> {
     pub(super) fn read(&self, store: &Store, width: u32) -> Option<Picture> {
-        Picture::of_png(&std::fs::read(store.path_of(&self.output.digest)).ok()?, width)
+        Picture::of_png(&files::read(&store.path_of(&self.output.digest), files::MAX_PICTURE).ok()?, width)
     }
 }
 

@@ -4,6 +4,7 @@
 //! that is COLMAP's word on itself.
 
 use super::{Image, Model, ModelCamera, Point};
+use crate::files::is_there;
 use crate::source::SourceError;
 use std::collections::BTreeMap;
 
@@ -35,7 +36,7 @@ impl Model {
     /// # Errors
     /// When a file is damaged, or names a camera or a point that is not there.
     pub fn reprojection(&self) -> Result<Option<Reprojection>, SourceError> {
-        if !self.file("points3D").is_file() {
+        if !is_there(&self.file("points3D")) {
             return Ok(None);
         }
         let (cameras, points) = (self.cameras()?, self.points()?);

@@ -2,6 +2,7 @@
 //! camera, and holds what its kind can hold.
 
 use super::{Code, Fault, Folder};
+use crate::files::{self, Links};
 use crate::image::{npy, png};
 use crate::sampling::exposure;
 use rayon::prelude::*;
@@ -44,7 +45,7 @@ pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
 
 fn picture(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
     let wanted = folder.camera.size;
-    let file = File::open(folder.on_disk(name)).map_err(|e| e.to_string());
+    let file = files::open_with(&folder.on_disk(name), Links::Refuse).map_err(|e| e.to_string());
     let message = file.and_then(|file| match kind {
         "depth" | "flow" => numbers(kind, folder, BufReader::new(file)),
         _ => match png::read(BufReader::new(file)) {
