@@ -351,8 +351,12 @@ struct Found {
     place: Place,
 }
 
-/// The capture of these views: sorted by name, each name once, at least one.
+/// The capture of these views: sorted by name, each name once and without control characters, at least one.
 fn collect(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
+    if let Some(odd) = found.iter().find(|found| found.view.name.contains(char::is_control)) {
+        let because = format!("the image name {:?} holds a control character", odd.view.name);
+        return Err(SourceError::Content { path: path.to_owned(), place: odd.place.clone(), because });
+    }
     found.sort_by(|a, b| natural::compare(&a.view.name, &b.view.name));
     if let Some([first, second]) = found.array_windows().find(|[a, b]| a.view.name == b.view.name) {
         let because = format!("the image name `{}` is already used by {}", second.view.name, first.place);

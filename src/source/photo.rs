@@ -84,6 +84,10 @@ pub(super) fn list(folder: &Path) -> Result<Vec<String>, SourceError> {
             names.extend(name(path));
         }
     }
+    if let Some(odd) = names.iter().find(|name| name.contains(char::is_control)) {
+        let because = format!("the name of the photo {odd:?} holds a control character");
+        return Err(SourceError::Absent { dir: folder.to_owned(), because });
+    }
     names.sort_by(|a, b| natural::compare(a, b));
     Ok(names)
 }

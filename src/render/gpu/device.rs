@@ -233,7 +233,7 @@ fn may_have_hardware() -> bool {
     }
     // Render nodes of the kernel's drivers, NVIDIA's own, and that of Linux under Windows.
     let nodes = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg"];
-    nodes.iter().any(|node| std::path::Path::new(node).exists())
+    nodes.iter().any(|node| crate::files::is_there(std::path::Path::new(node)))
 }
 
 /// All GPUs, the most capable kind first; one that several interfaces offer comes first through the fastest of them.
