@@ -16,6 +16,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Component, Path};
 
 use rustix::fs::{AtFlags, CWD, FileType, Mode, OFlags};
+use rustix::io::Errno;
 
 /// Limit for texts that people write: recipes, sensors, lists of scenes. 16 MiB.
 pub const MAX_TEXT: u64 = 16 << 20;
@@ -174,7 +175,7 @@ pub fn is_there(path: &Path) -> bool {
 pub fn replaceable(path: &Path) -> io::Result<Option<Mode>> {
     let about = match fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        about => about?,
+        _ => stat(path)?,
     };
     require_regular(file_type(&about))?;
     let mode = Mode::from_raw_mode(about.mode());
@@ -187,10 +188,21 @@ pub fn replaceable(path: &Path) -> io::Result<Option<Mode>> {
 
 /// The file that `path` leads to. A link to nothing says so: plain `NotFound` would read as absent.
 fn stat(path: &Path) -> io::Result<fs::Metadata> {
-    fs::metadata(path).map_err(|error| {
-        let dangles = error.kind() == io::ErrorKind::NotFound && fs::symlink_metadata(path).is_ok();
-        if dangles { io::Error::other("a link to a file that does not exist") } else { error }
+    fs::metadata(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound if fs::symlink_metadata(path).is_ok() => {
+            invalid("a link to a file that does not exist")
+        }
+        _ if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
+            invalid("links that lead in a circle")
+        }
+        _ => error,
     })
+}
+
+/// Whether an error of this module says that something other than a regular file lies at a path.
+#[must_use]
+pub fn is_no_file(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::InvalidInput || error.raw_os_error() == Some(Errno::LOOP.raw_os_error())
 }
 
 fn file_type(about: &fs::Metadata) -> FileType {
@@ -289,6 +301,7 @@ mod tests {
         assert_eq!(refused("link-to-fifo"), "a FIFO, not a regular file");
         assert_eq!(refused("zero"), "a device, not a regular file");
         assert_eq!(refused("dangling"), "a link to a file that does not exist");
+        assert_eq!(refused("loop"), "links that lead in a circle");
     }
 
     #[test]

@@ -278,6 +278,7 @@ impl Store {
         match self.look(&path) {
             Ok(entry) if entry.digest == output.digest => Ok(BlobState::Sound),
             Ok(_) => Ok(BlobState::Altered),
+            Err(source) if is_no_file(&source) => Ok(BlobState::Altered),
             Err(source) if disk::is_absent(&source) => Ok(BlobState::Missing),
             Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
         }

@@ -98,7 +98,9 @@ impl Convert {
 
     fn read(&self) -> Result<Gaussians, Problem> {
         let input = self.input.display();
-        if !self.input.is_dir() && let Err(e) = files::open(&self.input) {
+        if !self.input.is_dir()
+            && let Err(e) = files::open(&self.input)
+        {
             return Err(Problem::usage("input-missing", format!("{input} cannot be read: {e}")));
         }
         scene::read_any(&self.input).map_err(|error| match error {

@@ -13,7 +13,11 @@ pub(super) fn tell(taken_down: TakenDown, console: &Console) {
         console.tell(&Message::new(Level::Warning, "takedown", what));
     }
     if unmatched > 0 {
-        let ids = if unmatched == 1 { "1 id in takedown.txt names" } else { &format!("{unmatched} ids in takedown.txt name") };
+        let ids = if unmatched == 1 {
+            "1 id in takedown.txt names"
+        } else {
+            &format!("{unmatched} ids in takedown.txt name")
+        };
         let what = format!("{ids} none of these scenes");
         console.tell(&Message::new(Level::Warning, "takedown-unmatched", what));
     }

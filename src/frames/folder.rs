@@ -8,8 +8,8 @@
 
 use super::stamps::{StampError, relative};
 use super::{Frame, FrameError, Frames};
-use crate::image::{Image, Shades, Size, jpeg, png};
 use crate::files;
+use crate::image::{Image, Shades, Size, jpeg, png};
 use crate::source::natural;
 use crate::units::Timestamp;
 use std::fs;

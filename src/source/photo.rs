@@ -1,8 +1,8 @@
 //! The photos beside a source: found by name, never outside the source's folder; only their hash and size are used.
 
 use super::{SourceError, Unused, Warning, Why, natural};
-use crate::files::{self, Walk};
 use crate::camera::Camera;
+use crate::files::{self, Walk};
 use crate::image::Size;
 use sha2::{Digest, Sha256};
 use std::fs::File;

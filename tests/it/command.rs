@@ -43,10 +43,10 @@ licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
 /// What leaves the planted scene where it is wanted.
-const COPY: &str = "cp \"$3\" \"$2/scene.ply\"";
+pub(crate) const COPY: &str = "cp \"$3\" \"$2/scene.ply\"";
 
 /// Six photos around the origin, with their model, and a program that says its version, counts its runs and then does this.
-fn trained_by(script: &str) -> Workspace {
+pub(crate) fn trained_by(script: &str) -> Workspace {
     let place = Workspace::new();
     place.write("recipe.yaml", RECIPE);
     place.write("planted.ply", ply(|_, value| value));
@@ -55,7 +55,7 @@ fn trained_by(script: &str) -> Workspace {
     place
 }
 
-fn write_script(place: &Workspace, script: &str) {
+pub(crate) fn write_script(place: &Workspace, script: &str) {
     let head = "if [ \"$1\" = --version ]; then echo 'trainer 1.2, as 1.3'; exit; fi\n\
                 beside=$(dirname \"$0\")\necho run >> \"$beside/runs\"\n";
     place.write("train.sh", format!("{head}{script}\n"));

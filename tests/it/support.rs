@@ -4,7 +4,6 @@
 pub(crate) mod gaussians;
 pub(crate) mod given;
 pub(crate) mod gpu;
-pub(crate) mod pipe;
 pub(crate) mod ply;
 pub(crate) mod shared;
 pub(crate) mod steps;

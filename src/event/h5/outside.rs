@@ -186,7 +186,10 @@ mod tests {
             let source = at("whole.h5");
             let from = source.to_str().unwrap();
             let times = file.new_dataset::<u32>().shape([4]);
-            times.virtual_mapping(Selection::All, from, "events/t", Selection::All).create("events/t").unwrap();
+            times
+                .virtual_mapping(Selection::All, from, "events/t", Selection::All)
+                .create("events/t")
+                .unwrap();
         });
         assert!(told(&at("virtual.h5")).contains("a virtual dataset"), "{}", told(&at("virtual.h5")));
 

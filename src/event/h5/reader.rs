@@ -1,7 +1,8 @@
 //! Reading, chunk by chunk.
 
 use super::{
-    CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex, outside,
+    CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex,
+    outside,
 };
 use crate::event::{Event, EventFileError, EventSource, Header, Label, LawStamp, Polarity};
 use crate::files;

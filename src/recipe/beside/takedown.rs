@@ -1,12 +1,12 @@
 //! `takedown.txt`: scenes that are no longer made or passed on. One line per scene,
 //! `<scene id or upstream id> <day> [reason]`; lines that begin with `#` and empty lines are comments.
 
+use crate::files::is_there;
 use crate::recipe::fault::{Fault, Faults};
 use crate::recipe::find::{self, TAKEDOWN};
 use crate::recipe::load::read_text;
 use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::text::{Place, Text};
-use crate::files::is_there;
 use crate::recipe::{Recipe, RecipeFile, forms, names};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -218,9 +218,22 @@ mod tests {
 
     #[test]
     fn a_line_that_can_name_no_scene_is_refused() {
-        for id in ["t/tiny/", "/t/tiny", "\"t/tiny\"", "'t/tiny'", "t\\tiny", "t/*", "t/tin?", "t//tiny", "t/../tiny"] {
+        for id in [
+            "t/tiny/",
+            "/t/tiny",
+            "\"t/tiny\"",
+            "'t/tiny'",
+            "t\\tiny",
+            "t/*",
+            "t/tin?",
+            "t//tiny",
+            "t/../tiny",
+        ] {
             let told = read(&format!("# list\n{id} 2025-06-01\n")).unwrap_err();
-            assert!(told.starts_with("takedown.txt:2:1 ") && told.contains("can name no scene"), "{id}: {told}");
+            assert!(
+                told.starts_with("takedown.txt:2:1 ") && told.contains("can name no scene"),
+                "{id}: {told}"
+            );
         }
         assert!(read("t/tiny 2025-06-01\nmvimgnet/11/16009258 2025-06-01\n").is_ok());
     }

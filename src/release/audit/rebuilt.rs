@@ -13,7 +13,8 @@ use std::path::Path;
 /// # Errors
 /// When it is absent or of another form.
 pub fn manifest(dir: &Path) -> io::Result<Manifest> {
-    let bytes = files::read_with(&dir.join(super::super::manifest::NAME), Links::Refuse, files::MAX_DOCUMENT)?;
+    let bytes =
+        files::read_with(&dir.join(super::super::manifest::NAME), Links::Refuse, files::MAX_DOCUMENT)?;
     serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 

@@ -46,7 +46,8 @@ fn moment_us(built: &BuiltTrajectory) -> i64 {
 /// The sharp frame of the middle.
 pub(super) fn sharp(built: &BuiltTrajectory, store: &Store, width: u32) -> Option<Shown> {
     let (number, output) = middle(built)?;
-    let picture = Picture::of_png(&files::read(&store.path_of(&output.digest), files::MAX_PICTURE).ok()?, width)?;
+    let picture =
+        Picture::of_png(&files::read(&store.path_of(&output.digest), files::MAX_PICTURE).ok()?, width)?;
     let words = format!("sharp frame {number} at {:.1} ms", moment_us(built) as f64 * 1e-3);
     Some(Shown { picture, words })
 }
@@ -57,7 +58,8 @@ pub(super) fn blurred(built: &BuiltTrajectory, store: &Store, width: u32) -> Opt
     let moment = moment_us(built);
     let exposure = blurred.exposures.iter().min_by_key(|e| (e.start_us + e.end_us - 2 * moment).abs())?;
     let output = outputs.iter().find(|output| number(output) == Some(exposure.pose))?;
-    let picture = Picture::of_png(&files::read(&store.path_of(&output.digest), files::MAX_PICTURE).ok()?, width)?;
+    let picture =
+        Picture::of_png(&files::read(&store.path_of(&output.digest), files::MAX_PICTURE).ok()?, width)?;
     let [from, to] = [exposure.start_us, exposure.end_us].map(|us| us as f64 * 1e-3);
     Some(Shown {
         picture,

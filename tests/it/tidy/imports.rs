@@ -66,8 +66,9 @@ fn faults(source: &Source, own: &str) -> Vec<Fault> {
     let Some(own_rank) = rank(own) else {
         return vec![Fault::new(source, 1, format!("module `{own}` has no place in the table of imports"))];
     };
-    let forbids =
-        |module: &str| NEVER.iter().any(|(who, whom)| *who == own && (is_any(whom, module) || *whom == module));
+    let forbids = |module: &str| {
+        NEVER.iter().any(|(who, whom)| *who == own && (is_any(whom, module) || *whom == module))
+    };
     let bad = |module: &str| rank(module).is_some_and(|r| r > own_rank) || forbids(module);
     named_modules(source)
         .into_iter()
