@@ -29,6 +29,7 @@ mod unlike;
 pub use digest::{Digest, Key};
 pub use root::Root;
 
+use crate::files::is_no_file;
 use blob::Blobs;
 pub use lock::Claim;
 pub use publish::Workspace;

@@ -51,12 +51,13 @@ pub(super) enum Look {
     Bytes,
 }
 
-/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up. A link to nothing and
-/// a FIFO are there, so that opening them says what is wrong.
+/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up, and no control
+/// characters. A link to nothing and a FIFO are there, so that opening them says what is wrong.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     let path = folder.join(name);
-    (!name.is_empty() && Path::new(name).components().all(inside) && files::is_there(&path) && !path.is_dir())
+    let is_name = !name.is_empty() && !name.contains(char::is_control);
+    (is_name && Path::new(name).components().all(inside) && files::is_there(&path) && !path.is_dir())
         .then_some(path)
 }
 

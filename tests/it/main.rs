@@ -24,6 +24,7 @@ mod front_ends;
 mod gc;
 mod glance;
 mod golden_digests;
+mod hostile_files;
 mod index;
 mod init;
 mod interruption;

@@ -11,8 +11,6 @@ use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// Snapshots how a run ended: its exit code, its messages, and the objects of them.
 #[track_caller]
