@@ -1,9 +1,9 @@
 //! The one way to open a file that a person or a stranger names.
 //!
-//! A path from outside may lead to a device, a FIFO, a socket or a file without end. Each function here opens
-//! regular files only, checks the type on the open file, so that a swap between check and use changes nothing, and
-//! reads at most the given number of bytes. Only `NotFound` counts as absent: a dangling link, a loop or a folder
-//! without permission is an error.
+//! A path from outside may lead to a device, a FIFO, a socket or a file without end. Each function here
+//! opens regular files only, checks the type on the open file, so that a swap between check and use
+//! changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as absent: a
+//! dangling link, a loop or a folder without permission is an error.
 
 mod walk;
 
@@ -77,7 +77,8 @@ pub fn open_at_most(path: &Path, limit: u64) -> io::Result<File> {
 
 /// Opens a regular file below a folder that a stranger may have filled.
 ///
-/// `below` is relative to `root`. None of its parts may be `..` or a link, so that nothing outside `root` is opened.
+/// `below` is relative to `root`. None of its parts may be `..` or a link, so that nothing outside
+/// `root` is opened.
 ///
 /// # Errors
 /// As [`open`]; `InvalidInput` for a path that leads out of `root`, and for a link in any part of it.
@@ -145,7 +146,7 @@ fn text(bytes: Vec<u8>) -> io::Result<String> {
     })
 }
 
-/// Whether a regular file lies at `path`. A folder or a device of that name is an error, as is a link to nothing.
+/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error, as is a link to nothing.
 ///
 /// # Errors
 /// `InvalidInput` for anything but a regular file; any error of the file system but `NotFound` of the name itself.
@@ -157,8 +158,8 @@ pub fn exists(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Whether a path must be opened to know more: something of this name is there, of whatever kind, or the file system
-/// refuses to say. Opening it then names the cause, so no dangling link or locked folder is taken for absence.
+/// Returns true unless nothing of this name exists. A caller that goes on to open the path gets the
+/// cause from there, so no dangling link, locked folder or FIFO is taken for absence.
 #[must_use]
 pub fn is_there(path: &Path) -> bool {
     match fs::symlink_metadata(path) {
@@ -167,12 +168,12 @@ pub fn is_there(path: &Path) -> bool {
     }
 }
 
-/// Whether a regular file can be written at `path`, and the mode of the file that is there. Links are followed, also
-/// to where nothing is yet.
+/// Checks that a regular file can be written at `path`, and returns the permission bits of the file that
+/// is there, if any. Links are followed, also to where nothing is yet.
 ///
 /// # Errors
 /// `InvalidInput` for anything but a regular file; `PermissionDenied` for a file without a right to write.
-pub fn replaceable(path: &Path) -> io::Result<Option<Mode>> {
+pub fn replaceable(path: &Path) -> io::Result<Option<u32>> {
     let about = match fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         _ => stat(path)?,
@@ -183,7 +184,7 @@ pub fn replaceable(path: &Path) -> io::Result<Option<Mode>> {
     if !mode.intersects(Mode::WUSR | Mode::WGRP | Mode::WOTH) {
         return Err(io::Error::new(io::ErrorKind::PermissionDenied, "a read-only file"));
     }
-    Ok(Some(mode))
+    Ok(Some(mode.bits() & 0o777))
 }
 
 /// The file that `path` leads to. A link to nothing says so: plain `NotFound` would read as absent.
@@ -199,7 +200,7 @@ fn stat(path: &Path) -> io::Result<fs::Metadata> {
     })
 }
 
-/// Whether an error of this module says that something other than a regular file lies at a path.
+/// Returns true for the errors of this module that say that no regular file lies at a path.
 #[must_use]
 pub fn is_no_file(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::InvalidInput || error.raw_os_error() == Some(Errno::LOOP.raw_os_error())
@@ -347,7 +348,7 @@ mod tests {
         let (_folder, at) = entries();
         let mode = |name: &str, mode: u32| {
             fs::set_permissions(at(name), PermissionsExt::from_mode(mode)).unwrap();
-            replaceable(&at(name)).map(|mode| mode.map(|mode| mode.bits() & 0o777))
+            replaceable(&at(name))
         };
         assert_eq!(mode("file", 0o600).unwrap(), Some(0o600));
         assert_eq!(mode("link", 0o640).unwrap(), Some(0o640));

@@ -304,7 +304,7 @@ impl From<WalkError> for SourceError {
     }
 }
 
-/// Whether a path leads to a folder; an error where it leads to neither folder nor file.
+/// Tells a folder from a regular file; an error where a path leads to neither.
 fn is_folder(path: &Path) -> Result<bool, SourceError> {
     let is_folder = std::fs::metadata(path).is_ok_and(|about| about.is_dir());
     if !is_folder {

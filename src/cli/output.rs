@@ -1,7 +1,8 @@
-//! Files that a single step writes where the user says: every file whole, or none of them and everything as it was.
+//! Files that a single step writes where the user says: every file whole, or none of them and
+//! everything as it was.
 //!
-//! A link is followed, and the file that it leads to is replaced. A file that is replaced keeps its mode; one without a
-//! right to write is refused, as is anything but a regular file. `-` is stdout.
+//! A link is followed, and the file that it leads to is replaced. A file that is replaced keeps its
+//! mode; one without a right to write is refused, as is anything but a regular file. `-` is stdout.
 
 use super::problem::Problem;
 use crate::files;
@@ -11,8 +12,6 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
-
-use rustix::fs::Mode;
 
 /// The name that stands for stdout.
 const STDOUT: &str = "-";
@@ -132,19 +131,17 @@ fn folder(path: &Path) -> &Path {
 struct Part {
     temporary: PathBuf,
     path: PathBuf,
-    /// Mode of the file that is replaced, if there is one.
-    mode: Option<Mode>,
 }
 
 impl Part {
     /// A part that is not written yet.
     fn new(path: &Path, number: usize) -> io::Result<Self> {
         let path = target(path);
-        let mode = files::replaceable(&path)?;
+        files::replaceable(&path)?;
         let temporary = folder(&path).join(format!(".gs2e-{}-{number}.part", std::process::id()));
         // An earlier process of this number may have been killed.
         let _ = fs::remove_file(&temporary);
-        Ok(Self { temporary, path, mode })
+        Ok(Self { temporary, path })
     }
 
     fn write(
@@ -160,10 +157,9 @@ impl Part {
     }
 
     fn finish(self) -> io::Result<()> {
-        // What became of the place while the file was made counts too.
-        let mode = files::replaceable(&self.path)?.or(self.mode);
-        if let Some(mode) = mode {
-            fs::set_permissions(&self.temporary, fs::Permissions::from_mode(mode.bits() & 0o7777))?;
+        // Something else may have come to lie there while the file was made.
+        if let Some(mode) = files::replaceable(&self.path)? {
+            fs::set_permissions(&self.temporary, fs::Permissions::from_mode(mode))?;
         }
         fs::rename(&self.temporary, &self.path)
     }

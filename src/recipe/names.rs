@@ -42,7 +42,7 @@ pub(super) fn scene_id(id: &str) -> Result<(), String> {
     })
 }
 
-/// Whether a text has the form of the id of a scene, here or upstream; else what speaks against it.
+/// Checks the form of the id of a scene, here or upstream; the error follows "an id".
 pub(super) fn id_parts(id: &str) -> Result<(), String> {
     if id.len() > 200 {
         return Err(format!("of {} bytes, wanted at most 200", id.len()));

@@ -85,7 +85,7 @@ impl ReleaseTree<'_> {
         serde_json::from_slice(&self.read(name)?).map_err(|e| unreadable(&self.path_of(name), e))
     }
 
-    /// Whether a regular file of this name is in the tree.
+    /// Tells a regular file of this name from nothing; an error for all else.
     fn has(self, name: &str) -> Result<bool, RecheckError> {
         match files::open_below(self.dir, Path::new(name)) {
             Ok(_) => Ok(true),

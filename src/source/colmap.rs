@@ -256,8 +256,8 @@ pub fn folders(dir: &Path) -> Vec<PathBuf> {
     folders
 }
 
-/// A folder and the folders below it, down to a depth. Those that cannot be walked are left out: the files that would be
-/// in them are not found.
+/// A folder and the folders below it, down to a depth. Those that cannot be walked are left out: the
+/// files that would be in them are not found.
 pub(super) fn below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
     let entries = Walk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)

@@ -51,8 +51,8 @@ pub(super) enum Look {
     Bytes,
 }
 
-/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up, and no control
-/// characters. A link to nothing and a FIFO are there, so that opening them says what is wrong.
+/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up, and no
+/// control characters. A link to nothing and a FIFO are there, so that opening them says what is wrong.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     let path = folder.join(name);

@@ -1,5 +1,5 @@
-//! Devices, FIFOs, sockets, links to nothing and folders in the place of files, through the program: each is refused at
-//! once by a message that names the file, whatever reads it.
+//! Devices, FIFOs, sockets, links to nothing and folders in the place of files, through the program:
+//! each is refused at once by a message that names the file, whatever reads it.
 
 mod lists;
 mod outputs;
@@ -71,8 +71,8 @@ fn run(folder: &Path, args: &str) -> Ended {
     Ended { code, stdout: text("out"), stderr: text("err") }
 }
 
-/// Puts each kind of entry at `file`, one after the other, and runs the program: it ends with one of these codes and
-/// names the file.
+/// Puts each kind of entry at `file`, one after the other, and runs the program: it ends with one of
+/// these codes and names the file.
 #[track_caller]
 fn refused(place: &Workspace, args: &str, file: &str, kinds: &[&str], codes: &[i32]) {
     fs::create_dir_all(place.path(file).parent().unwrap()).unwrap();

@@ -1,9 +1,9 @@
-//! Ways in which an HDF5 file leads to other files, all of which are refused: external and soft links, datasets whose
-//! bytes lie in other files (external file lists), and virtual datasets.
+//! Ways in which an HDF5 file leads to other files, all of which are refused: external and soft links,
+//! datasets whose bytes lie in other files (external file lists), and virtual datasets.
 //!
-//! rust-hdf5 0.7 follows each of them. It opens the sources of virtual datasets together with the file, so these are
-//! looked for before: the list of sources lies in a global heap collection, which begins with `GCOL`, and ends with a
-//! checksum, so that other bytes are hardly ever taken for one.
+//! rust-hdf5 0.7 follows each of them. It opens the sources of virtual datasets together with the file,
+//! so these are looked for before: the list of sources lies in a global heap collection, which begins
+//! with `GCOL`, and ends with a checksum, so that other bytes are hardly ever taken for one.
 
 use crate::event::EventFileError;
 use rust_hdf5::format::FormatContext;
@@ -19,7 +19,8 @@ const HEAP: &[u8; 4] = b"GCOL";
 /// Bytes that are searched at once.
 const BLOCK: usize = 1 << 20;
 
-/// Maximum bytes of a heap collection that is read. libhdf5 makes them of 4 KiB, larger only for a larger object.
+/// Maximum bytes of a heap collection that is read. libhdf5 makes them of 4 KiB, larger only for a
+/// larger object.
 const MAX_HEAP: u64 = 1 << 26;
 
 /// Widths of lengths that the library reads, in bytes.
@@ -65,12 +66,13 @@ fn heaps(file: &mut File) -> Result<Vec<u64>, EventFileError> {
 /// A search through heap collections.
 struct Search {
     file: File,
-    /// Bytes that may still be read: heaps of a sound file do not overlap, so together they are no longer than it.
+    /// Bytes that may still be read: heaps of a sound file do not overlap, so together they are no
+    /// longer than it.
     left: u64,
 }
 
 impl Search {
-    /// Whether the heap collection at `at`, if there is one, holds a list of sources.
+    /// Looks for a list of sources in the heap collection at `at`, if there is one.
     fn finds_sources(&mut self, at: u64, context: FormatContext) -> Result<bool, EventFileError> {
         let head = self.bytes(at, 24)?;
         let Ok(size) = GlobalHeapCollection::decode_size(&head, &context) else { return Ok(false) };

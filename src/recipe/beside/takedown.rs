@@ -115,8 +115,8 @@ pub struct TakenDown {
     pub unmatched: usize,
 }
 
-/// The ids that a scene may be listed by, in small letters: its own, and what its upstream calls it, alone and below
-/// the kind of its source.
+/// The ids that a scene may be listed by, in small letters: its own, and what its upstream calls it,
+/// alone and below the kind of its source.
 fn ids<'a>(scene: &'a str, kind: &'a str, upstream_id: Option<&'a str>) -> impl Iterator<Item = String> + 'a {
     let upstream = upstream_id.into_iter().flat_map(move |id| [id.to_owned(), format!("{kind}/{id}")]);
     std::iter::once(scene.to_owned()).chain(upstream).map(|id| id.to_lowercase())

@@ -1,5 +1,6 @@
-//! The row of the table in which an input is edited while its step reads it. The step is a training whose program edits
-//! the input, so the edit falls between the engine's hash and the end of the step each time.
+//! The row of the table in which an input is edited while its step reads it. The step is a training
+//! whose program edits the input, so the edit falls between the engine's hash and the end of the step
+//! each time.
 
 use super::Workspace;
 use crate::command::{COPY, trained_by, write_script};

@@ -1,4 +1,5 @@
-//! Lists of scenes that are taken down: a line that can name no scene is refused, one that names none is reported.
+//! Lists of scenes that are taken down: a line that can name no scene is refused, one that names none
+//! is reported.
 
 use super::run;
 use crate::support::workspace::{TINY, Workspace};

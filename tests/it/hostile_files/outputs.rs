@@ -1,5 +1,5 @@
-//! Outputs that the user names: only regular files are replaced, they keep their mode, links are followed, and a file
-//! without a right to write stays.
+//! Outputs that the user names: only regular files are replaced, they keep their mode, links are
+//! followed, and a file without a right to write stays.
 
 use super::{plant, run};
 use crate::support::given::sound;

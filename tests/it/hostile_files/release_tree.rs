@@ -1,4 +1,5 @@
-//! A release that a stranger gives: nothing outside its folder is read for it, and nothing in it that is no file.
+//! A release that a stranger gives: nothing outside its folder is read for it, and nothing in it that
+//! is no file.
 
 use super::{KINDS, plant, run};
 use crate::release::small::{copy, read, reseal};

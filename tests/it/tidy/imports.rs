@@ -77,7 +77,7 @@ fn faults(source: &Source, own: &str) -> Vec<Fault> {
         .collect()
 }
 
-/// Whether `*` stands for a module: for all but the door for files, which is of no domain.
+/// `*` stands for every module but the door for files, which belongs to no domain.
 fn is_any(whom: &str, module: &str) -> bool {
     whom == "*" && module != "files"
 }
