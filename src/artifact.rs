@@ -7,6 +7,7 @@
 use crate::camera::Camera;
 use crate::check::Finding;
 use crate::check::sampling::Resampled;
+use crate::files;
 use crate::foreign::Foreign;
 use crate::frames::anchors::Anchors;
 use crate::image::{Image, npy};
@@ -87,7 +88,7 @@ impl Files {
         parse: impl FnOnce(BufReader<File>) -> Result<T, E>,
     ) -> Result<T, ArtifactError> {
         let failed = |because: String| ArtifactError { name: name.to_owned(), because };
-        let file = File::open(self.path(name)?).map_err(|e| failed(e.to_string()))?;
+        let file = files::open(self.path(name)?).map_err(|e| failed(e.to_string()))?;
         parse(BufReader::new(file)).map_err(|e| failed(e.to_string()))
     }
 

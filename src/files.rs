@@ -1,21 +1,37 @@
 //! The one way to open a file that a person or a stranger names.
 //!
-//! A path from outside may lead to a device, a FIFO, a socket or a file without end. Each function here opens regular
-//! files only, checks the type on the open file, so that a swap between check and use changes nothing, and reads at
-//! most the given number of bytes. Only `NotFound` counts as absent: a dangling link, a loop or a folder without
-//! permission is an error.
+//! A path from outside may lead to a device, a FIFO, a socket or a file without end. Each function here
+//! opens regular files only, checks the type on the open file, so that a swap between check and use
+//! changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as absent: a
+//! dangling link, a loop or a folder without permission is an error.
+
+mod walk;
+
+pub use walk::{MAX_DEPTH, MAX_ENTRIES, Walk, WalkError};
 
 use std::fs::{self, File};
 use std::io::{self, Read};
-use std::path::Path;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Component, Path};
 
-use rustix::fs::{Mode, OFlags};
+use rustix::fs::{AtFlags, CWD, FileType, Mode, OFlags};
+use rustix::io::Errno;
 
 /// Limit for texts that people write: recipes, sensors, lists of scenes. 16 MiB.
 pub const MAX_TEXT: u64 = 16 << 20;
 
 /// Limit for documents that programs write, such as `transforms.json`, `manifest.json` and sums. 1 GiB.
 pub const MAX_DOCUMENT: u64 = 1 << 30;
+
+/// Limit for one picture in its compressed form. 1 GiB.
+pub const MAX_PICTURE: u64 = 1 << 30;
+
+/// Limit for one file of a COLMAP model. 16 GiB.
+pub const MAX_MODEL: u64 = 16 << 30;
+
+/// Limit for a scene file, which is read whole: 69 million Gaussians of degree 3 as `.ply`. 16 GiB.
+pub const MAX_SCENE: u64 = 16 << 30;
 
 /// Whether links on the last part of a path are followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,20 +56,47 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// # Errors
 /// As [`open`], and `InvalidInput` for a link where `links` refuses them.
 pub fn open_with(path: &Path, links: Links) -> io::Result<File> {
-    // Opening a device can act on it, so the type is checked before as well as after.
-    let about = match links {
-        Links::Follow => stat(path)?,
-        Links::Refuse => fs::symlink_metadata(path)?,
-    };
-    require_regular(&about)?;
-    // Without O_NONBLOCK, a FIFO put there in between would wait for a writer for ever.
-    let mut flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK | OFlags::NOCTTY;
-    if links == Links::Refuse {
-        flags |= OFlags::NOFOLLOW;
+    match links {
+        Links::Follow => {
+            // Opening a device can act on it, so the type is checked before as well as after.
+            require_regular(file_type(&stat(path)?))?;
+            open_regular(CWD, path, OFlags::empty())
+        }
+        Links::Refuse => open_no_link(CWD, path),
     }
-    let file = File::from(rustix::fs::open(path, flags, Mode::empty())?);
-    require_regular(&file.metadata()?)?;
-    Ok(file)
+}
+
+/// Opens a regular file of at most `limit` bytes, following links.
+///
+/// # Errors
+/// As [`open`]; `FileTooLarge` for a file beyond `limit`.
+pub fn open_at_most(path: &Path, limit: u64) -> io::Result<File> {
+    let file = open(path)?;
+    if file.metadata()?.len() > limit { Err(too_large(limit)) } else { Ok(file) }
+}
+
+/// Opens a regular file below a folder that a stranger may have filled.
+///
+/// `below` is relative to `root`. None of its parts may be `..` or a link, so that nothing outside
+/// `root` is opened.
+///
+/// # Errors
+/// As [`open`]; `InvalidInput` for a path that leads out of `root`, and for a link in any part of it.
+pub fn open_below(root: &Path, below: &Path) -> io::Result<File> {
+    let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::DIRECTORY;
+    let mut folder: OwnedFd = rustix::fs::open(root, flags, Mode::empty())?;
+    let mut parts = below.components().filter(|part| *part != Component::CurDir).peekable();
+    while let Some(part) = parts.next() {
+        let Component::Normal(name) = part else { break };
+        if parts.peek().is_none() {
+            return open_no_link(folder.as_fd(), Path::new(name));
+        }
+        if type_at(folder.as_fd(), Path::new(name))? == FileType::Symlink {
+            return Err(invalid("a folder on its way is a link"));
+        }
+        folder = rustix::fs::openat(&folder, name, flags | OFlags::NOFOLLOW, Mode::empty())?;
+    }
+    Err(invalid("a path that leads out of its folder"))
 }
 
 /// Reads a whole regular file of at most `limit` bytes, following links.
@@ -72,18 +115,38 @@ pub fn read_with(path: &Path, links: Links, limit: u64) -> io::Result<Vec<u8>> {
     read_open(open_with(path, links)?, limit)
 }
 
+/// Reads a whole regular file of at most `limit` bytes below a folder, see [`open_below`].
+///
+/// # Errors
+/// As [`open_below`]; `FileTooLarge` for a file beyond `limit`.
+pub fn read_below(root: &Path, below: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    read_open(open_below(root, below)?, limit)
+}
+
 /// Reads a regular UTF-8 file of at most `limit` bytes, following links.
 ///
 /// # Errors
 /// As [`read`]; `InvalidData` with the byte offset where the text is not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
-    String::from_utf8(read(path, limit)?).map_err(|error| {
+    text(read(path, limit)?)
+}
+
+/// Reads a regular UTF-8 file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`read_text`], and `InvalidInput` for a link where `links` refuses them.
+pub fn read_text_with(path: &Path, links: Links, limit: u64) -> io::Result<String> {
+    text(read_with(path, links, limit)?)
+}
+
+fn text(bytes: Vec<u8>) -> io::Result<String> {
+    String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         io::Error::new(io::ErrorKind::InvalidData, format!("not UTF-8 at byte {at}"))
     })
 }
 
-/// Whether a regular file lies at `path`. A folder or a device of that name is an error, as is a link to nothing.
+/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error, as is a link to nothing.
 ///
 /// # Errors
 /// `InvalidInput` for anything but a regular file; any error of the file system but `NotFound` of the name itself.
@@ -91,42 +154,105 @@ pub fn exists(path: &Path) -> io::Result<bool> {
     match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
-        Ok(_) => require_regular(&stat(path)?).map(|()| true),
+        Ok(_) => require_regular(file_type(&stat(path)?)).map(|()| true),
     }
+}
+
+/// Returns true unless nothing of this name exists. A caller that goes on to open the path gets the
+/// cause from there, so no dangling link, locked folder or FIFO is taken for absence.
+#[must_use]
+pub fn is_there(path: &Path) -> bool {
+    match fs::symlink_metadata(path) {
+        Err(error) => !matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory),
+        Ok(_) => true,
+    }
+}
+
+/// Checks that a regular file can be written at `path`, and returns the permission bits of the file that
+/// is there, if any. Links are followed, also to where nothing is yet.
+///
+/// # Errors
+/// `InvalidInput` for anything but a regular file; `PermissionDenied` for a file without a right to write.
+pub fn replaceable(path: &Path) -> io::Result<Option<u32>> {
+    let about = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        _ => stat(path)?,
+    };
+    require_regular(file_type(&about))?;
+    let mode = Mode::from_raw_mode(about.mode());
+    // Root may write to any file; the user's own mark counts for root as well.
+    if !mode.intersects(Mode::WUSR | Mode::WGRP | Mode::WOTH) {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "a read-only file"));
+    }
+    Ok(Some(mode.bits() & 0o777))
 }
 
 /// The file that `path` leads to. A link to nothing says so: plain `NotFound` would read as absent.
 fn stat(path: &Path) -> io::Result<fs::Metadata> {
-    fs::metadata(path).map_err(|error| {
-        let dangles = error.kind() == io::ErrorKind::NotFound && fs::symlink_metadata(path).is_ok();
-        if dangles { io::Error::other("a link to a file that does not exist") } else { error }
+    fs::metadata(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound if fs::symlink_metadata(path).is_ok() => {
+            invalid("a link to a file that does not exist")
+        }
+        _ if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
+            invalid("links that lead in a circle")
+        }
+        _ => error,
     })
 }
 
-fn require_regular(about: &fs::Metadata) -> io::Result<()> {
-    if about.is_file() {
-        return Ok(());
-    }
-    Err(io::Error::new(
-        io::ErrorKind::InvalidInput,
-        format!("{}, not a regular file", kind(about.file_type())),
-    ))
+/// Returns true for the errors of this module that say that no regular file lies at a path.
+#[must_use]
+pub fn is_no_file(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::InvalidInput || error.raw_os_error() == Some(Errno::LOOP.raw_os_error())
+}
+
+fn file_type(about: &fs::Metadata) -> FileType {
+    FileType::from_raw_mode(about.mode())
+}
+
+/// The type of a directory entry itself.
+fn type_at(folder: impl AsFd, name: &Path) -> io::Result<FileType> {
+    Ok(FileType::from_raw_mode(rustix::fs::statat(folder, name, AtFlags::SYMLINK_NOFOLLOW)?.st_mode))
+}
+
+fn open_no_link(folder: impl AsFd, name: &Path) -> io::Result<File> {
+    require_regular(type_at(&folder, name)?)?;
+    open_regular(folder, name, OFlags::NOFOLLOW)
+}
+
+fn open_regular(folder: impl AsFd, name: &Path, more: OFlags) -> io::Result<File> {
+    // Without O_NONBLOCK, a FIFO put there in between would wait for a writer for ever.
+    let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK | OFlags::NOCTTY | more;
+    let file = File::from(rustix::fs::openat(folder, name, flags, Mode::empty())?);
+    require_regular(file_type(&file.metadata()?))?;
+    Ok(file)
+}
+
+fn require_regular(found: FileType) -> io::Result<()> {
+    if found.is_file() { Ok(()) } else { Err(invalid(&format!("{}, not a regular file", kind(found)))) }
+}
+
+fn invalid(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, what)
 }
 
 /// The kind of a directory entry, with its article.
-fn kind(of: fs::FileType) -> &'static str {
-    use std::os::unix::fs::FileTypeExt as _;
+fn kind(of: FileType) -> &'static str {
     match of {
-        of if of.is_dir() => "a folder",
-        of if of.is_symlink() => "a link",
-        of if of.is_fifo() => "a FIFO",
-        of if of.is_socket() => "a socket",
-        of if of.is_block_device() || of.is_char_device() => "a device",
+        FileType::Directory => "a folder",
+        FileType::Symlink => "a link",
+        FileType::Fifo => "a FIFO",
+        FileType::Socket => "a socket",
+        FileType::BlockDevice | FileType::CharacterDevice => "a device",
         _ => "a special file",
     }
 }
 
-fn read_open(file: File, limit: u64) -> io::Result<Vec<u8>> {
+/// Reads the rest of an open file of at most `limit` bytes.
+///
+/// # Errors
+/// `FileTooLarge` for a file beyond `limit`, also if it grows while it is read; any error of the file system.
+pub fn read_open(file: File, limit: u64) -> io::Result<Vec<u8>> {
     let length = file.metadata()?.len();
     if length > limit {
         return Err(too_large(limit));
@@ -144,7 +270,7 @@ fn too_large(limit: u64) -> io::Error {
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::symlink;
+    use std::os::unix::fs::{PermissionsExt, symlink};
     use std::path::PathBuf;
 
     use super::*;
@@ -156,7 +282,7 @@ mod tests {
         let at = move |name: &str| root.join(name);
         fs::write(at("file"), "seven b").unwrap();
         fs::create_dir(at("folder")).unwrap();
-        rustix::fs::mknodat(rustix::fs::CWD, at("fifo"), rustix::fs::FileType::Fifo, Mode::RUSR, 0).unwrap();
+        rustix::fs::mknodat(CWD, at("fifo"), FileType::Fifo, Mode::RUSR, 0).unwrap();
         symlink("file", at("link")).unwrap();
         symlink("nothing", at("dangling")).unwrap();
         symlink("loop", at("loop")).unwrap();
@@ -176,6 +302,7 @@ mod tests {
         assert_eq!(refused("link-to-fifo"), "a FIFO, not a regular file");
         assert_eq!(refused("zero"), "a device, not a regular file");
         assert_eq!(refused("dangling"), "a link to a file that does not exist");
+        assert_eq!(refused("loop"), "links that lead in a circle");
     }
 
     #[test]
@@ -187,12 +314,59 @@ mod tests {
     }
 
     #[test]
+    fn nothing_outside_the_folder_is_opened() {
+        let (folder, at) = entries();
+        fs::create_dir(at("folder/sub")).unwrap();
+        fs::write(at("folder/sub/inside"), "in").unwrap();
+        symlink("..", at("folder/up")).unwrap();
+        symlink("../file", at("folder/link")).unwrap();
+        let root = folder.path().join("folder");
+        let read = |below: &str| read_below(&root, Path::new(below), 7).map_err(|error| error.to_string());
+        assert_eq!(read("sub/inside").unwrap(), b"in");
+        assert_eq!(read("./sub/inside").unwrap(), b"in");
+        for out in ["../file", "sub/../../file", "sub/..", "", at("file").to_str().unwrap()] {
+            assert_eq!(read(out).unwrap_err(), "a path that leads out of its folder", "{out}");
+        }
+        assert_eq!(read("up/file").unwrap_err(), "a folder on its way is a link");
+        assert_eq!(read("link").unwrap_err(), "a link, not a regular file");
+        assert_eq!(read("sub").unwrap_err(), "a folder, not a regular file");
+        let absent = read_below(&root, Path::new("sub/none"), 7).unwrap_err();
+        assert_eq!(absent.kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn a_name_is_there_unless_the_file_system_denies_it() {
+        let (_folder, at) = entries();
+        for name in ["file", "link", "dangling", "loop", "folder", "fifo", "zero", "loop/below"] {
+            assert!(is_there(&at(name)), "{name}");
+        }
+        assert!(!is_there(&at("nothing")) && !is_there(&at("nothing/below")) && !is_there(&at("file/below")));
+    }
+
+    #[test]
+    fn a_file_that_may_be_replaced_keeps_its_mode() {
+        let (_folder, at) = entries();
+        let mode = |name: &str, mode: u32| {
+            fs::set_permissions(at(name), PermissionsExt::from_mode(mode)).unwrap();
+            replaceable(&at(name))
+        };
+        assert_eq!(mode("file", 0o600).unwrap(), Some(0o600));
+        assert_eq!(mode("link", 0o640).unwrap(), Some(0o640));
+        assert_eq!(mode("file", 0o444).unwrap_err().to_string(), "a read-only file");
+        assert_eq!(replaceable(&at("nothing")).unwrap(), None);
+        assert_eq!(replaceable(&at("dangling")).unwrap(), None);
+        for name in ["loop", "folder", "fifo", "zero"] {
+            assert!(replaceable(&at(name)).is_err(), "{name}");
+        }
+    }
+
+    #[test]
     fn the_limit_holds_for_the_length_and_for_what_is_read() {
         let (_folder, at) = entries();
         assert_eq!(read(&at("file"), 6).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
         // Length 0 by its metadata, longer when read.
         let endless = Path::new("/proc/self/status");
-        if endless.exists() {
+        if is_there(endless) {
             assert_eq!(read(endless, 8).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
         }
     }

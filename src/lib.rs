@@ -38,6 +38,7 @@
 //!
 //! # Invariants
 //! - Nothing below `cli` prints or reads the environment; the clock is read in `cli`, `run` and the stat cache only.
+//! - A file that a person or a stranger names is opened by [`files`] alone.
 //! - A key never holds a path, a host, a time or a thread count.
 //! - Nothing iterates a hash map.
 //! - Every random draw is a pure function of a stream's seed, what it is drawn for, and where.

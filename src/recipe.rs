@@ -22,7 +22,7 @@ mod text;
 mod tree;
 
 pub use beside::{
-    By, Redistribution, ReleaseInfo, SourceTerms, Splits, Takedown, read_release, read_sources,
+    By, Redistribution, ReleaseInfo, SourceTerms, Splits, Takedown, TakenDown, read_release, read_sources,
     read_takedown, takedown_of,
 };
 pub use edits::{Edit, edits};

@@ -16,6 +16,7 @@ pub mod sog;
 pub mod splat;
 pub mod spz;
 
+use crate::files;
 use glam::DVec3;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -195,7 +196,8 @@ fn nearest_byte(x: f64) -> u8 {
 /// # Errors
 /// [`SceneError::File`] or [`SceneError::Content`].
 pub fn read(path: &Path) -> Result<Gaussians, SceneError> {
-    let bytes = std::fs::read(path).map_err(|because| SceneError::File { path: path.to_owned(), because })?;
+    let bytes = files::read(path, files::MAX_SCENE)
+        .map_err(|because| SceneError::File { path: path.to_owned(), because })?;
     let is_splat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
     let scene = if is_splat { splat::read_splat(&bytes) } else { read_by_content(&bytes) };
     scene.map_err(|because| SceneError::Content { path: path.to_owned(), because: Box::new(because) })

@@ -23,6 +23,7 @@ pub mod view;
 pub use captured::{Captured, PoseFile, Selection, pattern};
 
 use crate::camera::Camera;
+use crate::files::{self, WalkError};
 use crate::image::Size;
 use crate::se3::Se3;
 use glam::{DQuat, DVec3};
@@ -300,6 +301,21 @@ pub enum SourceError {
     },
 }
 
+impl From<WalkError> for SourceError {
+    fn from(WalkError { path, because }: WalkError) -> Self {
+        Self::Io { path, source: because }
+    }
+}
+
+/// Tells a folder from a regular file; an error where a path leads to neither.
+fn is_folder(path: &Path) -> Result<bool, SourceError> {
+    let is_folder = std::fs::metadata(path).is_ok_and(|about| about.is_dir());
+    if !is_folder {
+        files::open(path).map_err(SourceError::io(path))?;
+    }
+    Ok(is_folder)
+}
+
 /// A place in a file of a source.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
@@ -338,9 +354,12 @@ struct Found {
     place: Place,
 }
 
-/// Collects views into a capture. The views are sorted by name; duplicate names and an empty list
-/// are errors.
+/// The capture of these views: sorted by name, each name once and without control characters, at least one.
 fn collect(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
+    if let Some(odd) = found.iter().find(|found| found.view.name.contains(char::is_control)) {
+        let because = format!("the image name {:?} holds a control character", odd.view.name);
+        return Err(SourceError::Content { path: path.to_owned(), place: odd.place.clone(), because });
+    }
     found.sort_by(|a, b| natural::compare(&a.view.name, &b.view.name));
     if let Some([first, second]) = found.array_windows().find(|[a, b]| a.view.name == b.view.name) {
         let because = format!("the image name `{}` is already used by {}", second.view.name, first.place);

@@ -31,6 +31,7 @@ mod unlike;
 pub use digest::{Digest, Key};
 pub use root::Root;
 
+use crate::files::is_no_file;
 use blob::Blobs;
 pub use lock::Claim;
 pub use publish::Workspace;
@@ -294,6 +295,7 @@ impl Store {
         match self.look(&path) {
             Ok(entry) if entry.digest == output.digest => Ok(BlobState::Sound),
             Ok(_) => Ok(BlobState::Altered),
+            Err(source) if is_no_file(&source) => Ok(BlobState::Altered),
             Err(source) if disk::is_absent(&source) => Ok(BlobState::Missing),
             Err(source) => Err(StoreError::Io { doing: "reading", path, source }),
         }

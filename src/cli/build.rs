@@ -7,6 +7,7 @@ use super::problem::{Exit, Problem};
 use super::progress::{Progress, Told};
 use super::renderers::Chosen;
 use super::{Common, Targets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown};
+use crate::files::is_there;
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::plan::past::past;
@@ -68,7 +69,7 @@ impl Build {
         let started = Instant::now();
         let paths = &self.targets.recipes;
         let chosen = common.renderers()?;
-        if !common.store.exists() {
+        if !is_there(&common.store) {
             // A recipe that is wrong shall leave no store behind.
             recipe::read_all(paths)?;
         }

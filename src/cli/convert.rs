@@ -5,14 +5,15 @@ mod picture;
 
 use super::console::Console;
 use super::message::{Level, Message};
-use super::output::write_beside;
+use super::output::{self, write_beside};
 use super::problem::{Exit, Problem};
+use crate::files;
 use crate::scene::form::{Form, Loss};
 use crate::scene::{self, Gaussians, SceneError, ply};
 use crate::units::amount;
 use events::Conversion;
 use serde_json::json;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -44,6 +45,7 @@ impl Convert {
             return conversion.run(console);
         }
         let form = self.form()?;
+        output::screen([self.output.as_path()], [], false)?;
         let scene = self.read()?;
         let (bytes, mut losses) = form.write(&scene).map_err(|e| {
             Problem::failed("not-written", format!("{}: failed to {e}", self.output.display()))
@@ -96,7 +98,9 @@ impl Convert {
 
     fn read(&self) -> Result<Gaussians, Problem> {
         let input = self.input.display();
-        if let Err(e) = fs::metadata(&self.input) {
+        if !self.input.is_dir()
+            && let Err(e) = files::open(&self.input)
+        {
             return Err(Problem::usage("input-missing", format!("{input} cannot be read: {e}")));
         }
         scene::read_any(&self.input).map_err(|error| match error {
@@ -110,7 +114,7 @@ impl Convert {
     /// What the input holds beside the Gaussians.
     fn left_out(&self) -> Option<Loss> {
         let mut head = Vec::new();
-        let file = File::open(&self.input).ok()?;
+        let file = files::open(&self.input).ok()?;
         file.take(ply::MAX_HEADER as u64 + 1).read_to_end(&mut head).ok()?;
         let names = ply::left_out(&head);
         let what = format!("dropped: {}", names.join(", "));

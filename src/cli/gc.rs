@@ -4,6 +4,7 @@ use super::build::{Care, open, opening};
 use super::console::Console;
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
+use crate::files::is_there;
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::recipe;
@@ -37,7 +38,7 @@ impl Gc {
         let (recipes, taken_down) = recipe::read_takedown(&self.targets.recipes)?.keep(recipes);
         super::takedown::tell(taken_down, console);
         // A look needs no lock and makes no store.
-        let store = if self.dry_run || !common.store.exists() {
+        let store = if self.dry_run || !is_there(&common.store) {
             Store::open(&common.store, opening(common, Access::Read), &mut |_| {})?
         } else {
             open(common, &Care::default(), console)?

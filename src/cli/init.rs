@@ -7,6 +7,7 @@ use super::console::Console;
 use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use super::{Common, input};
+use crate::files::is_there;
 use crate::recipe::draft::{self, Draft, Pace};
 use crate::source::inventory::{self, Entry, Rejection, Rules};
 use crate::source::kind::Kind;
@@ -223,7 +224,7 @@ impl Init {
     /// Those that get a recipe now.
     fn choose(&self, candidates: Vec<Candidate>, outcome: &mut Outcome) -> Vec<Candidate> {
         let (kept, mut new): (Vec<Candidate>, Vec<Candidate>) =
-            candidates.into_iter().partition(|candidate| candidate.recipe.exists());
+            candidates.into_iter().partition(|candidate| is_there(&candidate.recipe));
         outcome.kept = kept.len();
         if let Some(limit) = self.limit {
             let room = limit.saturating_sub(kept.len());
@@ -245,7 +246,7 @@ impl Init {
         let folder = recipe.parent().unwrap_or(Path::new(""));
         write::folder(folder)?;
         let given = pattern.map(|pattern| filled(pattern, &path, &scene));
-        outcome.without_scene.extend(given.iter().filter(|file| !file.is_file()).cloned());
+        outcome.without_scene.extend(given.iter().filter(|file| !is_there(file)).cloned());
         let way = |to: &Path| write::way(folder, to);
         let kind = self.format.into();
         let mut selection = self.selection();

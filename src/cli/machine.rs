@@ -1,7 +1,8 @@
 //! What this machine has: cores, their name, and memory.
 
-use std::fs::read_to_string;
+use crate::files;
 use std::num::NonZero;
+use std::path::Path;
 
 /// Cores that this process may use.
 pub(super) fn cores() -> usize {
@@ -10,7 +11,7 @@ pub(super) fn cores() -> usize {
 
 /// What this machine calls its processor; `None` where it does not say.
 pub(super) fn processor() -> Option<String> {
-    named(&read_to_string("/proc/cpuinfo").ok()?)
+    named(&said("/proc/cpuinfo")?)
 }
 
 /// `model name` of `/proc/cpuinfo`.
@@ -23,7 +24,7 @@ fn named(cpuinfo: &str) -> Option<String> {
 /// Four fifths of the memory that is free now, in the machine and in the control group that holds this process, bytes;
 /// without bound where neither can be read.
 pub(super) fn free_memory() -> u64 {
-    let machine = read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
+    let machine = said("/proc/meminfo").and_then(|text| available(&text));
     let [limit, used] = ["memory.max", "memory.current"].map(group);
     let group = limit.map(|limit| limit.saturating_sub(used.unwrap_or(0)));
     machine.into_iter().chain(group).min().map_or(u64::MAX, |bytes| bytes / 5 * 4)
@@ -37,9 +38,14 @@ fn available(meminfo: &str) -> Option<u64> {
 
 /// A number of the control group that this process lives in (version 2); `None` where there is no limit.
 fn group(file: &str) -> Option<u64> {
-    let groups = read_to_string("/proc/self/cgroup").ok()?;
+    let groups = said("/proc/self/cgroup")?;
     let own = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
-    read_to_string(format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/'))).ok()?.trim().parse().ok()
+    said(&format!("/sys/fs/cgroup{}/{file}", own.trim_end_matches('/')))?.trim().parse().ok()
+}
+
+/// The text of a file of the system.
+fn said(file: &str) -> Option<String> {
+    files::read_text(Path::new(file), files::MAX_TEXT).ok()
 }
 
 /// Whether this process was started to ignore a signal; false where the system does not say.

@@ -1,10 +1,16 @@
-//! What a single step writes where the user says: every file whole, or none of them and everything as it was.
+//! Files that a single step writes where the user says: every file whole, or none of them and
+//! everything as it was.
+//!
+//! A link is followed, and the file that it leads to is replaced. A file that is replaced keeps its
+//! mode; one without a right to write is refused, as is anything but a regular file. `-` is stdout.
 
 use super::problem::Problem;
+use crate::files;
 use crate::store::space::is_full;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
 /// The name that stands for stdout.
@@ -48,8 +54,12 @@ pub(super) fn screen<'a>(
         if path.is_dir() || path.file_name().is_none() {
             return refuse(format!("{shown} is a folder, wanted a file"));
         }
-        if !folder(path).is_dir() {
+        let place = target(path);
+        if !folder(&place).is_dir() {
             return refuse(format!("{shown} lies in a folder that is not there"));
+        }
+        if let Err(because) = files::replaceable(&place) {
+            return refuse(format!("{shown} cannot be replaced: {because}"));
         }
     }
     Ok(())
@@ -87,29 +97,29 @@ fn print(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     out.flush()
 }
 
-/// Writes a file whole or not at all: beside its place, then into it.
+/// Writes a file whole or not at all: next to its place, then into it.
 pub(super) fn write_beside<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&Path) -> Result<(), E>,
 ) -> Result<(), E> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let beside = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let finish = || {
-        File::open(&beside)?.sync_all()?;
-        fs::rename(&beside, path)
-    };
-    let written = fill(&beside).and_then(|()| finish().map_err(E::from));
-    if written.is_err() {
-        // The first error is the one to tell.
-        let _ = fs::remove_file(&beside);
-    }
-    written
+    let part = Part::new(path, 0)?;
+    fill(&part.temporary)?;
+    files::open(&part.temporary)?.sync_all()?;
+    Ok(part.finish()?)
 }
 
-/// The file that a path leads to, links followed, where it is there.
+/// Maximum links that are followed to a place, as many as Linux follows.
+const MAX_LINKS: usize = 40;
+
+/// The place that a path leads to, links followed, also to where nothing is yet.
 fn target(path: &Path) -> PathBuf {
-    let in_folder = || Some(folder(path).canonicalize().ok()?.join(path.file_name()?));
-    path.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
+    let mut place = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        let Ok(to) = fs::read_link(&place) else { break };
+        place = folder(&place).join(to);
+    }
+    let in_folder = || Some(folder(&place).canonicalize().ok()?.join(place.file_name()?));
+    place.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| place.clone())
 }
 
 /// The folder that a file lies in, by a path that the system takes.
@@ -119,48 +129,45 @@ fn folder(path: &Path) -> &Path {
 
 /// A file that is written and does not have its name yet; without it, it is removed.
 struct Part {
-    /// Where it is; `None` where it was written in place, or has its name.
-    temporary: Option<PathBuf>,
+    temporary: PathBuf,
     path: PathBuf,
 }
 
 impl Part {
+    /// A part that is not written yet.
+    fn new(path: &Path, number: usize) -> io::Result<Self> {
+        let path = target(path);
+        files::replaceable(&path)?;
+        let temporary = folder(&path).join(format!(".gs2e-{}-{number}.part", std::process::id()));
+        // An earlier process of this number may have been killed.
+        let _ = fs::remove_file(&temporary);
+        Ok(Self { temporary, path })
+    }
+
     fn write(
         path: &Path,
         number: usize,
         fill: &dyn Fn(&mut dyn Write) -> io::Result<()>,
     ) -> io::Result<Self> {
-        let path = target(path);
-        // A pipe or a device keeps its name.
-        if fs::metadata(&path).is_ok_and(|about| !about.is_file()) {
-            let mut out = BufWriter::new(File::options().write(true).open(&path)?);
-            fill(&mut out)?;
-            out.flush()?;
-            return Ok(Self { temporary: None, path });
-        }
-        let temporary = folder(&path).join(format!(".gs2e-{}-{number}.part", std::process::id()));
-        let file = File::create(&temporary)?;
-        let part = Self { temporary: Some(temporary), path };
-        let mut out = BufWriter::new(file);
+        let part = Self::new(path, number)?;
+        let mut out = BufWriter::new(File::create_new(&part.temporary)?);
         fill(&mut out)?;
         out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
         Ok(part)
     }
 
-    fn finish(mut self) -> io::Result<()> {
-        if let Some(temporary) = &self.temporary {
-            fs::rename(temporary, &self.path)?;
+    fn finish(self) -> io::Result<()> {
+        // Something else may have come to lie there while the file was made.
+        if let Some(mode) = files::replaceable(&self.path)? {
+            fs::set_permissions(&self.temporary, fs::Permissions::from_mode(mode))?;
         }
-        self.temporary = None;
-        Ok(())
+        fs::rename(&self.temporary, &self.path)
     }
 }
 
 impl Drop for Part {
     fn drop(&mut self) {
-        if let Some(temporary) = &self.temporary {
-            // What failed was told already.
-            let _ = fs::remove_file(temporary);
-        }
+        // The first error is the one to report, and a finished file has another name by now.
+        let _ = fs::remove_file(&self.temporary);
     }
 }

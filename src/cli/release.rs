@@ -42,7 +42,7 @@ impl Release {
         let recipes = recipe::read_all(&self.targets.recipes)?;
         let mut beside = Beside::read(&self.targets.recipes)?;
         let (recipes, taken_down) = beside.takedown.keep(recipes);
-        beside.taken_down = taken_down;
+        beside.taken_down = taken_down.scenes;
         super::takedown::tell(taken_down, console);
         let started = Instant::now();
         let store = open(common, &self.care, console)?;

@@ -9,6 +9,7 @@ use super::message::{Level, Message};
 use super::output::{self, Output};
 use super::problem::{Exit, Problem};
 use super::{Choice, Common, input};
+use crate::files::is_there;
 use crate::render::backend::Backend;
 use crate::render::gpu;
 use crate::render::{
@@ -180,7 +181,7 @@ impl Render {
     }
 
     fn gaussians(&self) -> Result<Gaussians, Problem> {
-        if !self.scene.exists() {
+        if !is_there(&self.scene) {
             return Err(input::missing("scene", &self.scene));
         }
         scene::read(&self.scene).map_err(|e| input::unreadable("scene", &e))

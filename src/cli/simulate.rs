@@ -12,6 +12,7 @@ use super::output::{self, unwritable, write_beside};
 use super::problem::{Exit, Problem};
 use crate::event::file::{self, EventFile, Format};
 use crate::event::{Event, EventFileError, EventSink, Header, LawStamp, h5};
+use crate::files::is_there;
 use crate::frames::FrameError;
 use crate::frames::array::FullScale;
 use crate::seed::Seed;
@@ -105,7 +106,7 @@ fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
 
 impl Simulate {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
-        let sensor_file = Path::new(&self.sensor).is_file().then_some(Path::new(&self.sensor));
+        let sensor_file = Some(Path::new(&self.sensor)).filter(|path| is_there(path));
         let optional = [self.rates.as_deref(), self.stamps.as_deref(), sensor_file];
         let inputs = optional.into_iter().flatten().chain([self.frames.as_path()]);
         output::screen([self.out.as_path()], inputs, console.json)?;

@@ -7,6 +7,7 @@ use super::input;
 use super::output::{self, Output};
 use super::problem::{Exit, Problem};
 use super::{Choice, Common};
+use crate::files::is_there;
 use crate::render::backend::Backend;
 use crate::render::gpu;
 use crate::scene;
@@ -101,7 +102,7 @@ impl Stress {
             Choice::Reference => vec![("reference", Ok(common.backend()?))],
             Choice::Gpu => vec![("gpu", Ok(common.backend()?))],
         };
-        let read = |path: &Path| match path.exists() {
+        let read = |path: &Path| match is_there(path) {
             true => scene::read_any(path).map_err(|e| input::unreadable("scene", &e)),
             false => Err(input::missing("scene", path)),
         };

@@ -1,13 +1,24 @@
-//! What is left out because a `takedown.txt` lists it: told once, as a number.
+//! Scenes that are left out because a `takedown.txt` lists them: said once, as a number.
 
 use super::console::Console;
 use super::message::{Level, Message};
+use crate::recipe::TakenDown;
 
-/// Says how many scenes were left out, where there are any.
-pub(super) fn tell(count: usize, console: &Console) {
-    if count > 0 {
-        let are = if count == 1 { "scene is" } else { "scenes are" };
-        let what = format!("{count} {are} left out, as takedown.txt lists them");
+/// Says how many scenes were left out, and how many ids of the list name none, where there are any.
+pub(super) fn tell(taken_down: TakenDown, console: &Console) {
+    let TakenDown { scenes, unmatched } = taken_down;
+    if scenes > 0 {
+        let are = if scenes == 1 { "scene is" } else { "scenes are" };
+        let what = format!("{scenes} {are} left out, as takedown.txt lists them");
         console.tell(&Message::new(Level::Warning, "takedown", what));
+    }
+    if unmatched > 0 {
+        let ids = if unmatched == 1 {
+            "1 id in takedown.txt names"
+        } else {
+            &format!("{unmatched} ids in takedown.txt name")
+        };
+        let what = format!("{ids} none of these scenes");
+        console.tell(&Message::new(Level::Warning, "takedown-unmatched", what));
     }
 }

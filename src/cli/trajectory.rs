@@ -8,6 +8,7 @@ use super::output::{self, Output};
 use super::problem::{Exit, Problem};
 use super::{Common, input};
 use crate::camera::{self, Camera};
+use crate::files::is_there;
 use crate::recipe::{self, Fragment, TrajectoryRecipe};
 use crate::render::backend::Backend;
 use crate::render::flow::Meter;
@@ -146,7 +147,7 @@ impl Trajectory {
             let help = "--capture, or in the recipe camera: { width, height, fx, fy, cx, cy }";
             missing("there is no camera", help)
         })?;
-        if !scene.exists() {
+        if !is_there(scene) {
             return Err(input::missing("scene", scene));
         }
         let gaussians = crate::scene::read(scene).map_err(|e| input::unreadable("scene", &e))?;

@@ -26,6 +26,7 @@
 mod attributes;
 mod filter;
 mod index;
+mod outside;
 mod reader;
 mod writer;
 

@@ -3,6 +3,7 @@
 use super::ForeignError;
 use super::run::Run;
 use super::versions::{ISOLATED, PYTHON};
+use crate::files;
 use crate::programs::How;
 use crate::reconstruct::Desk;
 use serde::Serialize;
@@ -30,6 +31,6 @@ pub(super) fn ask<A: DeserializeOwned>(
     let arguments = [OsString::from(ISOLATED)].into_iter().chain(files).collect();
     let ran = Run { program: PYTHON, arguments, seconds: MAX_SECONDS, desk }.end_well()?;
     let product = |e: &dyn std::fmt::Display| ran.failed(How::Product(format!("its answer: {e}")));
-    let text = std::fs::read(&answer).map_err(|e| product(&e))?;
+    let text = files::read(&answer, files::MAX_DOCUMENT).map_err(|e| product(&e))?;
     serde_json::from_slice(&text).map_err(|e| product(&e))
 }

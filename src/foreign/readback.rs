@@ -3,13 +3,13 @@
 
 use super::{ForeignError, Picture, Told, python, versions};
 use crate::event::{Event, EventSource as _, h5};
+use crate::files;
 use crate::image::png;
 use crate::reconstruct::Desk;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -161,7 +161,7 @@ fn bytes(column: &str, events: &[Event]) -> Vec<u8> {
 
 /// Returns the SHA-256 of a picture's pixels.
 fn pixels(file: &Path) -> Result<String, ForeignError> {
-    let opened = File::open(file).map_err(ForeignError::io(file))?;
+    let opened = files::open(file).map_err(ForeignError::io(file))?;
     let picture = png::read(BufReader::new(opened)).map_err(ForeignError::own(file))?;
     let mut hash = Sha256::new();
     hash.update(picture.pixels().as_flattened());

@@ -9,10 +9,11 @@
 
 use super::stamps::{StampError, relative};
 use super::{Frame, FrameError, Frames};
+use crate::files;
 use crate::image::{Image, Shades, Size, jpeg, png};
 use crate::source::natural;
 use crate::units::Timestamp;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
@@ -70,13 +71,13 @@ impl Listing {
     /// missing file.
     pub fn read(folder: &Path) -> Result<Self, FolderError> {
         let info = folder.join(INFO);
-        if info.is_file() { of_info(folder, &info) } else { of_names(folder) }
+        if files::is_there(&info) { of_info(folder, &info) } else { of_names(folder) }
     }
 }
 
 fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
-    let text =
-        fs::read_to_string(path).map_err(|source| FolderError::Io { path: path.to_owned(), source })?;
+    let text = files::read_text(path, files::MAX_DOCUMENT)
+        .map_err(|source| FolderError::Io { path: path.to_owned(), source })?;
     let (mut images, mut stamps_us, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
     let refusal = |line, because| FolderError::Line { path: path.to_owned(), line, because };
     for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
@@ -109,7 +110,7 @@ fn parse(line: &str) -> Result<(&str, i64), String> {
 
 fn find(folder: &Path, image: &str) -> Option<PathBuf> {
     let above = folder.join("..");
-    [folder, &above].map(|base| base.join(image)).into_iter().find(|path| path.is_file())
+    [folder, &above].map(|base| base.join(image)).into_iter().find(|path| files::is_there(path))
 }
 
 fn of_names(folder: &Path) -> Result<Listing, FolderError> {
@@ -182,7 +183,8 @@ impl FolderFrames {
 /// The size of an image from its header.
 fn size(path: &Path) -> Result<Size, FolderError> {
     let refusal = |because| FolderError::Content { path: path.to_owned(), because };
-    let found = imagesize::size(path).map_err(|e| refusal(e.to_string()))?;
+    let file = files::open_at_most(path, files::MAX_PICTURE).map_err(|e| refusal(e.to_string()))?;
+    let found = imagesize::reader_size(BufReader::new(file)).map_err(|e| refusal(e.to_string()))?;
     let side = |n: usize| u32::try_from(n).ok().filter(|n| (1..=1 << 16).contains(n));
     let sides = side(found.width).zip(side(found.height));
     let (width, height) = sides.ok_or_else(|| refusal("wanted 1 to 65536 columns and rows".to_owned()))?;
@@ -227,14 +229,15 @@ impl Frames for FolderFrames {
 /// The luminance of an image, and its colours if they are requested and it is not grey.
 fn read(path: &Path, coloured: bool) -> Result<Shades, String> {
     if has_extension(path, "png") {
-        let file = BufReader::new(File::open(path).map_err(|e| e.to_string())?);
+        let file = files::open_at_most(path, files::MAX_PICTURE).map_err(|e| e.to_string())?;
+        let file = BufReader::new(file);
         let read = match coloured {
             true => png::read_colours(file),
             false => png::read_luminance(file).map(|luminance| Shades { luminance, colours: None }),
         };
         return read.map_err(|e| e.to_string());
     }
-    let bytes = fs::read(path).map_err(|e| e.to_string())?;
+    let bytes = files::read(path, files::MAX_PICTURE).map_err(|e| e.to_string())?;
     let read = match coloured {
         true => jpeg::read_colours(&bytes),
         false => jpeg::read_luminance(&bytes).map(|luminance| Shades { luminance, colours: None }),
@@ -245,6 +248,7 @@ fn read(path: &Path, coloured: bool) -> Result<Shades, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs::File;
     use tempfile::TempDir;
 
     const SIZE: Size = Size { width: 2, height: 1 };

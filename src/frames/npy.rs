@@ -3,6 +3,7 @@
 use super::array::FullScale;
 use super::stamps::{StampError, relative};
 use super::{Frame, FrameError, Frames, finite};
+use crate::files;
 use crate::image::{Image, Size, npy};
 use crate::units::Timestamp;
 use npyz::{NpyHeader, Order};
@@ -54,7 +55,7 @@ impl Array {
     fn open(path: &Path) -> Result<Self, NpyError> {
         let unreadable = |source| NpyError::Io { path: path.to_owned(), source };
         let refusal = |because| NpyError::Content { path: path.to_owned(), because };
-        let file = File::open(path).map_err(unreadable)?;
+        let file = files::open(path).map_err(unreadable)?;
         let len = file.metadata().map_err(unreadable)?.len();
         let mut data = BufReader::with_capacity(1 << 20, file);
         let head = npy::head(&mut data).map_err(|e| refusal(format!("no .npy that is read here: {e}")))?;

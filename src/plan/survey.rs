@@ -6,7 +6,7 @@
 
 use super::assess::Product;
 use super::{Plan, Renderers};
-use crate::recipe::{self, Faults, Recipe, RecipeFile};
+use crate::recipe::{self, Faults, Recipe, RecipeFile, TakenDown};
 use crate::stage::StepId;
 use crate::store::record::Output;
 use crate::store::{Digest, Key, Store, StoreError};
@@ -21,8 +21,8 @@ pub struct Survey {
     pub settled: Vec<Settled>,
     /// The steps of the other scenes.
     pub plan: Plan,
-    /// Number of scenes left out because a `takedown.txt` lists them.
-    pub taken_down: usize,
+    /// What the lists of scenes that are taken down did.
+    pub taken_down: TakenDown,
 }
 
 /// A scene that is up to date.
@@ -95,10 +95,18 @@ pub fn survey(
     }
     settled.sort_by(|a, b| a.scene.cmp(&b.scene));
     let takedown = recipe::takedown_of(paths, &files)?;
-    let (recipes, unread) = takedown.keep(recipes);
+    let origin = |s: &Settled| (s.scene.clone(), s.source.clone());
+    let of_recipe = |recipe: &Recipe| {
+        let (kind, upstream) = recipe.source.origin();
+        (recipe.scene.clone(), (kind.to_owned(), upstream.map(str::to_owned)))
+    };
+    let origins: Vec<_> = settled.iter().map(origin).chain(recipes.iter().map(of_recipe)).collect();
+    let origins = origins.iter().map(|(scene, (kind, id))| (scene.as_str(), kind.as_str(), id.as_deref()));
+    let unmatched = takedown.unmatched(origins);
     let all = settled.len();
+    let (recipes, TakenDown { scenes: unread, .. }) = takedown.keep(recipes);
     settled.retain(|s| takedown.since(&s.scene, &s.source.0, s.source.1.as_deref()).is_none());
-    let taken_down = unread + all - settled.len();
+    let taken_down = TakenDown { scenes: unread + all - settled.len(), unmatched };
     Ok(Survey { settled, plan: Plan::new(recipes, renderers), taken_down })
 }
 

@@ -10,12 +10,13 @@ mod takedown;
 pub use release::ReleaseInfo;
 pub use sources::{Redistribution, SourceTerms};
 pub use splits::{By, Splits};
-pub use takedown::{Takedown, read_takedown, takedown_of};
+pub use takedown::{Takedown, TakenDown, read_takedown, takedown_of};
 
 use super::fault::{Fault, Faults};
 use super::find::{self, RELEASE, SOURCES};
 use super::load::Parts;
 use super::resolve::Resolver;
+use crate::files::is_there;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -53,8 +54,7 @@ fn one(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
     let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
     let mut seen = BTreeSet::new();
     let mut found: Vec<PathBuf> = paths.iter().map(|path| folder(path).join(name)).collect();
-    // Two paths of the same file, for example through a link, count once.
-    found.retain(|path| path.is_file() && seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
+    found.retain(|path| is_there(path) && seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     match found.as_slice() {
         [] => Ok(None),
         [path] => Ok(Some(path.clone())),

@@ -4,6 +4,7 @@
 use super::find::DEFAULTS;
 use super::load::Parts;
 use super::{Faults, names};
+use crate::files::is_there;
 use crate::source::Captured;
 use std::fmt::Write as _;
 use std::io;
@@ -115,7 +116,7 @@ outputs: [events, sharp]
 /// The file cannot be read.
 pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
     let path = defaults_in(folder);
-    if !path.is_file() {
+    if !is_there(&path) {
         return Ok(None);
     }
     let read = Parts::alone(&path).map(|parts| Some(parts.has("reconstruct")));

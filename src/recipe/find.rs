@@ -5,11 +5,12 @@ use super::Recipe;
 use super::clash::clashes;
 use super::fault::{Fault, Faults};
 use super::load::{Library, words};
+use crate::files::{Walk, is_there};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use walkdir::{DirEntry, WalkDir};
+use walkdir::DirEntry;
 
 /// Name of the file with defaults for the recipes in and below its folder.
 pub(super) const DEFAULTS: &str = "defaults.yaml";
@@ -125,7 +126,7 @@ impl Found {
         let defaults = self.defaults.entry(place).or_insert_with_key(|(folder, root)| {
             // Defaults above the given folder do not apply, so the search ends at the root.
             let folders = folder.ancestors().take_while(|folder| folder.starts_with(root));
-            folders.map(|folder| folder.join(DEFAULTS)).find(|path| path.is_file())
+            folders.map(|folder| folder.join(DEFAULTS)).find(|path| is_there(path))
         });
         self.files.push(RecipeFile { path, defaults: defaults.clone() });
     }
@@ -138,21 +139,21 @@ pub(super) fn folder(file: &Path) -> PathBuf {
 
 fn walk(root: &Path, found: &mut Found, faults: &mut Vec<Fault>) {
     let mut is_empty = true;
-    let shown =
-        |entry: &DirEntry| entry.depth() == 0 || !entry.file_name().as_encoded_bytes().starts_with(b".");
-    for entry in WalkDir::new(root).follow_links(true).sort_by_file_name().into_iter().filter_entry(shown) {
+    let shown = |entry: &DirEntry| entry.depth() == 0 || !is_hidden(entry.path());
+    for entry in Walk::new(root).following().entries(shown) {
         match entry {
             Ok(entry) if is_recipe(&entry) => {
                 is_empty = false;
                 found.add(entry.into_path(), root);
             }
-            Ok(_) => {}
+            Ok(entry) => faults.extend(misnamed(entry.path())),
+            // The lock of an editor is a link to nothing.
+            Err(error) if error.path != root && is_hidden(&error.path) => {}
             Err(error) => {
                 is_empty = false;
-                let why =
-                    error.io_error().map_or_else(|| "a link leads back to its own folder".into(), words);
-                let message = format!("cannot be searched for recipes: {why}");
-                faults.push(Fault::of_file(error.path().unwrap_or(root), &message, None));
+                let message = format!("cannot be searched for recipes: {}", words(&error.because));
+                let help = "name folders that lie elsewhere on the command line too";
+                faults.push(Fault::of_file(&error.path, &message, Some(help)));
             }
         }
     }
@@ -162,8 +163,23 @@ fn walk(root: &Path, found: &mut Found, faults: &mut Vec<Fault>) {
     }
 }
 
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
+
+/// Files of every kind count but folders: one that cannot be read as a recipe is a fault, not a scene less.
 fn is_recipe(entry: &DirEntry) -> bool {
     let yaml = entry.path().extension().is_some_and(|extension| extension == "yaml" || extension == "yml");
     let other = [DEFAULTS, RELEASE, SOURCES].iter().any(|name| entry.file_name() == *name);
-    yaml && !other && entry.file_type().is_file()
+    yaml && !other && !entry.file_type().is_dir()
+}
+
+/// A fault where a file has the name of the takedown list in other letters: its scenes would be released.
+pub(super) fn misnamed(path: &Path) -> Option<Fault> {
+    let name = path.file_name()?.to_str()?;
+    let other = name.eq_ignore_ascii_case(TAKEDOWN) && name != TAKEDOWN;
+    other.then(|| {
+        let message = format!("the name is not read, wanted {TAKEDOWN}");
+        Fault::of_file(path, &message, Some("rename the file"))
+    })
 }

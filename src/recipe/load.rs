@@ -10,6 +10,7 @@ use super::resolve::{Resolved, Resolver};
 use super::text::{Place, Text, Texts};
 use super::tree::{self, Entry, Kind, MAX_BYTES, Node};
 use super::{NamedAt, Position, Recipe, canonical, schema};
+use crate::files;
 use crate::store::fs::Stat;
 use crate::store::stat_cache::Sighting;
 use serde::de::DeserializeOwned;
@@ -246,13 +247,15 @@ fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
 
 fn read(file: &Path) -> Result<(String, Sighting), Fault> {
     let unreadable = |error| Fault::of_file(file, &format!("cannot be read: {}", words(&error)), None);
-    let about = std::fs::metadata(file).map_err(unreadable)?;
+    let opened = files::open(file).map_err(unreadable)?;
+    let about = opened.metadata().map_err(unreadable)?;
     let seen = Sighting::now(Stat::from(&about));
     if about.len() > MAX_BYTES as u64 {
         let message = format!("the file has {} bytes, wanted at most {MAX_BYTES}", about.len());
         return Err(Fault::of_file(file, &message, Some("is it a recipe?")));
     }
-    let text = String::from_utf8(std::fs::read(file).map_err(unreadable)?).map_err(|error| {
+    let bytes = files::read_open(opened, MAX_BYTES as u64).map_err(unreadable)?;
+    let text = String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         let start = u32::try_from(valid).unwrap_or(u32::MAX);
         let text =
@@ -271,5 +274,5 @@ pub(super) fn read_text(file: &Path) -> Result<String, Fault> {
 /// Returns the message of the operating system without its error number.
 pub(super) fn words(error: &std::io::Error) -> String {
     let text = error.to_string();
-    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
+    text.split_once(" (os error").map_or_else(|| text.clone(), |(text, _)| text.to_lowercase())
 }

@@ -36,17 +36,21 @@ const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
 
 /// Checks that an id stays inside the release folder on every system. The error says what is wrong.
 pub(super) fn scene_id(id: &str) -> Result<(), String> {
+    id_parts(id)?;
+    id.split('/').enumerate().try_for_each(|(depth, name)| {
+        not_taken(name, if depth == 0 { &TAKEN_AT_TOP } else { &TAKEN_IN_SCENE })
+    })
+}
+
+/// Checks the form of the id of a scene, here or upstream; the error follows "an id".
+pub(super) fn id_parts(id: &str) -> Result<(), String> {
     if id.len() > 200 {
         return Err(format!("of {} bytes, wanted at most 200", id.len()));
     }
     if id.starts_with('/') {
         return Err("which starts at the root".into());
     }
-    for (depth, name) in id.split('/').enumerate() {
-        part(name)?;
-        not_taken(name, if depth == 0 { &TAKEN_AT_TOP } else { &TAKEN_IN_SCENE })?;
-    }
-    Ok(())
+    id.split('/').try_for_each(part)
 }
 
 /// Checks that a trajectory name is one folder inside its scene's folder. The error says what is

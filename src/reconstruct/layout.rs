@@ -5,6 +5,7 @@
 //! numbered in capture order, so that a trainer that holds out photos by counting names holds out
 //! the same views as this program.
 
+use crate::files;
 use crate::image::{Image, Shades, jpeg, png, to_byte};
 use crate::source::colmap::write::{Taken, write};
 use crate::source::colmap::{Point, read_points};
@@ -133,7 +134,9 @@ fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, 
             Some(extension) => format!("{index:06}.{}", extension.to_lowercase()),
             None => format!("{index:06}"),
         };
-        fs::copy(photo, images.join(&name)).map_err(at(photo))?;
+        let mut from = files::open_at_most(photo, files::MAX_PICTURE).map_err(at(photo))?;
+        let to = images.join(&name);
+        File::create_new(&to).and_then(|mut to| io::copy(&mut from, &mut to)).map_err(at(&to))?;
         name
     };
     let View { world_from_camera, camera, .. } = *view;
@@ -157,7 +160,7 @@ fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<
 
 /// Decodes the colours of a PNG or a JPEG. A grey picture becomes three equal channels.
 fn decode(photo: &Path) -> Result<Image<[u8; 3]>, String> {
-    let bytes = fs::read(photo).map_err(|e| e.to_string())?;
+    let bytes = files::read(photo, files::MAX_PICTURE).map_err(|e| e.to_string())?;
     let shades = if bytes.starts_with(b"\x89PNG") {
         png::read_colours(Cursor::new(&bytes)).map_err(|e| e.to_string())?
     } else {

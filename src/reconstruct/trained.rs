@@ -1,5 +1,6 @@
 //! Checks of a trained scene.
 
+use crate::files::is_there;
 use crate::scene::{self, Gaussians, SceneError};
 use crate::source::{SourceError, model};
 use serde::Serialize;
@@ -59,7 +60,7 @@ pub(super) fn read(out: &Path, scene: Option<&str>, limits: Count) -> Result<Gau
         Some(below) => out.join(below),
         None => model::newest_scene(out).map_err(TrainedError::NotFound)?,
     };
-    if !file.exists() {
+    if !is_there(&file) {
         return Err(TrainedError::Absent(scene.unwrap_or_default().into()));
     }
     let gaussians = scene::read(&file).map_err(TrainedError::Unreadable)?;

@@ -1,10 +1,10 @@
 //! `SHA256SUMS` and `B3SUMS`: every file of the tree, in the form that `sha256sum --strict -c` and `b3sum --check` read.
 //! The second lists neither itself nor the first; the first lists all but itself, the second among it.
 
+use crate::files;
 use crate::store::Digest;
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -49,7 +49,7 @@ impl Hashes {
 
 /// Both hashes of a file, in one pass over its bytes.
 pub(super) fn both(path: &Path) -> io::Result<Hashes> {
-    let mut file = File::open(path)?;
+    let mut file = files::open_with(path, files::Links::Refuse)?;
     let (mut sha256, mut blake3) = (Sha256::new(), blake3::Hasher::new());
     let mut piece = vec![0; 1 << 16];
     let mut size = 0;

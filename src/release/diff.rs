@@ -9,6 +9,7 @@ pub use values::Change;
 
 use super::manifest::{self, Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep};
 use super::scene::SceneFile;
+use crate::files;
 use crate::store::Digest;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -171,27 +172,28 @@ fn read_manifest(dir: &Path) -> Result<Manifest, DiffError> {
         wanted: WANTED,
     };
     if !dir.is_dir() {
-        return Err(no_release(dir, if dir.exists() { "a file" } else { "nothing" }));
+        return Err(no_release(dir, if files::is_there(dir) { "a file" } else { "nothing" }));
     }
-    let path = dir.join(manifest::NAME);
-    if !path.exists() {
+    if !files::is_there(&dir.join(manifest::NAME)) {
         return Err(no_release(dir, "a folder without manifest.json"));
     }
-    let manifest: Manifest = read_json(&path, "the manifest of a release of format 1")?;
+    let manifest: Manifest = read_json(dir, manifest::NAME, "the manifest of a release of format 1")?;
     if manifest.format != 1 {
         let (found, wanted) = (format!("format {}", manifest.format), "format 1");
-        return Err(DiffError { path, found, wanted });
+        return Err(DiffError { path: dir.join(manifest::NAME), found, wanted });
     }
     Ok(manifest)
 }
 
 fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneFile, DiffError> {
-    read_json(&dir.join(&scene.id).join("scene.json"), "what the release says of a scene")
+    read_json(dir, &format!("{}/scene.json", scene.id), "what the release says of a scene")
 }
 
-fn read_json<T: DeserializeOwned>(path: &Path, wanted: &'static str) -> Result<T, DiffError> {
-    let failed = |found: String| DiffError { path: path.to_owned(), found, wanted };
-    let bytes = std::fs::read(path).map_err(|e| failed(format!("no way to read it ({e})")))?;
+/// Reads a file of a release; nothing outside its folder is read for it.
+fn read_json<T: DeserializeOwned>(dir: &Path, name: &str, wanted: &'static str) -> Result<T, DiffError> {
+    let failed = |found: String| DiffError { path: dir.join(name), found, wanted };
+    let bytes = files::read_below(dir, Path::new(name), files::MAX_DOCUMENT)
+        .map_err(|e| failed(format!("no way to read it ({e})")))?;
     serde_json::from_slice(&bytes).map_err(|e| failed(format!("other JSON ({e})")))
 }
 

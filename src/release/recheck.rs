@@ -9,14 +9,14 @@ use crate::artifact::Stream;
 use crate::check::tally::{Against, Observer};
 use crate::check::{Finding, Subject, Tally, judge};
 use crate::event::{EventSource, h5};
+use crate::files;
 use crate::image::Size;
 use crate::recipe::{Faults, Recipe};
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
 use crate::units::{Hertz, Ratio};
 use serde::de::DeserializeOwned;
-use std::fs::File;
-use std::io::BufReader;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Why a tree cannot be checked.
@@ -53,45 +53,79 @@ fn unreadable(path: &Path, because: impl std::fmt::Display) -> RecheckError {
 /// When there is no such scene, or a file of it cannot be read. Events that cannot be read are for the audit to name; here
 /// they are an error too.
 pub fn recheck(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
-    let manifest: Manifest = json(&dir.join(super::manifest::NAME))?;
+    let tree = ReleaseTree { dir };
+    let manifest: Manifest = tree.json(super::manifest::NAME)?;
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
         return Err(RecheckError::NoScene(absent.clone()));
     }
     let mut findings = Vec::new();
     for listed in manifest.scenes.iter().filter(|scene| scenes.is_empty() || scenes.contains(&scene.id)) {
-        findings.extend(of_scene(&dir.join(&listed.id))?);
+        findings.extend(of_scene(tree, &listed.id)?);
     }
     Ok(findings)
 }
 
-fn of_scene(folder: &Path) -> Result<Vec<Finding>, RecheckError> {
-    let scene: SceneFile = json(&folder.join("scene.json"))?;
+/// The files of a release that somebody else may have made: nothing outside its folder is read for it.
+#[derive(Clone, Copy)]
+struct ReleaseTree<'a> {
+    dir: &'a Path,
+}
+
+impl ReleaseTree<'_> {
+    fn path_of(self, name: &str) -> PathBuf {
+        self.dir.join(name)
+    }
+
+    /// The bytes of a file, whose name may come from another file of the tree.
+    fn read(self, name: &str) -> Result<Vec<u8>, RecheckError> {
+        files::read_below(self.dir, Path::new(name), files::MAX_DOCUMENT)
+            .map_err(|e| unreadable(&self.path_of(name), e))
+    }
+
+    fn json<T: DeserializeOwned>(self, name: &str) -> Result<T, RecheckError> {
+        serde_json::from_slice(&self.read(name)?).map_err(|e| unreadable(&self.path_of(name), e))
+    }
+
+    /// Tells a regular file of this name from nothing; an error for all else.
+    fn has(self, name: &str) -> Result<bool, RecheckError> {
+        match files::open_below(self.dir, Path::new(name)) {
+            Ok(_) => Ok(true),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(e) => Err(unreadable(&self.path_of(name), e)),
+        }
+    }
+}
+
+fn of_scene(tree: ReleaseTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckError> {
+    let scene: SceneFile = tree.json(&format!("{id}/scene.json"))?;
     let recipe = recipe_of(&scene)?;
     let size = Size { width: scene.camera.width, height: scene.camera.height };
     let mut findings = Vec::new();
     for part in &scene.trajectories {
-        let folder = folder.join(&part.name);
-        findings.extend(of_trajectory(&folder, &format!("{}/{}", scene.id, part.name), (&recipe, size))?);
+        let folder = format!("{id}/{}", part.name);
+        let name = format!("{}/{}", scene.id, part.name);
+        findings.extend(of_trajectory((tree, &folder), &name, (&recipe, size))?);
     }
     Ok(findings)
 }
 
 fn of_trajectory(
-    folder: &Path,
+    (tree, folder): (ReleaseTree<'_>, &str),
     name: &str,
     (recipe, size): (&Recipe, Size),
 ) -> Result<Vec<Finding>, RecheckError> {
-    let path = folder.join("poses.txt");
-    let file = File::open(&path).map_err(|e| unreadable(&path, e))?;
-    let trajectory = Trajectory::read_poses(BufReader::new(file)).map_err(|e| unreadable(&path, e))?;
-    let path = folder.join("speed.json");
-    let report: Report = json(&path)?;
-    let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable(&path, e))?);
+    let poses = format!("{folder}/poses.txt");
+    let trajectory = Trajectory::read_poses(tree.read(&poses)?.as_slice())
+        .map_err(|e| unreadable(&tree.path_of(&poses), e))?;
+    let speed = format!("{folder}/speed.json");
+    let report: Report = tree.json(&speed)?;
+    let rate = Hertz(report.rate.parse::<Ratio>().map_err(|e| unreadable(&tree.path_of(&speed), e))?);
     let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
     let mut counted = Vec::new();
     for (stream, sensor) in recipe.sensors.iter() {
-        let path = folder.join(Stream::released(stream));
-        if path.exists() {
+        let events = format!("{folder}/{}", Stream::released(stream));
+        if tree.has(&events)? {
+            let path = tree.path_of(&events);
             let against = Against { dead_us: sensor.dead_us(), ..Against::default() };
             let tally =
                 count(&path, Observer::new(size, rate, end_us, against)).map_err(|e| unreadable(&path, e))?;
@@ -133,9 +167,4 @@ fn recipe_of(scene: &SceneFile) -> Result<Recipe, RecheckError> {
         RecipeError::Io(e) => unreadable(Path::new("a temporary file"), e),
         RecipeError::Faults(faults) => RecheckError::Recipe { scene: scene.id.clone(), faults },
     })
-}
-
-fn json<T: DeserializeOwned>(path: &Path) -> Result<T, RecheckError> {
-    let file = File::open(path).map_err(|e| unreadable(path, e))?;
-    serde_json::from_reader(BufReader::new(file)).map_err(|e| unreadable(path, e))
 }

@@ -15,13 +15,13 @@ pub use reprojection::Reprojection;
 use super::photo::{self, Look, Photo, SCALED};
 use super::{Capture, Found, Place, SourceError, Unused, View, Warning, collect};
 use crate::camera::Camera;
+use crate::files::{MAX_DEPTH, Walk, is_there};
 use crate::image::Size;
 use crate::se3::{self, Se3};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use walkdir::WalkDir;
 
 /// A camera of a model.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +69,10 @@ pub struct Point {
     pub error: f64,
 }
 
-/// The two forms of models on disk.
+/// How deep below the folder given the `sparse/0` of a model is looked for.
+const DEEPEST: usize = 3;
+
+/// The two forms that models have on disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
     Binary,
@@ -85,7 +88,7 @@ impl Form {
     }
 
     fn is_in(self, dir: &Path) -> bool {
-        ["cameras", "images"].iter().all(|stem| self.file(dir, stem).is_file())
+        ["cameras", "images"].iter().all(|stem| is_there(&self.file(dir, stem)))
     }
 }
 
@@ -122,9 +125,12 @@ impl Model {
 
     /// Finds the only `sparse/0` further down.
     pub(super) fn below(dir: &Path) -> Result<Option<Self>, SourceError> {
-        let below = WalkDir::new(dir).min_depth(1).max_depth(3).sort_by_file_name();
-        let folders = below.into_iter().filter_map(Result::ok).filter(|entry| entry.file_type().is_dir());
-        let mut models = folders.filter_map(|entry| Self::at(entry.path().join("sparse/0")));
+        let mut models = Vec::new();
+        for entry in Walk::new(dir).to_depth(DEEPEST).entries(|entry| entry.file_type().is_dir()) {
+            let entry = entry?;
+            models.extend(Self::at(entry.path().join("sparse/0")).filter(|_| entry.depth() > 0));
+        }
+        let mut models = models.into_iter();
         match (models.next(), models.next()) {
             (Some(a), Some(b)) => {
                 let (a, b) = (a.dir.display(), b.dir.display());
@@ -184,7 +190,7 @@ impl Model {
         let files = ["cameras", "images", "points3D"].map(|stem| self.file(stem)).into_iter();
         let named =
             |path: PathBuf| (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), path);
-        files.filter(|path| path.is_file()).map(named).collect()
+        files.filter(|path| is_there(path)).map(named).collect()
     }
 
     /// Returns the folders that may contain `images`: the folder of the model or of its `sparse`
@@ -211,7 +217,7 @@ impl Model {
         let mut warnings = Vec::new();
         for (stem, lines_a_record) in [("cameras", 1), ("images", 2), ("points3D", 1)] {
             let (binary, text) = (Form::Binary.file(&self.dir, stem), Form::Text.file(&self.dir, stem));
-            if binary.is_file() && text.is_file() {
+            if is_there(&binary) && is_there(&text) {
                 let (found, other) = (binary::count(&binary)?, text::count(&text, lines_a_record)?);
                 if found != other {
                     warnings.push(Warning::CountsDiffer { binary, found, text, other });
@@ -239,19 +245,22 @@ fn is_number(name: &str) -> bool {
 /// Returns the folders whose listing determines [`files`].
 #[must_use]
 pub fn folders(dir: &Path) -> Vec<PathBuf> {
-    let mut folders: Vec<PathBuf> = below(dir).collect();
+    // A model lies in `sparse/0` of the deepest folder that is looked into, and no deeper.
+    let mut folders: Vec<PathBuf> = below(dir, DEEPEST + 2).collect();
     if let Ok(model) = Model::find(dir) {
         folders.extend(model.bases().into_iter().map(photo::or_here));
-        folders.extend(model.photos().into_iter().flat_map(|images| below(&images).collect::<Vec<_>>()));
+        let photos = model.photos().into_iter();
+        folders.extend(photos.flat_map(|images| below(&images, MAX_DEPTH).collect::<Vec<_>>()));
     }
     folders.sort();
     folders.dedup();
     folders
 }
 
-/// Iterates over a folder and its subfolders.
-pub(super) fn below(root: &Path) -> impl Iterator<Item = PathBuf> {
-    let entries = WalkDir::new(root).sort_by_file_name().into_iter().filter_map(Result::ok);
+/// A folder and the folders below it, down to a depth. Those that cannot be walked are left out: the
+/// files that would be in them are not found.
+pub(super) fn below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
+    let entries = Walk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
 }
 
@@ -300,10 +309,10 @@ pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, 
         |name: &str| folder.and_then(|f| photo::find(f, name)).map(|p| photo::read(&p, look)).transpose();
     let photos: Vec<Option<Photo>> =
         images.par_iter().map(|image| find(&image.name)).collect::<Result<_, _>>()?;
-    let unused: Vec<Unused> = unregistered(folder, &images)
+    let unused: Vec<Unused> = unregistered(folder, &images)?
         .into_par_iter()
         .map(|name| Ok(Unused::not_registered(find(&name)?, name)))
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<_, SourceError>>()?;
     let of_views = images.iter().map(|image| image.name.as_str()).zip(photos.iter().map(Option::as_ref));
     warnings.extend(folder.and_then(|folder| photo::missing(folder, of_views)));
     let path = model.file("images");
@@ -330,12 +339,12 @@ pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, 
     Ok((Capture { unused, ..collect(&path, found)? }, warnings))
 }
 
-/// Returns the photos of a folder without a pose in the model.
-fn unregistered(folder: Option<&Path>, images: &[Image]) -> Vec<String> {
+/// The photos of a folder that a model has no pose for.
+fn unregistered(folder: Option<&Path>, images: &[Image]) -> Result<Vec<String>, SourceError> {
     let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
-    let mut names = folder.map(photo::list).unwrap_or_default();
+    let mut names = folder.map_or_else(|| Ok(Vec::new()), photo::list)?;
     names.retain(|name| !registered.contains(name.as_str()));
-    names
+    Ok(names)
 }
 
 fn told(image: &Image, taken: &ModelCamera, other: Option<Size>, sizing: Sizing) -> Vec<Warning> {
@@ -381,7 +390,7 @@ pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(Stri
     let mut files = model.files();
     if let Some(folder) = folder {
         let images = model.images()?;
-        let unregistered = unregistered(Some(folder), &images);
+        let unregistered = unregistered(Some(folder), &images)?;
         let names = images.into_iter().map(|image| image.name).chain(unregistered);
         files.extend(names.filter_map(|name| Some((format!("images/{name}"), photo::find(folder, &name)?))));
     }

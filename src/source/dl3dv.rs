@@ -13,6 +13,7 @@ use super::colmap::{self, Model, Sizing};
 use super::nerfstudio;
 use super::photo::{Look, or_here};
 use super::{Capture, PoseFile, SourceError, Warning};
+use crate::files::{MAX_DEPTH, is_there};
 use std::path::{Path, PathBuf};
 
 /// Possible folders of a scene's files, relative to the scene.
@@ -42,7 +43,7 @@ impl Files {
     fn find(scene: &Path, wanted: Option<PoseFile>) -> Result<Self, SourceError> {
         std::fs::read_dir(scene).map_err(SourceError::io(scene))?;
         let homes = || HOMES.iter().map(|home| or_here(&scene.join(home)));
-        let transforms = homes().map(|home| home.join("transforms.json")).find(|file| file.is_file());
+        let transforms = homes().map(|home| home.join("transforms.json")).find(|file| is_there(file));
         let model = match (wanted, Model::near(scene)) {
             (Some(PoseFile::Transforms), _) => None,
             (_, Some(model)) => Some(model),
@@ -104,7 +105,7 @@ pub(super) fn model(scene: &Path, wanted: Option<PoseFile>) -> Option<Model> {
 }
 
 pub(super) fn folders(scene: &Path) -> Vec<PathBuf> {
-    colmap::below(scene).collect()
+    colmap::below(scene, MAX_DEPTH).collect()
 }
 
 fn named(photos: Option<&Path>) -> nerfstudio::Photos<'_> {

@@ -5,6 +5,7 @@ use super::kind::Kind;
 use super::{
     Capture, Captured, Selection, SourceError, Warning, colmap, dl3dv, model, mvimgnet, natural, nerfstudio,
 };
+use crate::files::is_there;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -94,8 +95,8 @@ pub fn take(kind: Kind, root: &Path, rules: &Rules) -> Result<Vec<Entry>, Source
         Kind::Mvimgnet => instances(root, &rules.classes)?,
         Kind::Dl3dv => hashes(root)?,
         Kind::Colmap => folders(root, &|dir| colmap::Model::near(dir).is_some())?,
-        Kind::Nerfstudio => folders(root, &|dir| nerfstudio::locate(dir).is_file())?,
-        Kind::Model => folders(root, &|dir| model::locate(dir).is_file())?,
+        Kind::Nerfstudio => folders(root, &|dir| is_there(&nerfstudio::locate(dir)))?,
+        Kind::Model => folders(root, &|dir| is_there(&model::locate(dir)))?,
     };
     found.sort_by(|a, b| natural::compare(&a.name, &b.name).then_with(|| a.path.cmp(&b.path)));
     let mut entries: Vec<Entry> = found.into_par_iter().map(|found| found.judged(kind, rules)).collect();
@@ -185,7 +186,8 @@ fn hashes(root: &Path) -> Result<Vec<Found>, SourceError> {
 fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, SourceError> {
     std::fs::read_dir(root).map_err(SourceError::io(root))?;
     let mut found = Vec::new();
-    let mut walk = WalkDir::new(root).max_depth(DEEPEST).sort_by_file_name().into_iter();
+    let mut walk =
+        WalkDir::new(root).max_depth(DEEPEST).same_file_system(true).sort_by_file_name().into_iter();
     while let Some(entry) = walk.next() {
         let Some(entry) = entry.ok().filter(|entry| entry.file_type().is_dir()) else { continue };
         if !is_scene(entry.path()) {

@@ -1,6 +1,7 @@
 //! Layouts of captures on disk, and detection of the layout from the files at a path.
 
 use super::{Capture, Captured, SourceError, Warning, colmap, model, nerfstudio};
+use crate::files::is_there;
 use std::path::Path;
 
 /// The kinds of captures.
@@ -30,14 +31,14 @@ impl Kind {
     /// The path does not exist, or matches no kind or several kinds.
     pub fn find(path: &Path) -> Result<Self, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
-        if !std::fs::metadata(path).map_err(SourceError::io(path))?.is_dir() {
+        if !super::is_folder(path)? {
             return Self::of_file(path).ok_or_else(|| absent(format!("a file of another name, {WANTED}")));
         }
         std::fs::read_dir(path).map_err(SourceError::io(path))?;
         let kinds = [
             (Self::Colmap, colmap::Model::near(path).is_some()),
-            (Self::Nerfstudio, nerfstudio::locate(path).is_file()),
-            (Self::Model, model::locate(path).is_file()),
+            (Self::Nerfstudio, is_there(&nerfstudio::locate(path))),
+            (Self::Model, is_there(&model::locate(path))),
         ];
         let found: Vec<Self> = kinds.into_iter().filter_map(|(kind, is)| is.then_some(kind)).collect();
         match found[..] {

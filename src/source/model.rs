@@ -15,6 +15,7 @@ use super::node::{Node, load};
 use super::photo::or_here;
 use super::{Capture, Found, Lens, SourceError, View, Warning, collect, screen_camera};
 use crate::camera::Camera;
+use crate::files::is_there;
 use crate::image::Size;
 use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
@@ -57,7 +58,7 @@ pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
         found.push(Found { view, place: camera.place() });
     }
     let exposures = file.with_file_name(EXPOSURES);
-    if exposures.is_file() {
+    if is_there(&exposures) {
         warnings.extend(exposed(&exposures)?);
     }
     Ok((collect(&file, found)?, warnings))
@@ -70,7 +71,7 @@ pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
 pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let file = locate(path);
     let exposures = file.with_file_name(EXPOSURES);
-    let exposures = exposures.is_file().then(|| (EXPOSURES.to_owned(), exposures));
+    let exposures = is_there(&exposures).then(|| (EXPOSURES.to_owned(), exposures));
     Ok([(CAMERAS.to_owned(), file)].into_iter().chain(exposures).collect())
 }
 
@@ -88,7 +89,7 @@ pub fn folders(path: &Path) -> Vec<PathBuf> {
 pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
     let scenes = scenes(path);
     let kept = iterations(&scenes)?;
-    let newest = kept.into_iter().filter(|(_, dir)| dir.join(SCENE).is_file()).max();
+    let newest = kept.into_iter().filter(|(_, dir)| is_there(&dir.join(SCENE))).max();
     newest.map(|(_, dir)| dir.join(SCENE)).ok_or_else(|| SourceError::Absent {
         dir: scenes,
         because: format!("no Gaussians are in it, wanted {ITERATION}N/{SCENE}"),

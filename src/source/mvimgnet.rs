@@ -7,6 +7,7 @@
 use super::colmap::{self, Model, Photos, Sizing};
 use super::photo::Look;
 use super::{Capture, SourceError, Warning};
+use crate::files::{MAX_DEPTH, is_there};
 use std::path::{Path, PathBuf};
 
 /// Pattern of the names of photos that are no views.
@@ -28,7 +29,7 @@ pub(super) fn model(instance: &Path) -> Result<Model, SourceError> {
     let dir = instance.join("sparse/0");
     Model::at(dir.clone()).ok_or_else(|| {
         let is_there =
-            |name: &str| ["bin", "txt"].iter().any(|form| dir.join(name).with_extension(form).is_file());
+            |name: &str| ["bin", "txt"].iter().any(|form| is_there(&dir.join(name).with_extension(form)));
         let because = match (is_there("cameras"), is_there("images")) {
             (false, false) => "the instance has no COLMAP model: cameras and images are missing",
             (false, true) => "the instance's COLMAP model has no cameras",
@@ -56,5 +57,5 @@ pub(super) fn files(instance: &Path) -> Result<Vec<(String, PathBuf)>, SourceErr
 
 pub(super) fn folders(instance: &Path) -> Vec<PathBuf> {
     let sparse = [instance.to_owned(), instance.join("sparse"), instance.join("sparse/0")];
-    sparse.into_iter().filter(|dir| dir.is_dir()).chain(colmap::below(&photos(instance))).collect()
+    sparse.into_iter().filter(|dir| dir.is_dir()).chain(colmap::below(&photos(instance), MAX_DEPTH)).collect()
 }

@@ -1,12 +1,13 @@
 //! Values of a JSON document with their place in it.
 
 use super::{Place, SourceError};
+use crate::files;
 use serde_json::Value;
 use std::path::Path;
 
 /// Reads the document in a file.
 pub(super) fn load(file: &Path) -> Result<Value, SourceError> {
-    let text = std::fs::read_to_string(file).map_err(SourceError::io(file))?;
+    let text = files::read_text(file, files::MAX_DOCUMENT).map_err(SourceError::io(file))?;
     serde_json::from_str(&text).map_err(|e| SourceError::Content {
         path: file.to_owned(),
         place: Place::Line(e.line()),

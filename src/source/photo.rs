@@ -3,12 +3,12 @@
 
 use super::{SourceError, Unused, Warning, Why, natural};
 use crate::camera::Camera;
+use crate::files::{self, Walk};
 use crate::image::Size;
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::Read;
+use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
-use walkdir::WalkDir;
 
 /// Properties of an existing photo.
 pub(super) struct Photo {
@@ -52,32 +52,46 @@ pub(super) enum Look {
     Bytes,
 }
 
-/// Finds the photo with this name. A name may contain folders but no path upward.
+/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up, and no
+/// control characters. A link to nothing and a FIFO are there, so that opening them says what is wrong.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     let path = folder.join(name);
-    (!name.is_empty() && Path::new(name).components().all(inside) && path.is_file()).then_some(path)
+    let is_name = !name.is_empty() && !name.contains(char::is_control);
+    (is_name && Path::new(name).components().all(inside) && files::is_there(&path) && !path.is_dir())
+        .then_some(path)
 }
 
 /// Extensions of photos. Files with other extensions are ignored.
 const ENDINGS: [&str; 7] = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp"];
 
-/// Returns the names of all photos in a folder and its subfolders, `/` between folders, in natural
-/// order.
-pub(super) fn list(folder: &Path) -> Vec<String> {
+/// The names of all photos in a folder and below it, `/` between folders, in natural order.
+///
+/// # Errors
+/// When a folder cannot be listed, or the walk leaves its bounds.
+pub(super) fn list(folder: &Path) -> Result<Vec<String>, SourceError> {
     let is_photo = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str());
         ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
     };
-    let entries = WalkDir::new(folder).into_iter().filter_map(Result::ok);
-    let files = entries.filter(|entry| entry.path().is_file() && is_photo(entry.path()));
-    let name = |entry: walkdir::DirEntry| {
-        let parts = entry.path().strip_prefix(folder).ok()?.iter().map(|part| part.to_str());
+    let name = |path: &Path| {
+        let parts = path.strip_prefix(folder).ok()?.iter().map(|part| part.to_str());
         Some(parts.collect::<Option<Vec<_>>>()?.join("/"))
     };
-    let mut names: Vec<String> = files.filter_map(name).collect();
+    let mut names = Vec::new();
+    for entry in Walk::new(folder).entries(|_| true) {
+        let entry = entry.map_err(SourceError::from)?;
+        let path = entry.path();
+        if is_photo(path) && !path.is_dir() {
+            names.extend(name(path));
+        }
+    }
+    if let Some(odd) = names.iter().find(|name| name.contains(char::is_control)) {
+        let because = format!("the name of the photo {odd:?} holds a control character");
+        return Err(SourceError::Absent { dir: folder.to_owned(), because });
+    }
     names.sort_by(|a, b| natural::compare(a, b));
-    names
+    Ok(names)
 }
 
 /// Action in the message about a camera that was scaled to its photo.
@@ -113,11 +127,16 @@ pub(super) fn read(path: &Path, look: Look) -> Result<Photo, SourceError> {
         Look::Sizes => None,
         Look::Bytes => Some(sha256(path)?),
     };
-    Ok(Photo { sha256, size: imagesize::size(path).ok().and_then(size) })
+    let file = open(path)?;
+    Ok(Photo { sha256, size: imagesize::reader_size(BufReader::new(file)).ok().and_then(size) })
+}
+
+fn open(path: &Path) -> Result<File, SourceError> {
+    files::open_at_most(path, files::MAX_PICTURE).map_err(SourceError::io(path))
 }
 
 fn sha256(path: &Path) -> Result<String, SourceError> {
-    let mut file = File::open(path).map_err(SourceError::io(path))?;
+    let mut file = open(path)?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
     loop {

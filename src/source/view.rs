@@ -19,7 +19,7 @@ use std::path::Path;
 /// # Errors
 /// The reader of the kind fails, or a folder contains no capture or two.
 pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
-    if std::fs::metadata(path).map_err(SourceError::io(path))?.is_dir() {
+    if super::is_folder(path)? {
         return Kind::find(path)?.read(path);
     }
     let document = load(path)?;

@@ -2,6 +2,7 @@
 
 use super::{Context, SourceFile, Stage, StageError};
 use crate::artifact::write_json;
+use crate::files::is_there;
 use crate::scene::procedural::{self, StillLife};
 use crate::source::colmap::Model;
 use crate::source::{Capture, Captured};
@@ -71,7 +72,7 @@ impl Stage for Capturing {
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let Self::Captured(captured) = self else { return Ok(Vec::new()) };
         let root = &captured.path;
-        if !root.exists() {
+        if !is_there(root) {
             return Err(StageError::Missing { path: root.clone() });
         }
         let listed = captured.files().map_err(StageError::work("read the source"))?;

@@ -4,6 +4,7 @@
 use super::capture::Capturing;
 use super::{Context, Need, SourceFile, Stage, StageError, Target};
 use crate::artifact::{Files, write_json};
+use crate::files;
 use crate::image::photo;
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
@@ -116,7 +117,7 @@ type Photo = crate::image::Image<[u8; 3]>;
 
 /// The photo of a view, or the problem with it.
 fn read(view: &View, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
-    let bytes = std::fs::read(&photo.path).map_err(StageError::io(&photo.path))?;
+    let bytes = files::read(&photo.path, files::MAX_PICTURE).map_err(StageError::io(&photo.path))?;
     let photo = match photo::read(&bytes) {
         Ok(photo) => photo,
         Err(because) => return Ok(Err(because.to_string())),

@@ -8,6 +8,7 @@ pub use command::Training;
 use super::capture::Capturing;
 use super::{Context, Need, SourceFile, Stage, StageError, Target, copies};
 use crate::artifact::{Artifact, Files};
+use crate::files::is_there;
 use crate::reconstruct::{self, Command};
 use crate::render::RenderChoice;
 use crate::scene::ply::write_ply;
@@ -55,7 +56,7 @@ impl SceneFile {
     fn find(&self) -> Result<PathBuf, StageError> {
         match self {
             Self::At(file) => Ok(file.clone()),
-            Self::NewestOf(model) if !model.exists() => Err(StageError::Missing { path: model.clone() }),
+            Self::NewestOf(model) if !is_there(model) => Err(StageError::Missing { path: model.clone() }),
             Self::NewestOf(model) => model::newest_scene(model).map_err(StageError::work("find the scene")),
         }
     }

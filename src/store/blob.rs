@@ -3,6 +3,7 @@
 use super::disk::{Disk, failed};
 use super::record::Output;
 use super::{Digest, StoreError};
+use crate::files::is_no_file;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -44,11 +45,19 @@ impl Blobs {
     pub(super) fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.path(digest);
         let _alone = self.replacing.lock().expect("no holder panics");
-        match self.disk.digest(&path) {
-            Ok(found) if found == *digest => Ok(()),
+        match self.found(&path) {
+            Ok(found) if found == Some(*digest) => Ok(()),
             Ok(_) => self.disk.rename(&path, &self.fresh("trash")),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
             Err(e) => Err(failed("reading", &path)(e)),
+        }
+    }
+
+    /// The digest of the file in a blob's place; `None` where it is no regular file, as no blob is.
+    fn found(&self, path: &Path) -> std::io::Result<Option<Digest>> {
+        match self.disk.digest(path) {
+            Err(e) if is_no_file(&e) => Ok(None),
+            found => found.map(Some),
         }
     }
 
@@ -78,7 +87,12 @@ impl Blobs {
         }
         // Another writer was first, or its bytes were altered since: only the bytes can decide.
         let _alone = self.replacing.lock().expect("no holder panics");
-        let is_altered = self.disk.digest(&to).map_err(failed("reading", &to))? != file.output.digest;
+        let found = self.found(&to).map_err(failed("reading", &to))?;
+        if found.is_none() {
+            // A file does not take the place of a folder.
+            self.disk.rename(&to, &self.fresh("trash"))?;
+        }
+        let is_altered = found != Some(file.output.digest);
         if is_altered {
             self.disk.rename(&file.path, &to)?;
         }

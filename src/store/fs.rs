@@ -5,6 +5,7 @@
 //! write into their workspace directly, and the store sees those files when it publishes them.
 
 use super::Digest;
+use crate::files;
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -108,7 +109,7 @@ impl Fs for Real {
     }
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        fs::read(path)
+        files::read(path, files::MAX_DOCUMENT)
     }
 
     fn digest(&self, path: &Path) -> io::Result<Digest> {

@@ -6,6 +6,7 @@
 //! that stays in the core's own cache, and hashes each piece while it is there.
 
 use super::Digest;
+use crate::files;
 use blake3::Hasher;
 use blake3::hazmat::{self, ChainingValue, HasherExt, Mode};
 use std::fs::File;
@@ -36,7 +37,7 @@ impl Digest {
     /// # Errors
     /// The file cannot be opened or read.
     pub fn of_file(path: &Path) -> io::Result<Self> {
-        let file = File::open(path)?;
+        let file = files::open(path)?;
         let length = file.metadata()?.len();
         if length >= PARALLEL_FROM {
             match in_parallel(&file, length) {

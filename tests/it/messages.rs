@@ -1,8 +1,7 @@
 //! Every message of the engine, as the program says it: the exit code, the text for people, the objects for programs.
 
-use crate::support::absent::not_run;
+use crate::command::trained_by;
 use crate::support::given::sound;
-use crate::support::pipe::renew;
 use crate::support::steps::steps;
 use crate::support::workspace::{Ended, TINY, Workspace, hidden_gpus};
 use gs2e::store::record::{Provenance, Record};
@@ -12,8 +11,6 @@ use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// Snapshots how a run ended: its exit code, its messages, and the objects of them.
 #[track_caller]
@@ -99,36 +96,11 @@ fn input_missing() {
     assert_eq!(place.stale("tiny.yaml"), [""; 0], "the other scene is built");
 }
 
-/// A source that never is the same twice: a pipe that somebody writes into.
+/// A source that the step's own program writes to.
 #[test]
 fn input_moved() {
-    let place = sound();
-    let pipe = place.path("transforms.json");
-    let sound = fs::read_to_string(&pipe).unwrap();
-    renew(&pipe);
-    let done = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            for n in 0.. {
-                if done.load(Ordering::Relaxed) {
-                    break;
-                }
-                use rustix::fs::{Mode, OFlags};
-                // Without a reader it cannot be opened.
-                if let Ok(open) = rustix::fs::open(&pipe, OFlags::WRONLY | OFlags::NONBLOCK, Mode::empty()) {
-                    let text = format!("{sound}{}", " ".repeat(n % 1000));
-                    // A reader that has gone has read enough.
-                    let mut open = fs::File::from(open);
-                    let _ = open.write_all(text.as_bytes());
-                    renew(&pipe);
-                }
-                std::thread::sleep(Duration::from_millis(5));
-            }
-        });
-        let ended = place.gs2e("build -j 1 --json recipe.yaml");
-        done.store(true, Ordering::Relaxed);
-        check(&place, "input-moved", &ended);
-    });
+    let place = trained_by("cp \"$3\" \"$2/scene.ply\"; printf more >> \"$3\"");
+    check(&place, "input-moved", &place.gs2e("build -j 1 --json --allow-commands recipe.yaml"));
 }
 
 #[test]

@@ -6,7 +6,6 @@ pub(crate) mod gaussians;
 pub(crate) mod given;
 pub(crate) mod golden;
 pub(crate) mod gpu;
-pub(crate) mod pipe;
 pub(crate) mod ply;
 pub(crate) mod repository;
 pub(crate) mod shared;

@@ -340,7 +340,9 @@ fn a_finished_file_takes_the_place_of_another() {
     place.ok(&RIGHT.replace("new.txt", "link.txt"));
     assert!(place.path("link.txt").is_symlink(), "a link is followed");
     assert_eq!(poses(&fs::read(place.path("new.txt")).unwrap()).stamps_us.len(), 25);
-    place.ok(&RIGHT.replace("new.txt", "/dev/null"));
+    let ended = place.gs2e(&RIGHT.replace("new.txt", "/dev/null"));
+    assert_eq!(ended.code, 2, "{}", ended.stderr);
+    assert!(ended.stderr.contains("a device, not a regular file"), "{}", ended.stderr);
     let left: Vec<String> = tree(&place.path("")).into_keys().filter(|name| name.contains(".part")).collect();
     assert_eq!(left, [""; 0]);
 }

@@ -2,12 +2,13 @@
 
 use crate::cli::console::Console;
 use crate::cli::message::{Level, Message};
-use crate::cli::output::write_beside;
+use crate::cli::output::{self, write_beside};
 use crate::cli::problem::{Exit, Problem};
 use crate::event::evt::Version;
 use crate::event::file::{self, EventFile, Format, Hints, Opened, Sorted};
 use crate::event::text::TimeUnit;
 use crate::event::{Event, EventFileError, EventSource as _, h5};
+use crate::files;
 use crate::image::Size;
 use crate::units::amount;
 use clap::ValueEnum;
@@ -74,7 +75,7 @@ impl Options {
 
     /// Opens a file of events.
     pub(super) fn open(&self, path: &Path, format: Format) -> Result<Opened, Problem> {
-        if let Err(e) = std::fs::metadata(path) {
+        if let Err(e) = files::open(path) {
             return Err(Problem::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
         }
         file::open(path, format, self.hints()).map_err(|e| {
@@ -126,6 +127,7 @@ struct Done {
 
 impl Conversion<'_> {
     pub(super) fn run(&self, console: &Console) -> Result<Exit, Problem> {
+        output::screen([self.to.0.as_path()], [], false)?;
         let mut opened = self.options.open(self.from.0, self.from.1)?;
         let before = self.losses_of_form(&opened);
         if !before.is_empty() && !self.lossy {

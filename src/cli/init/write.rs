@@ -1,6 +1,7 @@
 //! Files that `init` writes: whole or not at all, and never over one that is there.
 
 use super::super::problem::Problem;
+use crate::files::{self, is_there};
 use crate::recipe::draft;
 use std::fmt::Write as _;
 use std::fs;
@@ -33,7 +34,7 @@ pub(super) fn way(folder: &Path, to: &Path) -> Result<PathBuf, Problem> {
     // What is not there yet lies below something that is.
     let mut there = to;
     let mut rest = PathBuf::new();
-    while !there.as_os_str().is_empty() && !there.exists() {
+    while !there.as_os_str().is_empty() && !is_there(there) {
         rest = Path::new(there.file_name().unwrap_or_default()).join(&rest);
         there = there.parent().unwrap_or(Path::new(""));
     }
@@ -64,7 +65,7 @@ pub(super) fn rejected(
         let folder = folder.to_string_lossy().replace(|c: char| c.is_control(), "\u{fffd}");
         let _ = writeln!(text, "{scene}\t{folder}\t{code}\t{because}");
     }
-    if fs::read_to_string(&path).is_ok_and(|known| known == text) {
+    if files::read_text(&path, files::MAX_DOCUMENT).is_ok_and(|known| known == text) {
         return Ok(());
     }
     file(&path, &text)

@@ -2,6 +2,7 @@
 
 use super::Simulate;
 use crate::cli::problem::Problem;
+use crate::files::is_there;
 use crate::recipe::read_sensor;
 use crate::sensor::Sensor;
 use crate::sensor::front_end::{Luminance, Range};
@@ -83,10 +84,10 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
 
 fn read(name: &str) -> Result<Sensor, Problem> {
     let path = Path::new(name);
-    if let Some(preset) = Preset::by_name(name).filter(|_| !path.is_file()) {
+    if let Some(preset) = Preset::by_name(name).filter(|_| !is_there(path) || path.is_dir()) {
         return Ok(Sensor::Voltmeter(Voltmeter::new(preset.k())));
     }
-    if path.exists() {
+    if is_there(path) {
         return Ok(read_sensor(path)?);
     }
     let names = Preset::ALL.map(Preset::name).join(", ");

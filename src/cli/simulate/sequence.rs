@@ -4,6 +4,7 @@ use super::Simulate;
 use crate::cli::input;
 use crate::cli::message::{Level, Message};
 use crate::cli::problem::{Exit, Problem};
+use crate::files::is_there;
 use crate::frames::Frames;
 use crate::frames::array::FullScale;
 use crate::frames::folder::{FolderError, FolderFrames, INFO, Listing};
@@ -147,7 +148,7 @@ fn source(path: &Path) -> Result<Source, Problem> {
         return Listing::read(path).map(Source::Images).map_err(|e| wrong_folder(&e));
     }
     let is_npy = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
-    if path.exists() && !is_npy {
+    if is_there(path) && !is_npy {
         let what = format!("{} is neither a .npy nor a folder of images", path.display());
         return Err(Problem::usage("format", what));
     }

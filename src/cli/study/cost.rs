@@ -3,12 +3,14 @@
 use super::interrupted;
 use super::not_rendered;
 use crate::cli::problem::Problem;
+use crate::files;
 use crate::image::{Image, luminance};
 use crate::render::{Channels, Rendered, Renderer, View, Work};
 use crate::study::work_precision::{Cost, Spent};
 use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::fs;
 use std::ops::ControlFlow;
+use std::path::Path;
 
 /// What this process has spent so far.
 pub(super) fn spent() -> Spent {
@@ -145,7 +147,7 @@ fn forget_peak() {
 
 /// Memory of this process at its peak, MB.
 fn peak_mb() -> Option<f64> {
-    let text = fs::read_to_string("/proc/self/status").ok()?;
+    let text = files::read_text(Path::new("/proc/self/status"), files::MAX_TEXT).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()? * 1024e-6)
 }

@@ -4,6 +4,7 @@ use super::buffer::Table;
 use super::info::{self, Stream};
 use super::{Compression, END_US, EVENT, EVENTS, HEADER, VERSION};
 use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
+use crate::files;
 use crate::units::Timestamp;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -30,7 +31,7 @@ impl Reader {
     /// The file is of another version, or its header names no stream of events or no sensor size.
     /// When it is of another version, or its header names no stream of events or no sensor's size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
-        let mut file = BufReader::new(File::open(path)?);
+        let mut file = BufReader::new(files::open(path)?);
         let mut version = [0; VERSION.len()];
         let begins = file.read_exact(&mut version).is_ok() && version == *VERSION;
         if !begins {

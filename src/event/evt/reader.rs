@@ -2,6 +2,7 @@
 
 use super::{END_US, Version, evt2, evt3, header};
 use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
+use crate::files;
 use crate::image::Size;
 use crate::units::Timestamp;
 use std::fs::File;
@@ -65,7 +66,7 @@ impl Reader {
     /// # Errors
     /// The header does not name one of the two formats and the sensor size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
-        let mut file = BufReader::with_capacity(BLOCK, File::open(path)?);
+        let mut file = BufReader::with_capacity(BLOCK, files::open(path)?);
         let (version, size, offset) = header::read(&mut file)?;
         let state = match version {
             Version::Evt2 => State::Evt2(evt2::State::default()),

@@ -5,6 +5,7 @@
 //! found.
 
 use crate::event::EventFileError;
+use crate::files;
 use rust_hdf5::H5Type;
 use rust_hdf5::format::FormatContext;
 use rust_hdf5::format::messages::attribute::AttributeMessage;
@@ -24,7 +25,7 @@ pub(super) struct Attributes(Vec<AttributeMessage>);
 
 impl Attributes {
     pub(super) fn read(path: &Path) -> Result<Self, EventFileError> {
-        let mut file = File::open(path)?;
+        let mut file = files::open(path)?;
         let Ok(superblock) = SuperblockV0V1::decode(&block(&mut file, 0, 256)?) else {
             return Ok(Self::default());
         };

@@ -2,8 +2,10 @@
 
 use super::{
     CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::Attributes, index::MsIndex,
+    outside,
 };
 use crate::event::{Event, EventFileError, EventSource, Header, Label, LawStamp, Polarity};
+use crate::files;
 use crate::image::Size;
 use crate::units::Timestamp;
 use rust_hdf5::{H5Dataset, H5File, H5Type};
@@ -57,8 +59,11 @@ impl Reader {
     }
 
     fn open_unguarded(path: &Path) -> Result<Self, EventFileError> {
-        let bytes = std::fs::metadata(path)?.len();
+        let opened = files::open(path)?;
+        let bytes = opened.metadata()?.len();
+        outside::refuse_virtual(opened)?;
         let file = H5File::options().no_locking().open(path)?;
+        outside::refuse_links(&file, &[X, Y, P, T, LABEL, MS_TO_IDX, T_OFFSET])?;
         let (t, count) = column::<u32>(&file, T)?;
         if count as u64 > bytes.saturating_mul(MOST_PER_BYTE) {
             let because = format!("{count} elements, more than a file of {bytes} bytes can hold");
@@ -236,6 +241,7 @@ fn wrong(dataset: &'static str, index: u64, found: impl Into<i128>, wanted: Stri
 fn column<T: H5Type>(file: &H5File, name: &'static str) -> Result<(H5Dataset, usize), EventFileError> {
     let refusal = |because| EventFileError::Dataset { dataset: name, because };
     let dataset = file.dataset(name).map_err(|e| refusal(e.to_string()))?;
+    outside::refuse_external(&dataset, name)?;
     let (found, wanted) = (dataset.datatype()?, T::hdf5_type());
     if found != wanted {
         return Err(refusal(format!("its type is {found}, wanted {wanted}")));
@@ -299,6 +305,7 @@ fn step_of(dataset: &H5Dataset) -> usize {
 fn offset(file: &H5File) -> Result<i64, EventFileError> {
     let refusal = |because| EventFileError::Dataset { dataset: T_OFFSET, because };
     let dataset = file.dataset(T_OFFSET).map_err(|e| refusal(e.to_string()))?;
+    outside::refuse_external(&dataset, T_OFFSET)?;
     match *dataset.read_raw::<i64>().map_err(|e| refusal(e.to_string()))? {
         [us] if OFFSETS_US.contains(&us) => Ok(us),
         ref found => Err(refusal(format!("{found:?}, wanted one time that fits 64 bits of nanoseconds"))),

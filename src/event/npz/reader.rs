@@ -2,6 +2,7 @@
 
 use super::{ARRAYS, END_US, LABEL};
 use crate::event::{Event, EventFileError, EventSource, Label, Polarity};
+use crate::files;
 use crate::image::npy;
 use crate::units::Timestamp;
 use flate2::CrcReader;
@@ -33,7 +34,7 @@ impl Reader {
     /// # Errors
     /// It is not a zip archive, an array is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
-        let mut archive = ZipArchive::new(BufReader::new(File::open(path)?))?;
+        let mut archive = ZipArchive::new(BufReader::new(files::open(path)?))?;
         let [t, x, y, p] = ARRAYS.map(|(name, kind)| Column::open(path, &mut archive, name, kind));
         let columns = [t?, x?, y?, p?];
         let (name, kind) = LABEL;
@@ -131,7 +132,7 @@ impl Column {
         let start =
             entry.data_start().ok_or_else(|| refusal("its place in the archive is unknown".to_owned()))?;
         let (method, crc32, len) = (entry.compression(), entry.crc32(), entry.compressed_size());
-        let mut file = File::open(path)?;
+        let mut file = files::open(path)?;
         file.seek(SeekFrom::Start(start))?;
         let stored = BufReader::new(file.take(len));
         let data: Box<dyn Read> = match method {

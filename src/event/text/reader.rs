@@ -2,16 +2,23 @@
 
 use super::{END_US, NAMES};
 use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
+use crate::files;
 use crate::image::Size;
 use crate::units::Timestamp;
 use std::fs::File;
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 
 /// Number of events in a chunk.
 const CHUNK: usize = 65_536;
 
-/// Unit of times.
+/// Longest line in bytes. An event takes less than 100.
+const MAX_LINE: u64 = 1 << 16;
+
+/// The mark that some programs put before UTF-8 text.
+const BYTE_ORDER_MARK: &str = "\u{feff}";
+
+/// What a time counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeUnit {
     /// Seconds.
@@ -39,10 +46,8 @@ impl TimeUnit {
 /// Reads one stream. Its order is not checked.
 #[derive(Debug)]
 pub struct Reader {
-    lines: std::io::Lines<BufReader<File>>,
-    /// Number of lines so far.
-    number: u64,
-    /// The first line of events, which was read with the header.
+    lines: Lines,
+    /// The first line of events, read with the header.
     first: Option<String>,
     /// Columns of time, column, row and polarity in a line.
     places: [usize; 4],
@@ -55,24 +60,28 @@ impl Reader {
     /// a size stated in the file must agree.
     ///
     /// # Errors
-    /// The sensor size is unknown, or the line of names lacks a column.
+    /// When the file is empty, its sensor's size is not known, or the line of names lacks a column.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TimeUnit>) -> Result<Self, EventFileError> {
         let mut head = Head { size, places: [0, 1, 2, 3] };
-        let mut lines = BufReader::new(File::open(path)?).lines();
-        let (mut number, mut first) = (0, None);
-        while let Some(line) = lines.next().transpose()? {
-            number += 1;
-            if !head.takes(&line).map_err(|because| at(number, &because))? {
+        let mut lines = Lines { file: BufReader::new(files::open(path)?), number: 0 };
+        let (mut first, mut is_empty) = (None, true);
+        while let Some(line) = lines.next()? {
+            is_empty &= line.trim().is_empty();
+            if !head.takes(&line).map_err(|because| at(lines.number, &because))? {
                 first = Some(line);
                 break;
             }
+        }
+        if is_empty {
+            let because = "the file is empty, wanted events, or at least a line that names their columns";
+            return Err(EventFileError::Container(because.to_owned()));
         }
         let Some(size) = head.size.filter(|size| size.pixels() > 0) else {
             let because = "the file does not say the sensor's size: --size WIDTHxHEIGHT";
             return Err(EventFileError::Container(because.to_owned()));
         };
         let header = Header { size, law: None, labelled: false };
-        Ok(Self { lines, number, first, places: head.places, unit, header })
+        Ok(Self { lines, first, places: head.places, unit, header })
     }
 
     /// The properties that the file states.
@@ -85,9 +94,7 @@ impl Reader {
         if let Some(first) = self.first.take() {
             return Ok(Some(first));
         }
-        let line = self.lines.next().transpose()?;
-        self.number += u64::from(line.is_some());
-        Ok(line)
+        self.lines.next()
     }
 
     fn event(&self, line: &str) -> Result<Event, String> {
@@ -124,14 +131,41 @@ impl EventSource for Reader {
             let Some(line) = self.line()? else { break };
             let told = line.split('#').next().unwrap_or_default();
             if !told.trim().is_empty() {
-                out.push(self.event(told).map_err(|because| at(self.number, &because))?);
+                out.push(self.event(told).map_err(|because| at(self.lines.number, &because))?);
             }
         }
         Ok(!out.is_empty())
     }
 }
 
-/// The lines before the events.
+/// The lines of a file, each of at most [`MAX_LINE`] bytes.
+#[derive(Debug)]
+struct Lines {
+    file: BufReader<File>,
+    /// Lines so far.
+    number: u64,
+}
+
+impl Lines {
+    fn next(&mut self) -> Result<Option<String>, EventFileError> {
+        let mut line = Vec::new();
+        if self.file.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)? == 0 {
+            return Ok(None);
+        }
+        self.number += 1;
+        if line.len() as u64 == MAX_LINE && !line.ends_with(b"\n") {
+            return Err(at(self.number, &format!("longer than {MAX_LINE} bytes")));
+        }
+        let mut line = String::from_utf8(line).map_err(|_| at(self.number, "not UTF-8"))?;
+        line.truncate(line.trim_end_matches(['\r', '\n']).len());
+        if self.number == 1 && line.starts_with(BYTE_ORDER_MARK) {
+            line.drain(..BYTE_ORDER_MARK.len());
+        }
+        Ok(Some(line))
+    }
+}
+
+/// What stands before the events.
 struct Head {
     size: Option<Size>,
     places: [usize; 4],

@@ -1,13 +1,13 @@
-//! `takedown.txt`: scenes that are no longer made or redistributed. Each line is
-//! `<scene id or upstream id> <day> [reason]`. Empty lines and lines that begin with `#` are
-//! ignored.
+//! `takedown.txt`: scenes that are no longer made or passed on. One line per scene,
+//! `<scene id or upstream id> <day> [reason]`; lines that begin with `#` and empty lines are comments.
 
+use crate::files::is_there;
 use crate::recipe::fault::{Fault, Faults};
 use crate::recipe::find::{self, TAKEDOWN};
 use crate::recipe::load::read_text;
 use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::text::{Place, Text};
-use crate::recipe::{Recipe, RecipeFile, forms};
+use crate::recipe::{Recipe, RecipeFile, forms, names};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,9 +28,18 @@ impl Takedown {
     /// upstream id, or by the kind of its source followed by the upstream id.
     #[must_use]
     pub fn since(&self, scene: &str, kind: &str, upstream_id: Option<&str>) -> Option<&str> {
-        let upstream = upstream_id.into_iter().flat_map(|id| [id.to_owned(), format!("{kind}/{id}")]);
-        let mut names = std::iter::once(scene.to_owned()).chain(upstream);
-        names.find_map(|name| self.0.get(&name.to_lowercase())).map(String::as_str)
+        ids(scene, kind, upstream_id).find_map(|id| self.0.get(&id)).map(String::as_str)
+    }
+
+    /// The number of ids that name none of these scenes, each given as in [`Takedown::since`].
+    #[must_use]
+    pub fn unmatched<'a>(
+        &self,
+        scenes: impl IntoIterator<Item = (&'a str, &'a str, Option<&'a str>)>,
+    ) -> usize {
+        let named = scenes.into_iter().flat_map(|(scene, kind, upstream)| ids(scene, kind, upstream));
+        let matched: BTreeSet<String> = named.filter(|id| self.0.contains_key(id)).collect();
+        self.0.len() - matched.len()
     }
 
     /// Returns true if the scene of this recipe is listed.
@@ -40,13 +49,15 @@ impl Takedown {
         self.since(&recipe.scene, kind, upstream_id).is_some()
     }
 
-    /// Returns the recipes of unlisted scenes, and the number of removed recipes.
+    /// The recipes of scenes that are not listed, and what the list did to the others.
     #[must_use]
-    pub fn keep(&self, mut recipes: Vec<Recipe>) -> (Vec<Recipe>, usize) {
+    pub fn keep(&self, mut recipes: Vec<Recipe>) -> (Vec<Recipe>, TakenDown) {
+        let origins = recipes.iter().map(|recipe| (recipe.scene.as_str(), recipe.source.origin()));
+        let unmatched = self.unmatched(origins.map(|(scene, (kind, upstream))| (scene, kind, upstream)));
         let all = recipes.len();
         recipes.retain(|recipe| !self.lists(recipe));
-        let left_out = all - recipes.len();
-        (recipes, left_out)
+        let scenes = all - recipes.len();
+        (recipes, TakenDown { scenes, unmatched })
     }
 
     /// Reads the lists in these files.
@@ -96,7 +107,23 @@ impl Takedown {
     }
 }
 
-/// Converts an offset. The reader limits the size of the file, so the offset fits.
+/// The effect of takedown lists on some scenes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TakenDown {
+    /// Scenes that are left out.
+    pub scenes: usize,
+    /// Ids in the lists that name none of the scenes.
+    pub unmatched: usize,
+}
+
+/// The ids that a scene may be listed by, in small letters: its own, and what its upstream calls it,
+/// alone and below the kind of its source.
+fn ids<'a>(scene: &'a str, kind: &'a str, upstream_id: Option<&'a str>) -> impl Iterator<Item = String> + 'a {
+    let upstream = upstream_id.into_iter().flat_map(move |id| [id.to_owned(), format!("{kind}/{id}")]);
+    std::iter::once(scene.to_owned()).chain(upstream).map(|id| id.to_lowercase())
+}
+
+/// A place in a file of at most as many bytes as the reader takes.
 fn bytes(at: usize) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
@@ -108,6 +135,9 @@ const HELP: &str =
 fn entry(line: &str) -> Result<(&str, &str), (&str, String)> {
     let mut words = line.split_whitespace();
     let id = words.next().unwrap_or(line);
+    if let Err(because) = names::id_parts(id) {
+        return Err((id, format!("{} can name no scene: an id {because}", quoted(id))));
+    }
     let Some(day) = words.next() else { return Err((line, "the line has no day".into())) };
     if !forms::DAY.holds(day) {
         return Err((day, format!("the day is {}, wanted one such as 2025-05-21", quoted(day))));
@@ -138,8 +168,22 @@ pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown
         home.ancestors().take_while(inside).map(Path::to_owned).collect::<Vec<_>>()
     };
     let folders: BTreeSet<PathBuf> = homes.iter().flat_map(above).chain(roots.iter().cloned()).collect();
-    let files = folders.into_iter().map(|folder| folder.join(TAKEDOWN)).filter(|file| file.exists());
-    Takedown::read(&files.collect::<Vec<_>>())
+    let misnamed: Vec<Fault> = folders.iter().flat_map(|folder| misnamed_in(folder)).collect();
+    let files = folders.into_iter().map(|folder| folder.join(TAKEDOWN)).filter(|file| is_there(file));
+    let read = Takedown::read(&files.collect::<Vec<_>>())?;
+    Faults::or(read, misnamed)
+}
+
+/// Files of a folder whose name differs from `takedown.txt` in the case of letters.
+fn misnamed_in(folder: &Path) -> Vec<Fault> {
+    // A folder that cannot be listed is found where its recipes are read.
+    let entries = std::fs::read_dir(or_here(folder)).into_iter().flatten().flatten();
+    entries.filter_map(|entry| find::misnamed(&folder.join(entry.file_name()))).collect()
+}
+
+/// A folder by a path that the system takes: the empty path is the current folder.
+fn or_here(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
 #[cfg(test)]
@@ -171,6 +215,37 @@ mod tests {
         assert!(list.since("mine", "mvimgnet", Some("11/ab")).is_some());
         assert!(list.since("mine", "dl3dv", Some("11/ab")).is_none());
         assert!(read("").unwrap().is_empty() && read("# none\n").unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_line_that_can_name_no_scene_is_refused() {
+        for id in [
+            "t/tiny/",
+            "/t/tiny",
+            "\"t/tiny\"",
+            "'t/tiny'",
+            "t\\tiny",
+            "t/*",
+            "t/tin?",
+            "t//tiny",
+            "t/../tiny",
+        ] {
+            let told = read(&format!("# list\n{id} 2025-06-01\n")).unwrap_err();
+            assert!(
+                told.starts_with("takedown.txt:2:1 ") && told.contains("can name no scene"),
+                "{id}: {told}"
+            );
+        }
+        assert!(read("t/tiny 2025-06-01\nmvimgnet/11/16009258 2025-06-01\n").is_ok());
+    }
+
+    #[test]
+    fn ids_that_name_no_scene_are_counted() {
+        let list = read("a 2025-01-02\nB/c 2025-01-02\n11/ab 2025-01-02\nelsewhere 2025-01-02\n").unwrap();
+        let scenes = [("a", "none", None), ("b/C", "none", None), ("mine", "mvimgnet", Some("11/ab"))];
+        assert_eq!(list.unmatched(scenes), 1);
+        assert_eq!(list.unmatched(scenes[..1].iter().copied()), 3);
+        assert_eq!(list.unmatched([]), 4);
     }
 
     #[test]

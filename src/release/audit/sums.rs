@@ -4,6 +4,7 @@
 
 use super::walk::unsafe_because;
 use super::{Code, Fault, Tree};
+use crate::files::{self, Links};
 use crate::release::checksum;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,7 +32,7 @@ pub(super) fn read_b3(tree: &Tree<'_>, sums: &Sums, faults: &mut Vec<Fault>) -> 
 
 fn read_named(dir: &Path, name: &str, absent: &str, faults: &mut Vec<Fault>) -> Option<Sums> {
     let mut fault = |code, message: String| faults.push(Fault::of_file(code, name, message));
-    match std::fs::read(dir.join(name)).map(String::from_utf8) {
+    match files::read_with(&dir.join(name), Links::Refuse, files::MAX_DOCUMENT).map(String::from_utf8) {
         Ok(Ok(text)) => return Some(parse(name, &text, faults)),
         Ok(Err(e)) => fault(Code::Altered, format!("it is no UTF-8 text: {}", e.utf8_error())),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => fault(Code::Missing, absent.into()),

@@ -2,12 +2,14 @@
 //! "Licences").
 
 use super::{Code, Fault, Tree};
+use crate::files::{self, Links};
 use crate::licence::{Asset, Expression, LicenceError, SourceKind, is_metadata, ledger};
 use crate::release::manifest::Manifest;
 use crate::release::scene::{LicensedTool, OWNER, SceneFile};
 use crate::release::{datasheet, loader, reuse};
 use serde_json::Value;
 use std::collections::BTreeSet;
+use std::io;
 
 /// A scene's own terms, and what its source demands of them.
 pub(super) fn scene(scene: &SceneFile, tree: &Tree<'_>) -> Vec<Fault> {
@@ -195,7 +197,7 @@ pub(super) fn files(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) 
         if !tree.has(path) {
             return Err(absent());
         }
-        std::fs::read_to_string(tree.path_of(path)).map_err(|_| absent())
+        text_of(tree, path).map_err(|_| absent())
     };
     let holds = |path: &str, so: &dyn Fn(&str) -> bool, message: &str| match read(path) {
         Ok(text) if so(&text) => None,
@@ -212,13 +214,17 @@ pub(super) fn files(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) 
     reuse.into_iter().chain(sheet).collect()
 }
 
+fn text_of(tree: &Tree<'_>, path: &str) -> io::Result<String> {
+    files::read_text_with(&tree.path_of(path), Links::Refuse, files::MAX_DOCUMENT)
+}
+
 /// The card's head states the terms of the whole.
 pub(super) fn card(tree: &Tree<'_>, manifest: &Manifest) -> Option<Fault> {
     const CARD: &str = "README.md";
     if !tree.has(CARD) {
         return None;
     }
-    let text = std::fs::read_to_string(tree.path_of(CARD)).unwrap_or_default();
+    let text = text_of(tree, CARD).unwrap_or_default();
     let stated = text.lines().find_map(|line| line.strip_prefix("license_name: "));
     let stated = stated.and_then(|text| serde_json::from_str::<String>(text).ok());
     if stated.as_ref() == Some(&manifest.licence) {

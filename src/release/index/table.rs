@@ -1,6 +1,7 @@
 //! A small table as Parquet (parquet.apache.org, format 2): every column may be null, one row group, plain values,
 //! compressed by zstd, and no word of when it was written, so that equal tables are equal bytes.
 
+use crate::files::{self, Links};
 use parquet::basic::{Compression, Type as Physical, ZstdLevel};
 use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
@@ -174,7 +175,7 @@ fn write_column(column: &mut ColumnWriter<'_>, cells: &[&Value]) -> Result<(), P
 /// When it cannot be read, or is no Parquet.
 pub(in crate::release) fn read(path: &Path) -> Result<Table, ParquetError> {
     // The library panics on some damaged files where an error is due; no state outlives the call.
-    let read = AssertUnwindSafe(|| decode(File::open(path)?));
+    let read = AssertUnwindSafe(|| decode(files::open_with(path, Links::Refuse)?));
     let damaged = |_| Err(ParquetError::General("it is damaged, in a way that stops its reader".into()));
     catch_unwind(read).unwrap_or_else(damaged)
 }

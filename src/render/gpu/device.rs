@@ -237,7 +237,7 @@ fn may_have_hardware() -> bool {
     // Render nodes of kernel drivers, the device nodes of NVIDIA, and the node of Linux under
     // Windows.
     let nodes = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg"];
-    nodes.iter().any(|node| std::path::Path::new(node).exists())
+    nodes.iter().any(|node| crate::files::is_there(std::path::Path::new(node)))
 }
 
 /// All GPUs, the most capable kind first. A GPU that several interfaces offer comes first with the

@@ -1,5 +1,6 @@
 //! Access to the parts of a SOG, in an archive or in a folder.
 
+use crate::files;
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
 use std::io::{self, Read};
@@ -67,6 +68,6 @@ pub(super) struct Folder<'a>(pub(super) &'a Path);
 impl Parts for Folder<'_> {
     fn part(&mut self, name: &str, _: &'static str) -> Result<Vec<u8>, SceneError> {
         let path = self.0.join(name);
-        std::fs::read(&path).map_err(|because| SceneError::File { path, because })
+        files::read(&path, files::MAX_PICTURE).map_err(|because| SceneError::File { path, because })
     }
 }

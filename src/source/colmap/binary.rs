@@ -3,11 +3,11 @@
 
 use super::lenses::CameraModel;
 use super::{Image, ModelCamera, Observation, Point, pose};
+use crate::files;
 use crate::image::Size;
 use crate::source::{Place, SourceError};
 use glam::DVec3;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -106,13 +106,13 @@ pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
 /// Reads the number of records that a file states.
 pub(super) fn count(path: &Path) -> Result<u64, SourceError> {
     let mut head = Vec::new();
-    let file = File::open(path).map_err(SourceError::io(path))?;
+    let file = files::open(path).map_err(SourceError::io(path))?;
     file.take(8).read_to_end(&mut head).map_err(SourceError::io(path))?;
     Bytes::new(path, &head).u64()
 }
 
 fn load(path: &Path) -> Result<Vec<u8>, SourceError> {
-    std::fs::read(path).map_err(SourceError::io(path))
+    files::read(path, files::MAX_MODEL).map_err(SourceError::io(path))
 }
 
 /// The bytes of a file with the current position.

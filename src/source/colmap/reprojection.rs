@@ -5,6 +5,7 @@
 //! `error` of the points is not used, because it is COLMAP's own claim.
 
 use super::{Image, Model, ModelCamera, Point};
+use crate::files::is_there;
 use crate::source::SourceError;
 use std::collections::BTreeMap;
 
@@ -37,7 +38,7 @@ impl Model {
     /// # Errors
     /// A file is damaged, or refers to a camera or point that does not exist.
     pub fn reprojection(&self) -> Result<Option<Reprojection>, SourceError> {
-        if !self.file("points3D").is_file() {
+        if !is_there(&self.file("points3D")) {
             return Ok(None);
         }
         let (cameras, points) = (self.cameras()?, self.points()?);

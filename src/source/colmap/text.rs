@@ -2,6 +2,7 @@
 
 use super::lenses::CameraModel;
 use super::{Image, ModelCamera, Observation, Point, pose};
+use crate::files;
 use crate::image::Size;
 use crate::source::{Place, SourceError};
 use glam::DVec3;
@@ -132,7 +133,7 @@ fn records(text: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 fn load(path: &Path) -> Result<String, SourceError> {
-    std::fs::read_to_string(path).map_err(SourceError::io(path))
+    files::read_text(path, files::MAX_MODEL).map_err(SourceError::io(path))
 }
 
 /// A line and its number, from 1.

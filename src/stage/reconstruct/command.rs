@@ -1,5 +1,6 @@
 //! A program that trains a scene on the capture.
 
+use crate::files::is_there;
 use crate::reconstruct::{Command, Desk, LAYOUT, LayoutError, TrainError, Trained};
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
@@ -44,7 +45,7 @@ impl Training {
     pub(super) fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let mut files = self.given()?;
         for (name, path) in &self.command.files {
-            if !path.is_file() {
+            if !is_there(path) {
                 return Err(StageError::Missing { path: path.clone() });
             }
             files.push(SourceFile { name: format!("of the command: {name}"), path: path.clone() });

@@ -29,6 +29,19 @@ const BANS: &[Ban] = &[
         except: &["src/main.rs", "src/cli.rs", "src/run.rs", "src/store/stat_cache.rs"],
         because: "the clock is read in `cli`, `run` and the stat cache only",
     },
+    Ban {
+        words: &["File::open", "fs::read(", "read_to_string", ".exists()", ".is_file()"],
+        except: &[
+            "src/files.rs",
+            // The store's own files, with its own rules for what is absent or damaged.
+            "src/store.rs",
+            // The type of an entry that the walk found, without following links.
+            "src/release/audit/walk.rs",
+            // Folders, to have them on disk, and the release's own new files.
+            "src/release/tree.rs",
+        ],
+        because: "`files` is the one door: it refuses what is no regular file, and only what is not there is absent",
+    },
     Ban { words: &["clap"], except: CLI, because: "the command line is parsed in `cli`" },
     Ban {
         words: &["miette"],

@@ -1,6 +1,7 @@
 //! Poses, stamps, speeds and transforms: they open, are as many as stated, and say the same.
 
 use super::{Code, Fault, Folder};
+use crate::files::{self, Links};
 use crate::release::audit::claims;
 use crate::sampling::exposure;
 use crate::se3::{OPENCV_FROM_OPENGL, Se3};
@@ -40,7 +41,7 @@ fn read<T>(
     if !folder.has(name) {
         return None;
     }
-    let parsed = match File::open(folder.on_disk(name)) {
+    let parsed = match files::open_with(&folder.on_disk(name), Links::Refuse) {
         Ok(file) => parse(BufReader::new(file)).map_err(|e| e.to_string()),
         Err(e) => Err(e.to_string()),
     };
