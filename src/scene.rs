@@ -17,6 +17,7 @@ pub mod splat;
 pub mod spz;
 
 use glam::DVec3;
+use std::collections::TryReserveError;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -141,6 +142,9 @@ pub enum SceneError {
         /// What can be done.
         hint: &'static str,
     },
+    /// There is no memory for what the file holds.
+    #[error("take memory for the scene: {0}")]
+    Memory(#[from] TryReserveError),
     /// No Gaussian is left.
     #[error("find a Gaussian to render: of {read} in the scene, {non_finite} hold a NaN or an infinity")]
     Empty {

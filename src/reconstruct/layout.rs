@@ -4,7 +4,7 @@
 //! Photos are copied, never linked: a program that writes into one must not reach the user's own. They are numbered in
 //! capture order, so that what a trainer holds out by counting names is what is held out here.
 
-use crate::image::{Image, Shades, jpeg, png, to_byte};
+use crate::image::{Image, Shades, Size, jpeg, png, to_byte};
 use crate::source::colmap::write::{Taken, write};
 use crate::source::colmap::{Point, read_points};
 use crate::source::lens::NEGLIGIBLE_PX;
@@ -139,11 +139,7 @@ fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, 
 /// Writes the photo as a pinhole would have taken it; the name of the file.
 fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<String, LayoutError> {
     let unreadable = |because: String| LayoutError::Photo { path: photo.to_owned(), because };
-    let taken = decode(photo).map_err(unreadable)?;
-    if taken.size() != view.camera.size {
-        let (found, wanted) = (taken.size(), view.camera.size);
-        return Err(unreadable(format!("it is {found}, and its camera, whose lens bends it, says {wanted}")));
-    }
+    let taken = decode(photo, view.camera.size).map_err(unreadable)?;
     let straight = undistorted(&taken, &view.camera, &view.lens);
     let name = format!("{index:06}.png");
     let file = images.join(&name);
@@ -151,13 +147,14 @@ fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<
     Ok(name)
 }
 
-/// The colours of a PNG or a JPEG; of a grey one three equal channels.
-fn decode(photo: &Path) -> Result<Image<[u8; 3]>, String> {
+/// The colours of a PNG or a JPEG of the size that its camera has, since the lens bends it; of a grey one three equal
+/// channels.
+fn decode(photo: &Path, camera: Size) -> Result<Image<[u8; 3]>, String> {
     let bytes = fs::read(photo).map_err(|e| e.to_string())?;
     let shades = if bytes.starts_with(b"\x89PNG") {
-        png::read_colours(Cursor::new(&bytes)).map_err(|e| e.to_string())?
+        png::read_colours(Cursor::new(&bytes), Some(camera)).map_err(|e| e.to_string())?
     } else {
-        jpeg::read_colours(&bytes).map_err(|e| e.to_string())?
+        jpeg::read_colours(&bytes, Some(camera)).map_err(|e| e.to_string())?
     };
     let Shades { luminance, colours } = shades;
     let size = luminance.size();

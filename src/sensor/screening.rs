@@ -1,6 +1,7 @@
 //! What a sensor will do, said before anything runs: contrast, leak and noise at a few greys; and the refusal of sensors
 //! that make no usable stream (numerics.md 1.1).
 
+use super::noise::HotPixels;
 use crate::units::Hertz;
 use serde::Serialize;
 use std::fmt;
@@ -12,7 +13,7 @@ const GREYS: [f64; 5] = [0.0, 16.0, 64.0, 128.0, 255.0];
 /// The darkest grey above black, where noise that goes as `1/sqrt(L)` is worst.
 const DARKEST: f64 = 1.0;
 /// Events a pixel may make from noise alone in one frame interval.
-const LIMIT_PER_FRAME: f64 = 50.0;
+pub(super) const LIMIT_PER_FRAME: f64 = 50.0;
 /// Noise at grey 128 above this many Hz is worth a word.
 const NOISY_HZ: f64 = 20.0;
 /// A brightness change by more than this factor's logarithm for one event is worth a word.
@@ -96,6 +97,33 @@ pub enum ScreenError {
     /// Choices that exclude each other.
     #[error("{0}")]
     Combination(&'static str),
+    /// More events of a hot pixel than any stream can use.
+    #[error(
+        "a hot pixel would make {hz:.4} events per second, {per_frame:.4} in a frame interval at {frames_per_second} Hz, \
+         where {LIMIT_PER_FRAME} is the most that is accepted: lower hot_pixels.rate"
+    )]
+    HotPixels {
+        /// Events per second of one.
+        hz: f64,
+        /// Events per frame interval.
+        per_frame: f64,
+        /// Frame rate.
+        frames_per_second: f64,
+    },
+    /// More leak events of a pixel, on average over the pixels, than any stream can use.
+    #[error(
+        "leak would make {hz:.4} events per second of a pixel on average, {per_frame:.4} in a frame interval at \
+         {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: lower leak.rate, leak.jitter or \
+         leak.cov"
+    )]
+    Leak {
+        /// Events per second, the mean over the pixels.
+        hz: f64,
+        /// Events per frame interval.
+        per_frame: f64,
+        /// Frame rate.
+        frames_per_second: f64,
+    },
     /// More noise than any stream can use.
     #[error(
         "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
@@ -123,17 +151,22 @@ pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), Screen
 }
 
 impl Screening {
-    /// The table of a sensor that does `noise` at each grey, with frames at this rate.
+    /// The table of a sensor that does `noise` at each grey and has these hot pixels, with frames at this rate.
     ///
     /// # Errors
-    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64, 128 or 255.
+    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64, 128 or 255, or
+    /// a hot pixel by itself.
     pub(super) fn new(
         quantity: &'static str,
         contrast: [f64; 2],
-        rate: Hertz,
+        (rate, hot_pixels): (Hertz, HotPixels),
         noise: impl Fn(f64) -> Noise,
     ) -> Result<Self, ScreenError> {
         let frames_per_second = rate.to_f64();
+        let per_frame = hot_pixels.rate / frames_per_second;
+        if !hot_pixels.is_absent() && per_frame > LIMIT_PER_FRAME {
+            return Err(ScreenError::HotPixels { hz: hot_pixels.rate, per_frame, frames_per_second });
+        }
         let at_greys = GREYS.map(&noise);
         let worst = at_greys
             .into_iter()

@@ -4,8 +4,9 @@ use super::{END_US, NAMES};
 use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
 use crate::image::Size;
 use crate::units::Timestamp;
+use crate::budget::{MAX_LINE, ShortLines};
 use std::fs::File;
-use std::io::{BufRead as _, BufReader};
+use std::io::BufReader;
 use std::path::Path;
 
 /// Events of a chunk.
@@ -39,7 +40,7 @@ impl TimeUnit {
 /// Reads one stream. Whether the events are sorted is for others to judge.
 #[derive(Debug)]
 pub struct Reader {
-    lines: std::io::Lines<BufReader<File>>,
+    lines: ShortLines<BufReader<File>>,
     /// Lines so far.
     number: u64,
     /// The first line of events, read with the header.
@@ -58,10 +59,11 @@ impl Reader {
     /// When nobody says the sensor's size, or the line of names lacks one.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TimeUnit>) -> Result<Self, EventFileError> {
         let mut head = Head { size, places: [0, 1, 2, 3] };
-        let mut lines = BufReader::new(File::open(path)?).lines();
+        let mut lines = ShortLines::new(BufReader::new(File::open(path)?), MAX_LINE);
         let (mut number, mut first) = (0, None);
-        while let Some(line) = lines.next().transpose()? {
+        while let Some(line) = lines.next() {
             number += 1;
+            let line = line.map_err(|e| at(number, &e.to_string()))?;
             if !head.takes(&line).map_err(|because| at(number, &because))? {
                 first = Some(line);
                 break;
@@ -85,9 +87,9 @@ impl Reader {
         if let Some(first) = self.first.take() {
             return Ok(Some(first));
         }
-        let line = self.lines.next().transpose()?;
+        let line = self.lines.next();
         self.number += u64::from(line.is_some());
-        Ok(line)
+        line.transpose().map_err(|e| at(self.number, &e.to_string()))
     }
 
     fn event(&self, line: &str) -> Result<Event, String> {

@@ -1,5 +1,6 @@
 //! Where the parts of a SOG lie: in an archive or in a folder.
 
+use crate::budget::Budget;
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
 use std::io::{self, Read};
@@ -11,8 +12,13 @@ const ARCHIVE: &str = ".sog (archive)";
 
 /// A set of named files.
 pub(super) trait Parts {
-    /// The content of `name`, which errors call `part`.
-    fn part(&mut self, name: &str, part: &'static str) -> Result<Vec<u8>, SceneError>;
+    /// The content of `name`, which errors call `part`; its memory comes out of `budget`.
+    fn part(
+        &mut self,
+        name: &str,
+        part: &'static str,
+        budget: &mut Budget,
+    ) -> Result<Vec<u8>, SceneError>;
 }
 
 /// The files of a zip archive.
@@ -27,9 +33,9 @@ impl<'a> Archive<'a> {
         Ok(Self { bytes, zip })
     }
 
-    /// Bytes that a part may have: images do not compress further, `meta.json` ten times.
+    /// Bytes that a part may have: images do not compress further, and `meta.json` is small.
     fn limit(&self) -> usize {
-        self.bytes.len().saturating_mul(16).saturating_add(1 << 20)
+        self.bytes.len().saturating_add(1 << 20)
     }
 }
 
@@ -39,7 +45,12 @@ fn broken(bytes: &[u8], because: &ZipError) -> SceneError {
 }
 
 impl Parts for Archive<'_> {
-    fn part(&mut self, name: &str, part: &'static str) -> Result<Vec<u8>, SceneError> {
+    fn part(
+        &mut self,
+        name: &str,
+        part: &'static str,
+        budget: &mut Budget,
+    ) -> Result<Vec<u8>, SceneError> {
         let limit = self.limit();
         let mut file = match self.zip.by_name(name) {
             Ok(file) => file,
@@ -55,7 +66,10 @@ impl Parts for Archive<'_> {
         match read {
             Err(e) => Err(at.malformed(format!("a broken stream ({e})"), format!("`{name}`"))),
             Ok(_) if content.len() > limit => Err(at.malformed("more bytes", format!("at most {limit}"))),
-            Ok(_) => Ok(content),
+            Ok(_) => match budget.take(content.len(), 1) {
+                Ok(()) => Ok(content),
+                Err(e) => Err(at.malformed(format!("parts that take {e}"), "less")),
+            },
         }
     }
 }
@@ -64,8 +78,10 @@ impl Parts for Archive<'_> {
 pub(super) struct Folder<'a>(pub(super) &'a Path);
 
 impl Parts for Folder<'_> {
-    fn part(&mut self, name: &str, _: &'static str) -> Result<Vec<u8>, SceneError> {
+    fn part(&mut self, name: &str, _: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
         let path = self.0.join(name);
-        std::fs::read(&path).map_err(|because| SceneError::File { path, because })
+        let content = std::fs::read(&path).map_err(|because| SceneError::File { path, because })?;
+        budget.grow(content.len());
+        Ok(content)
     }
 }

@@ -8,6 +8,7 @@ const ORDER: &[&str] = &[
     // foundation: pure values
     "units",
     "files",
+    "budget",
     "elementary",
     "seed",
     "image",

@@ -47,11 +47,7 @@ fn picture(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
     let file = File::open(folder.on_disk(name)).map_err(|e| e.to_string());
     let message = file.and_then(|file| match kind {
         "depth" | "flow" => numbers(kind, folder, BufReader::new(file)),
-        _ => match png::read(BufReader::new(file)) {
-            Ok(image) if image.size() == wanted => Ok(()),
-            Ok(image) => Err(format!("it is {}, the camera is {wanted}", image.size())),
-            Err(e) => Err(e.to_string()),
-        },
+        _ => png::read_sized(BufReader::new(file), wanted).map(|_| ()).map_err(|e| e.to_string()),
     });
     Some(folder.fault(Code::Unreadable, name, message.err()?))
 }
