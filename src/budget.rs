@@ -8,7 +8,7 @@ use std::collections::TryReserveError;
 use std::io::{self, BufRead, Read as _};
 
 /// Bytes that an input may take however small it is: a plain picture compresses to almost nothing.
-pub const MAX_FREE: usize = 32 << 20;
+pub const MAX_FREE: usize = 24 << 20;
 
 /// Bytes that an input may take for each of its own bytes, apart from those that hold the input.
 pub const MAX_PER_BYTE: usize = 3;
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn claims_add_up() {
         let mut budget = Budget::of(1000);
-        let limit = 32 * 1024 * 1024 + 3000;
+        let limit = 24 * 1024 * 1024 + 3000;
         budget.take(limit / 4, 4).unwrap();
         let error = budget.take(usize::MAX, 8).unwrap_err();
         assert_eq!((error.wanted, error.limit, error.input), (usize::MAX, limit, 1000));
@@ -190,7 +190,7 @@ mod tests {
         let numbers = |count: usize| format!("[{}0]", "0,".repeat(count)).into_bytes();
         check_json(&numbers(100_000)).unwrap();
         let error = check_json(&numbers(2_000_000)).unwrap_err().to_string();
-        assert!(error.ends_with("wanted at most 45554441 for an input of 4000003 bytes"), "{error}");
+        assert!(error.ends_with("wanted at most 37165833 for an input of 4000003 bytes"), "{error}");
         check_json("[{}]".repeat(60_000).as_bytes()).unwrap_err();
         // Numbers of 17 digits, as poses have them, pass in any amount.
         check_json(format!("[{}0]", "0.12345678901234567,".repeat(2_000_000)).as_bytes()).unwrap();

@@ -6,13 +6,19 @@ use crate::units::Timestamp;
 /// Events of one microsecond: they wait in memory for one another, 8 bytes each. 2^22.
 pub const MAX_SIMULTANEOUS: usize = 1 << 22;
 
+/// Events of a chunk that is given.
+const CHUNK: usize = 65_536;
+
 /// Sorts the events of each microsecond by [`Event::file_order`].
 pub struct Sorted<'a> {
     source: &'a mut dyn EventSource,
+    /// The source's last chunk, and how many of its events were taken.
+    chunk: Vec<Event>,
+    taken: usize,
     /// Of the last microsecond so far: more of it may follow.
     waiting: Group,
-    /// The source's last chunk.
-    chunk: Vec<Event>,
+    /// Whether no more of it follows.
+    complete: bool,
     /// Events given.
     given: u64,
     ended: bool,
@@ -21,7 +27,20 @@ pub struct Sorted<'a> {
 impl<'a> Sorted<'a> {
     /// The events of a source.
     pub fn new(source: &'a mut dyn EventSource) -> Self {
-        Self { source, waiting: Group::default(), chunk: Vec::new(), given: 0, ended: false }
+        let (chunk, waiting) = (Vec::new(), Group::default());
+        Self { source, chunk, taken: 0, waiting, complete: false, given: 0, ended: false }
+    }
+
+    /// Takes the source's next chunk, and of it the events of the microsecond that waits.
+    fn advance(&mut self) -> Result<(), EventFileError> {
+        self.ended = !self.source.next_chunk(&mut self.chunk)?;
+        self.check()?;
+        self.taken = self.wait()?;
+        self.complete = self.ended || self.taken < self.chunk.len();
+        if self.complete {
+            self.waiting.sort();
+        }
+        Ok(())
     }
 
     /// Takes the events of the waiting microsecond that the chunk begins with; how many they are.
@@ -38,6 +57,21 @@ impl<'a> Sorted<'a> {
         }
         self.waiting.extend(us, &self.chunk[..count]);
         Ok(count)
+    }
+
+    /// Gives the rest of the chunk but for its last microsecond, which waits.
+    fn give_rest(&mut self, out: &mut Vec<Event>) {
+        let rest = &self.chunk[self.taken..];
+        let last = rest.last().map(micros);
+        let (settled, waiting) = rest.split_at(rest.partition_point(|event| Some(micros(event)) < last));
+        let first = out.len();
+        out.extend_from_slice(settled);
+        if !out[first..].is_sorted_by_key(Event::file_order) {
+            out[first..].sort_by_key(Event::file_order);
+        }
+        // Of one chunk, so they are few.
+        last.into_iter().for_each(|us| self.waiting.extend(us, waiting));
+        self.complete = false;
     }
 
     /// Whether the times of the chunk go back, which no order of reading can change.
@@ -64,25 +98,17 @@ impl std::fmt::Debug for Sorted<'_> {
 impl EventSource for Sorted<'_> {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
-        while out.is_empty() && !self.ended {
-            self.ended = !self.source.next_chunk(&mut self.chunk)?;
-            self.check()?;
-            let first = self.wait()?;
-            if first == self.chunk.len() && !self.ended {
+        while out.is_empty() && (self.complete || !self.ended) {
+            if !self.complete {
+                self.advance()?;
                 continue;
             }
-            self.waiting.drain_into(out);
-            let rest = &self.chunk[first..];
-            let last = rest.last().map(micros);
-            let (settled, waiting) = rest.split_at(rest.partition_point(|event| Some(micros(event)) < last));
-            out.extend_from_slice(settled);
-            if !out.is_sorted_by_key(Event::file_order) {
-                out.sort_by_key(Event::file_order);
+            // A large group goes out in parts: nothing that it passes through holds it as a whole.
+            if !self.waiting.give(CHUNK, out) {
+                self.give_rest(out);
             }
-            // Of one chunk, so they are few.
-            last.into_iter().for_each(|us| self.waiting.extend(us, waiting));
-            self.given += out.len() as u64;
         }
+        self.given += out.len() as u64;
         Ok(!out.is_empty())
     }
 
@@ -100,6 +126,8 @@ fn micros(event: &Event) -> i64 {
 struct Group {
     us: i64,
     packed: Vec<u64>,
+    /// How many of them were given.
+    given: usize,
 }
 
 /// Bits of the label and of the nanoseconds below a microsecond, which the order of files leaves out.
@@ -121,13 +149,27 @@ impl Group {
         self.packed.extend(events.iter().map(|event| pack(us, event)));
     }
 
-    /// Appends them to `out` in the order of files, equal ones as they came.
-    fn drain_into(&mut self, out: &mut Vec<Event>) {
+    /// Brings them into the order of files, equal ones as they came.
+    fn sort(&mut self) {
         let key = |packed: &u64| packed >> UNORDERED_BITS;
         if !self.packed.is_sorted_by_key(key) {
             self.packed.sort_by_key(key);
         }
-        out.extend(self.packed.drain(..).map(|packed| unpack(self.us, packed)));
+    }
+
+    /// Appends the next events, at most `count`, to `out`; whether more are left, and none of them is kept if not.
+    fn give(&mut self, count: usize, out: &mut Vec<Event>) -> bool {
+        let end = self.packed.len().min(self.given + count);
+        out.extend(self.packed[self.given..end].iter().map(|packed| unpack(self.us, *packed)));
+        self.given = end;
+        if end < self.packed.len() {
+            return true;
+        }
+        // A group is as large as its microsecond, which is seldom so.
+        self.packed = if self.packed.capacity() > CHUNK { Vec::new() } else { std::mem::take(&mut self.packed) };
+        self.packed.clear();
+        self.given = 0;
+        false
     }
 }
 
@@ -210,6 +252,23 @@ mod tests {
             at(-500, 0, 65_535, on, noise),
         ];
         assert_eq!(all(&[&[a], &[b, c], &[d]]).unwrap(), [c, d, b, a]);
+    }
+
+    /// More events at one time than are given at once, from the last pixel to the first, with others around them.
+    #[test]
+    fn a_large_microsecond_goes_out_in_parts() {
+        let mut events: Vec<Event> = (0..200_000).rev().map(|x| event(2, u16::try_from(x % 60_000).unwrap())).collect();
+        events.extend([event(3, 1), event(3, 0), event(9, 0)]);
+        events.insert(0, event(1, 7));
+        let mut source = Chunks(events.chunks(30_000).map(<[Event]>::to_vec).collect());
+        let mut sorted = Sorted::new(&mut source);
+        let (mut found, mut chunk) = (Vec::new(), Vec::new());
+        while sorted.next_chunk(&mut chunk).unwrap() {
+            assert!(chunk.len() < 100_000, "{}", chunk.len());
+            found.append(&mut chunk);
+        }
+        events.sort_by_key(Event::file_order);
+        assert_eq!(found, events);
     }
 
     #[test]
