@@ -44,7 +44,11 @@ impl Size {
     /// When the sensor is larger.
     pub fn check_sensor(self) -> Result<(), TooLarge> {
         let fits = self.width.max(self.height) <= MAX_SENSOR_SIDE && self.pixels() <= MAX_SENSOR_PIXELS;
-        if fits { Ok(()) } else { Err(TooLarge { size: self, sides: MAX_SENSOR_SIDE, pixels: MAX_SENSOR_PIXELS }) }
+        if fits {
+            Ok(())
+        } else {
+            Err(TooLarge { size: self, sides: MAX_SENSOR_SIDE, pixels: MAX_SENSOR_PIXELS })
+        }
     }
 }
 

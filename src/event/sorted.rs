@@ -166,7 +166,8 @@ impl Group {
             return true;
         }
         // A group is as large as its microsecond, which is seldom so.
-        self.packed = if self.packed.capacity() > CHUNK { Vec::new() } else { std::mem::take(&mut self.packed) };
+        self.packed =
+            if self.packed.capacity() > CHUNK { Vec::new() } else { std::mem::take(&mut self.packed) };
         self.packed.clear();
         self.given = 0;
         false
@@ -257,7 +258,8 @@ mod tests {
     /// More events at one time than are given at once, from the last pixel to the first, with others around them.
     #[test]
     fn a_large_microsecond_goes_out_in_parts() {
-        let mut events: Vec<Event> = (0..200_000).rev().map(|x| event(2, u16::try_from(x % 60_000).unwrap())).collect();
+        let mut events: Vec<Event> =
+            (0..200_000).rev().map(|x| event(2, u16::try_from(x % 60_000).unwrap())).collect();
         events.extend([event(3, 1), event(3, 0), event(9, 0)]);
         events.insert(0, event(1, 7));
         let mut source = Chunks(events.chunks(30_000).map(<[Event]>::to_vec).collect());

@@ -232,12 +232,7 @@ fn opened<R: BufRead + Seek>(input: R) -> Result<Reader<R>, DecodingError> {
 }
 
 /// The bytes of an image of this size, if a file of `file` bytes can hold it and it is what is wanted.
-fn check_claim(
-    size: Size,
-    bytes_a_pixel: usize,
-    file: u64,
-    wanted: Option<Size>,
-) -> Result<usize, PngError> {
+fn check_claim(size: Size, bytes_a_pixel: usize, file: u64, wanted: Option<Size>) -> Result<usize, PngError> {
     let refuse = |wanted: String| Err(PngError::Size { found: size, wanted });
     if let Some(wanted) = wanted.filter(|wanted| *wanted != size) {
         return refuse(wanted.to_string());
@@ -346,7 +341,11 @@ mod tests {
         t(&huge, Some(SIZE), "an image of 65535x65535, wanted 37x23");
         let large = claim(16_384, 16_384, b"");
         let bytes = large.len();
-        t(&large, None, &format!("an image of 16384x16384, wanted no more than {bytes} bytes of PNG can hold"));
+        t(
+            &large,
+            None,
+            &format!("an image of 16384x16384, wanted no more than {bytes} bytes of PNG can hold"),
+        );
         let grey = encoded(&Image::filled(SIZE, 9u8));
         assert!(read_sized(Cursor::new(&grey), SIZE).is_ok());
         let other = Size { width: 38, height: 23 };

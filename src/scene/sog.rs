@@ -83,16 +83,12 @@ impl Files {
         let [low, high] = &meta.means.files;
         let palette = match &meta.palette {
             None => None,
-            Some(meta::Palette { files: [centroids, labels], .. }) => Some([
-                part(centroids, PALETTE)?,
-                part(labels, ".sog (labels of harmonics)")?,
-            ]),
+            Some(meta::Palette { files: [centroids, labels], .. }) => {
+                Some([part(centroids, PALETTE)?, part(labels, ".sog (labels of harmonics)")?])
+            }
         };
         Ok(Self {
-            means: [
-                part(low, ".sog (positions, low bytes)")?,
-                part(high, ".sog (positions, high bytes)")?,
-            ],
+            means: [part(low, ".sog (positions, low bytes)")?, part(high, ".sog (positions, high bytes)")?],
             scales: part(&meta.scales.files[0], ".sog (scales)")?,
             quats: part(&meta.quats.files[0], ROTATIONS)?,
             sh0: part(&meta.sh0.files[0], ".sog (colours)")?,

@@ -145,7 +145,8 @@ impl V2e {
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         let sides = self.threshold.sides();
-        let screened = Screening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| self.noise(grey))?;
+        let screened =
+            Screening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| self.noise(grey))?;
         // The table is of a nominal pixel; the leak of the others is spread, and their mean is what a stream holds.
         let Leak { rate: leak, jitter, cov } = self.leak;
         let (frames_per_second, share) = (rate.to_f64(), jitter.max(1.0));

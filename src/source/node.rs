@@ -8,7 +8,8 @@ use std::path::Path;
 /// Reads the document of a file.
 pub(super) fn load(file: &Path) -> Result<Value, SourceError> {
     let text = std::fs::read_to_string(file).map_err(SourceError::io(file))?;
-    let fault = |line, because| SourceError::Content { path: file.to_owned(), place: Place::Line(line), because };
+    let fault =
+        |line, because| SourceError::Content { path: file.to_owned(), place: Place::Line(line), because };
     check_json(text.as_bytes()).map_err(|e| fault(1, format!("a document that takes {e}")))?;
     serde_json::from_str(&text).map_err(|e| fault(e.line(), e.to_string()))
 }

@@ -56,9 +56,11 @@ pub(crate) const BOMBS: &[Bomb] = &[
         make: |place| {
             h5(place, |file| {
                 patch_side(file, 4096);
-                let at = (0..file.len() - 2).rev().find(|at| file[*at..*at + 2] == [0x78, 0x5e]);
-                let at = at.or_else(|| (0..file.len() - 2).rev().find(|at| file[*at] == 0x78)).unwrap();
-                file[at..at + 2].fill(0xff);
+                // How a zlib stream of our level begins.
+                let begins = |at: &usize| file[*at..*at + 2] == [0x78, 0x5e];
+                let streams: Vec<usize> = (0..file.len() - 1).filter(begins).collect();
+                assert!(streams.len() >= 4, "a stream for each column");
+                streams.into_iter().for_each(|at| file[at] = 0xff);
             });
         },
     },

@@ -72,7 +72,8 @@ fn watch(pid: u32) -> bool {
         let text = std::fs::read_to_string(&status).unwrap_or_default();
         // One that has ended has no memory.
         let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-        let Some(kb) = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()) else {
+        let Some(kb) = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok())
+        else {
             return false;
         };
         if begin.elapsed() > PATIENCE || kb > ENOUGH {

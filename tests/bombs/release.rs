@@ -34,7 +34,8 @@ fn index(place: &Place, rows: usize, text: &str) {
     place.ok("release --to out r.yaml");
     std::fs::remove_dir_all(place.path(".gs2e")).unwrap();
     let bytes = parquet(rows, text);
-    let digest = |bytes: &[u8]| -> String { Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect() };
+    let digest =
+        |bytes: &[u8]| -> String { Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect() };
     let (file, sums) = (place.path("out/index.parquet"), place.path("out/SHA256SUMS"));
     let was = digest(&std::fs::read(&file).unwrap());
     let changed = std::fs::read_to_string(&sums).unwrap().replace(&was, &digest(&bytes));

@@ -1,10 +1,10 @@
 //! Reading, line by line.
 
 use super::{END_US, NAMES};
+use crate::budget::{MAX_LINE, ShortLines};
 use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
 use crate::image::Size;
 use crate::units::Timestamp;
-use crate::budget::{MAX_LINE, ShortLines};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -61,7 +61,7 @@ impl Reader {
         let mut head = Head { size, places: [0, 1, 2, 3] };
         let mut lines = ShortLines::new(BufReader::new(File::open(path)?), MAX_LINE);
         let (mut number, mut first) = (0, None);
-        while let Some(line) = lines.next() {
+        for line in lines.by_ref() {
             number += 1;
             let line = line.map_err(|e| at(number, &e.to_string()))?;
             if !head.takes(&line).map_err(|because| at(number, &because))? {

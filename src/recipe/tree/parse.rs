@@ -13,8 +13,8 @@ use unicode_normalization::is_nfc;
 pub(in crate::recipe) fn parse(text: &Text, file: u32) -> Result<Option<Node>, Vec<Problem>> {
     let body = text.body.as_str();
     refuse_tabs(body, file).map_err(|problem| vec![problem])?;
-    let raw: Raw =
-        serde_saphyr::from_str_with_options(body, options(body)).map_err(|e| vec![problem_of(&e, text, file)])?;
+    let raw: Raw = serde_saphyr::from_str_with_options(body, options(body))
+        .map_err(|e| vec![problem_of(&e, text, file)])?;
     let mut problems = Vec::new();
     let node = raw.settle(body, file, &mut problems);
     match node.kind {

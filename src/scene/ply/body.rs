@@ -147,7 +147,11 @@ pub(super) fn binary<'a>(
     }
     // Short words stand for long numbers: what takes more than its budget is read twice, first to nothing.
     let mut budget = Budget::of(cursor.rest().len());
-    if header.elements.iter().any(|element| budget.take(element.count, element.stride().unwrap_or(0)).is_err()) {
+    if header
+        .elements
+        .iter()
+        .any(|element| budget.take(element.count, element.stride().unwrap_or(0)).is_err())
+    {
         binary_from_ascii(header, &mut cursor.clone(), &mut |_| ())?;
     }
     binary_from_ascii(header, &mut cursor, &mut |number| buffer.extend_from_slice(number))?;

@@ -13,12 +13,7 @@ const ARCHIVE: &str = ".sog (archive)";
 /// A set of named files.
 pub(super) trait Parts {
     /// The content of `name`, which errors call `part`; its memory comes out of `budget`.
-    fn part(
-        &mut self,
-        name: &str,
-        part: &'static str,
-        budget: &mut Budget,
-    ) -> Result<Vec<u8>, SceneError>;
+    fn part(&mut self, name: &str, part: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError>;
 }
 
 /// The files of a zip archive.
@@ -45,12 +40,7 @@ fn broken(bytes: &[u8], because: &ZipError) -> SceneError {
 }
 
 impl Parts for Archive<'_> {
-    fn part(
-        &mut self,
-        name: &str,
-        part: &'static str,
-        budget: &mut Budget,
-    ) -> Result<Vec<u8>, SceneError> {
+    fn part(&mut self, name: &str, part: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
         let limit = self.limit();
         let mut file = match self.zip.by_name(name) {
             Ok(file) => file,
