@@ -1,8 +1,9 @@
 //! PNG files, grey or sRGB: written with 8 bits, read with 8 or 16.
 //!
-//! No chunk but the three that every PNG has, fixed filter and compressor: equal images are equal bytes. The filter is
-//! Paeth and the compressor fdeflate's fast one: on a rendered view 1.06 bytes and 4 ns a pixel, where deflate's level
-//! 4 under adaptive filters takes 0.98 bytes and 90 ns; encoding must not cost as much as rendering.
+//! Only the three chunks that every PNG has, with a fixed filter and compressor: equal images are
+//! equal bytes. The filter is Paeth and the compressor fdeflate's fast one: on a rendered view it
+//! takes 1.06 bytes and 4 ns per pixel, where deflate's level 4 with adaptive filters takes 0.98
+//! bytes and 90 ns. Encoding must not cost as much as rendering.
 
 use super::{Image, LUMINANCE_WEIGHTS, MAX_PIXELS, Shades, Size, to_byte};
 use crate::budget::{self, Budget, MAX_DEFLATE_RATIO};
@@ -10,11 +11,11 @@ use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Reader
 use std::collections::TryReserveError;
 use std::io::{self, BufRead, Seek, SeekFrom, Write};
 
-/// A pixel that a PNG holds as it is.
+/// A pixel in the form in which a PNG stores it.
 pub trait Pixel: Copy {
     /// Number of bytes.
     const CHANNELS: usize;
-    /// How PNG names it.
+    /// Colour type of the PNG.
     const COLOUR: ColorType;
     /// The bytes of a row of pixels.
     fn bytes(pixels: &[Self]) -> &[u8];
@@ -36,18 +37,18 @@ impl Pixel for [u8; 3] {
     }
 }
 
-/// Why a PNG cannot be read.
+/// The reason why a PNG cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PngError {
-    /// The bytes are damaged or no PNG.
+    /// The bytes are damaged or not a PNG.
     #[error("{0}")]
     Damaged(#[from] DecodingError),
-    /// A PNG of a kind that is not used here.
+    /// A PNG of an unsupported kind.
     #[error("{found}, wanted {wanted}")]
     Kind {
-        /// What it is.
+        /// The kind found.
         found: String,
-        /// What it should be.
+        /// The kind wanted.
         wanted: &'static str,
     },
     /// An image of another size, or larger than its file can hold.
@@ -69,7 +70,7 @@ impl From<io::Error> for PngError {
     }
 }
 
-/// An encoded colour image on the scale 0..1 as bytes, by [`to_byte`].
+/// An encoded colour image on the scale 0..1 as bytes, with [`to_byte`].
 #[must_use]
 pub fn to_bytes(image: &Image<[f32; 3]>) -> Image<[u8; 3]> {
     Image::from_vec(image.size(), image.pixels().iter().map(|rgb| rgb.map(to_byte)).collect())
@@ -78,7 +79,7 @@ pub fn to_bytes(image: &Image<[f32; 3]>) -> Image<[u8; 3]> {
 /// Writes an image.
 ///
 /// # Errors
-/// When `out` fails, or the image has no pixels.
+/// `out` fails, or the image has no pixels.
 pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()> {
     let Size { width, height } = image.size();
     let mut encoder = png::Encoder::new(out, width, height);
@@ -94,7 +95,8 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()>
 /// Reads an 8-bit colour image; grey becomes three equal channels.
 ///
 /// # Errors
-/// When the bytes are damaged, or the image has another depth, a palette, transparency, or more than 2^28 pixels.
+/// The bytes are damaged, or the image has another depth, a palette, transparency, or more than
+/// 2^28 pixels.
 pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
     colours(stored(input, None)?)
 }
@@ -126,7 +128,7 @@ pub fn read_luminance(input: impl BufRead + Seek, wanted: Option<Size>) -> Resul
     Ok(samples(input, wanted)?.luminance())
 }
 
-/// [`read_luminance`], and the colours that it is of on the same scale, where the image is not grey.
+/// [`read_luminance`], with the colours on the same scale, unless the image is grey.
 ///
 /// # Errors
 /// As [`read_luminance`].
@@ -138,7 +140,7 @@ pub fn read_colours(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<
 /// The samples of an image on the grey scale.
 struct Samples {
     size: Size,
-    /// Whether three make a pixel.
+    /// Whether three samples make a pixel.
     coloured: bool,
     values: Vec<f64>,
 }
@@ -176,12 +178,12 @@ fn samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Samples, 
 
 const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
 
-/// In 64 bits, where the weights sum to 1 closely enough that equal channels are that grey.
+/// In 64 bits, where the weights sum to 1 closely enough that equal channels give that grey.
 fn grey(rgb: [f64; 3]) -> f64 {
     LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| decimal(weight) * v).sum()
 }
 
-/// The decimal fraction that a weight of three digits stands for, nearest in 64 bits.
+/// The decimal fraction of a weight with three digits, nearest in 64 bits.
 fn decimal(weight: f32) -> f64 {
     libm::round(1000.0 * f64::from(weight)) / 1000.0
 }
@@ -290,7 +292,8 @@ mod tests {
         assert_eq!(names, ["IHDR", "IDAT", "IEND"]);
     }
 
-    /// What is on disk is frozen: a change raises the revision of the stages that write pictures.
+    /// The format on disk is frozen: a change requires a new revision of the stages that write
+    /// pictures.
     #[test]
     fn the_bytes_are_frozen() {
         let rgb = Image::from_vec(SIZE, noise(SIZE.pixels() * 3).as_chunks().0.to_vec());
