@@ -1,4 +1,4 @@
-//! Where the parts of a SOG lie: in an archive or in a folder.
+//! Access to the parts of a SOG, in an archive or in a folder.
 
 use crate::budget::Budget;
 use crate::scene::SceneError;

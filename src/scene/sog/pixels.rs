@@ -40,7 +40,7 @@ pub(super) struct Pixels {
     part: &'static str,
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Bytes a pixel: 3, or 4 with alpha.
+    /// Bytes per pixel: 3, or 4 with alpha.
     channels: usize,
     bytes: Vec<u8>,
 }
@@ -73,18 +73,19 @@ impl Pixels {
         Ok(Self { part, width, height, channels, bytes })
     }
 
-    /// Where pixel `i` begins, for errors.
+    /// Returns a cursor at pixel `i`, for errors.
     pub(super) fn at(&self, i: usize) -> Cursor<'_> {
         Cursor::new(self.part, &self.bytes).at(self.channels * i)
     }
 
-    /// Red, green and blue of pixel `i`, counted row by row.
+    /// Returns red, green and blue of pixel `i`, counted row by row.
     pub(super) fn rgb(&self, i: usize) -> [u8; 3] {
         let [r, g, b, _] = self.rgba(i);
         [r, g, b]
     }
 
-    /// The same with alpha: 255 where the image has none.
+    /// Returns red, green, blue and alpha of pixel `i`. Alpha is 255 if the image has no alpha
+    /// channel.
     pub(super) fn rgba(&self, i: usize) -> [u8; 4] {
         match self.bytes[self.channels * i..self.channels * (i + 1)] {
             [r, g, b] => [r, g, b, 255],

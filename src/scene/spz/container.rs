@@ -11,13 +11,13 @@ use std::io::{self, Read};
 const LEGACY: &str = ".spz (decompressed)";
 const EXTENSIONS: &str = ".spz (extensions)";
 const PLANE: &str = ".spz (decompressed plane)";
-/// Bytes of extension records that are read at most.
+/// Maximum size of the extension records that are read, in bytes.
 const MAX_EXTENSIONS: usize = 1 << 20;
-/// Compressed bytes stand for at most this many times their number (nianticlabs/spz's own bound): a header that
-/// promises more Gaussians than that is refused before anything is decompressed.
+/// Maximum ratio of decompressed to compressed bytes (nianticlabs/spz's own bound). A header that
+/// states more Gaussians is refused before any decompression.
 const MAX_RATIO: usize = 1024;
 
-/// Versions 2 and 3. Offsets in errors count decompressed bytes.
+/// Reads versions 2 and 3. Offsets in errors count decompressed bytes.
 pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut stream = Stream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
     let start = stream.take(16, "header")?;
@@ -41,7 +41,7 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     header.scene(&planes, flip)
 }
 
-/// Reads to the end of the stream, where gzip's own checksum is verified.
+/// Reads to the end of the stream, because gzip verifies its checksum there.
 fn legacy_flip(header: &Header, stream: &mut Stream<impl Read>) -> Result<Flip, SceneError> {
     let start = stream.offset;
     let rest = stream.up_to(MAX_EXTENSIONS + 1, "extensions")?;
@@ -53,7 +53,7 @@ fn legacy_flip(header: &Header, stream: &mut Stream<impl Read>) -> Result<Flip, 
     Flip::from_extensions(&mut Cursor::new(EXTENSIONS, &rest))
 }
 
-/// Version 4.
+/// Reads version 4.
 pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = Cursor::new(".spz", bytes);
     let header = Header::read(&mut cursor)?;
@@ -137,7 +137,7 @@ fn decompress<'a, T>(
 ) -> Result<T, SceneError> {
     let broken = |e: io::Error| at.malformed(format!("a broken stream of {name} ({e})"), "a zstd stream");
     let mut inner = zstd::stream::read::Decoder::with_buffer(compressed).map_err(broken)?;
-    // No window need be larger than the plane; 8 MiB is what RFC 8878 asks every decoder for.
+    // No window needs to be larger than the plane. Every decoder must support 8 MiB (RFC 8878).
     inner.window_log_max((usize::BITS - len.leading_zeros()).clamp(23, 27)).map_err(broken)?;
     let mut stream = Stream { format: PLANE, inner, offset: 0 };
     let plane = read(&mut stream, len, name)?;
@@ -157,7 +157,7 @@ fn bound_count(header: &Header, file_len: usize, at: &Cursor) -> Result<(), Scen
     Ok(())
 }
 
-/// A decompressed stream. Memory grows with what really comes out, never with what is promised.
+/// A decompressed stream. Memory grows with the actual output, not with the stated size.
 struct Stream<R> {
     format: &'static str,
     inner: R,
@@ -165,7 +165,7 @@ struct Stream<R> {
 }
 
 impl<R: Read> Stream<R> {
-    /// Exactly `len` bytes.
+    /// Reads exactly `len` bytes.
     fn take(&mut self, len: usize, what: &'static str) -> Result<Vec<u8>, SceneError> {
         let start = self.offset;
         let bytes = self.up_to(len, what)?;
