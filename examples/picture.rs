@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let stamps = std::fs::read_to_string(folder.join("timestamps_us.txt"))?;
     let stamp: i64 = stamps.lines().nth(frame).ok_or("there is no such frame")?.parse()?;
     let sharp = png::read(BufReader::new(File::open(folder.join(format!("sharp/{frame:06}.png")))?))?;
-    let mut events = Picture::new(sharp.size(), stamp - window_us / 2..stamp + window_us / 2);
+    let mut events = Picture::new(sharp.size(), stamp - window_us / 2..stamp + window_us / 2)?;
     let mut reader = h5::Reader::open(&folder.join("events.h5"))?;
     let mut chunk: Vec<Event> = Vec::new();
     while reader.next_chunk(&mut chunk)? {

@@ -7,6 +7,7 @@ pub mod h5;
 pub mod npz;
 pub mod order;
 pub mod picture;
+pub mod sorted;
 pub mod text;
 
 use crate::image::Size;

@@ -9,7 +9,18 @@ pub mod png;
 pub mod shrink;
 pub mod srgb;
 
+use crate::budget;
+use std::collections::TryReserveError;
 use std::fmt;
+
+/// Pixels of an image that is read: above every camera. 2^28.
+pub const MAX_PIXELS: usize = 1 << 28;
+
+/// Columns, and rows, of a sensor: events count them in 16 bits.
+pub const MAX_SENSOR_SIDE: u32 = 1 << 16;
+
+/// Pixels of a sensor, and of the frames that it sees: twice the largest event cameras in each direction. 2^24.
+pub const MAX_SENSOR_PIXELS: usize = 1 << 24;
 
 /// Width and height in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -26,6 +37,31 @@ impl Size {
     pub fn pixels(self) -> usize {
         self.width as usize * self.height as usize
     }
+
+    /// Holds the size of a sensor against [`MAX_SENSOR_SIDE`] and [`MAX_SENSOR_PIXELS`]: memory goes with its pixels.
+    ///
+    /// # Errors
+    /// When the sensor is larger.
+    pub fn check_sensor(self) -> Result<(), TooLarge> {
+        let fits = self.width.max(self.height) <= MAX_SENSOR_SIDE && self.pixels() <= MAX_SENSOR_PIXELS;
+        if fits {
+            Ok(())
+        } else {
+            Err(TooLarge { size: self, sides: MAX_SENSOR_SIDE, pixels: MAX_SENSOR_PIXELS })
+        }
+    }
+}
+
+/// A size above its limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("{size} pixels, wanted at most {sides} columns and rows, and {pixels} pixels in all")]
+pub struct TooLarge {
+    /// The size that was found.
+    pub size: Size,
+    /// Columns and rows at most.
+    pub sides: u32,
+    /// Pixels at most.
+    pub pixels: usize,
 }
 
 impl fmt::Display for Size {
@@ -79,6 +115,14 @@ impl<T> Image<T> {
 }
 
 impl<T: Clone> Image<T> {
+    /// An image with every pixel the same, where there is memory for it. Zeros take no memory until they are written.
+    ///
+    /// # Errors
+    /// When there is not.
+    pub fn try_filled(size: Size, value: T) -> Result<Self, TryReserveError> {
+        Ok(Self { size, data: budget::try_filled(value, size.pixels())? })
+    }
+
     /// An image with every pixel the same.
     #[must_use]
     pub fn filled(size: Size, value: T) -> Self {
@@ -128,6 +172,23 @@ mod tests {
         t(-0.2, 0);
         t(0.5, 128);
         t(f32::NAN, 0);
+    }
+
+    #[test]
+    fn sensors_have_a_limit() {
+        let t = |width, height, fits: bool| {
+            assert_eq!(Size { width, height }.check_sensor().is_ok(), fits, "{width}x{height}");
+        };
+        t(4096, 4096, true);
+        t(65_536, 256, true);
+        t(4097, 4096, false);
+        t(65_537, 1, false);
+        let error = Size { width: 65_535, height: 65_535 }.check_sensor().unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "65535x65535 pixels, wanted at most 65536 columns and rows, and 16777216 pixels in all"
+        );
+        assert!(Image::try_filled(Size { width: u32::MAX, height: u32::MAX }, 1.0_f64).is_err());
     }
 
     #[test]

@@ -22,7 +22,7 @@
 //!
 //! | room | what lives there |
 //! |---|---|
-//! | [`units`] [`files`] [`programs`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values, and the doors for files and for other people's programs |
+//! | [`units`] [`files`] [`programs`] [`budget`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values, budgets, and the doors for files and for other people's programs |
 //! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`reconstruct`] [`foreign`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
@@ -55,6 +55,7 @@
 //!   machine and with any number of threads. What a GPU renders is its own: its name and driver are in the key.
 
 pub mod artifact;
+pub mod budget;
 pub mod camera;
 pub mod check;
 pub mod cli;

@@ -18,6 +18,7 @@ pub mod spz;
 
 use crate::files;
 use glam::DVec3;
+use std::collections::TryReserveError;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -145,7 +146,10 @@ pub enum SceneError {
         /// Suggested remedy.
         hint: &'static str,
     },
-    /// No Gaussian remains.
+    /// There is no memory for what the file holds.
+    #[error("take memory for the scene: {0}")]
+    Memory(#[from] TryReserveError),
+    /// No Gaussian is left.
     #[error("find a Gaussian to render: of {read} in the scene, {non_finite} hold a NaN or an infinity")]
     Empty {
         /// Gaussians in the file.

@@ -57,6 +57,7 @@ pub trait Model {
 
 /// Checks that every pixel of a frame has coordinates that events can hold.
 fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
+    size.check_sensor().map_err(|e| SensorError::Setup(format!("frames of {e}")))?;
     let fits = |extent: u32, from: u16| u64::from(extent) + u64::from(from) <= 1 << 16;
     if fits(size.width, origin[0]) && fits(size.height, origin[1]) {
         return Ok(());

@@ -24,7 +24,7 @@ pub use captured::{Captured, PoseFile, Selection, pattern};
 
 use crate::camera::Camera;
 use crate::files::{self, WalkError};
-use crate::image::Size;
+use crate::image::{MAX_PIXELS, Size};
 use crate::se3::Se3;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -384,6 +384,9 @@ fn screen_camera(camera: &Camera, lens: &Lens) -> Result<(), String> {
                 camera.size
             ));
         }
+    }
+    if camera.size.pixels() > MAX_PIXELS {
+        return Err(format!("the image size is {}, wanted at most {MAX_PIXELS} pixels", camera.size));
     }
     for f in [camera.fx, camera.fy] {
         if !(f.is_finite() && f > 0.0) {

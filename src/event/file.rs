@@ -124,6 +124,7 @@ pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFi
             return Err(EventFileError::Container(because.to_owned()));
         }
     };
+    header.size.check_sensor().map_err(|e| EventFileError::Container(format!("a sensor of {e}")))?;
     Ok(Opened { header, offset_us, source })
 }
 
@@ -221,106 +222,5 @@ impl EventFile for Shifted {
     fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError> {
         let last = last_us.checked_add(self.by_us).ok_or_else(|| too_far(self.by_us))?;
         self.file.finish(last)
-    }
-}
-
-/// Sorts events of one microsecond into file order; cameras deliver them in another order.
-pub struct Sorted<'a> {
-    source: &'a mut dyn EventSource,
-    /// Events of the last microsecond so far. More may follow.
-    waiting: Vec<Event>,
-    /// Number of events returned.
-    given: u64,
-    ended: bool,
-}
-
-impl<'a> Sorted<'a> {
-    /// Sorts the events of a source.
-    pub fn new(source: &'a mut dyn EventSource) -> Self {
-        Self { source, waiting: Vec::new(), given: 0, ended: false }
-    }
-
-    /// Whether times decrease, which sorting within a microsecond cannot repair.
-    fn check(&self, events: &[Event]) -> Result<(), EventFileError> {
-        let us = |e: &Event| e.t.floor_micros();
-        let back = events.windows(2).position(|pair| us(&pair[1]) < us(&pair[0]));
-        back.map_or(Ok(()), |i| {
-            let because = format!("t = {} us follows {} us", us(&events[i + 1]), us(&events[i]));
-            Err(EventFileError::Order { index: self.given + i as u64 + 1, because })
-        })
-    }
-}
-
-impl std::fmt::Debug for Sorted<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Sorted").field("given", &self.given).finish_non_exhaustive()
-    }
-}
-
-impl EventSource for Sorted<'_> {
-    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
-        out.clear();
-        let mut chunk = Vec::new();
-        while out.is_empty() && !self.ended {
-            self.ended = !self.source.next_chunk(&mut chunk)?;
-            let mut events = std::mem::take(&mut self.waiting);
-            events.append(&mut chunk);
-            self.check(&events)?;
-            if let (false, Some(last)) = (self.ended, events.last().map(|e| e.t.floor_micros())) {
-                self.waiting = events.split_off(events.partition_point(|e| e.t.floor_micros() < last));
-            }
-            events.sort_by_key(Event::file_order);
-            self.given += events.len() as u64;
-            *out = events;
-        }
-        Ok(!out.is_empty())
-    }
-
-    fn untimed(&self) -> u64 {
-        self.source.untimed()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::event::{Label, Polarity};
-
-    /// Returns the events chunk by chunk.
-    struct Chunks(Vec<Vec<Event>>);
-
-    impl EventSource for Chunks {
-        fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
-            *out = if self.0.is_empty() { Vec::new() } else { self.0.remove(0) };
-            Ok(!out.is_empty())
-        }
-    }
-
-    fn event(us: i64, x: u16) -> Event {
-        Event { t: Timestamp::from_micros(us), x, y: 0, polarity: Polarity::On, label: Label::Signal }
-    }
-
-    fn all(chunks: &[&[Event]]) -> Result<Vec<Event>, EventFileError> {
-        let mut source = Chunks(chunks.iter().map(|chunk| chunk.to_vec()).collect());
-        let mut sorted = Sorted::new(&mut source);
-        let (mut events, mut chunk) = (Vec::new(), Vec::new());
-        while sorted.next_chunk(&mut chunk)? {
-            events.append(&mut chunk);
-        }
-        Ok(events)
-    }
-
-    #[test]
-    fn a_microsecond_is_sorted_across_chunks() {
-        let chunks: [&[Event]; 3] =
-            [&[event(1, 5), event(2, 9)], &[event(2, 3)], &[event(2, 4), event(7, 0)]];
-        let columns: Vec<u16> = all(&chunks).unwrap().iter().map(|e| e.x).collect();
-        assert_eq!(columns, [5, 3, 4, 9, 0]);
-    }
-
-    #[test]
-    fn times_that_go_back_are_named() {
-        let error = all(&[&[event(1, 0), event(4, 0)], &[event(4, 1), event(3, 0)]]).unwrap_err();
-        assert_eq!(error.to_string(), "event 3: t = 3 us follows 4 us");
     }
 }

@@ -7,8 +7,9 @@ pub mod rate;
 pub mod surface;
 mod text;
 
-use super::{Event, EventSink, Polarity};
+use super::{Event, EventSink};
 use crate::image::{Image, Size};
+use std::collections::TryReserveError;
 use std::ops::Range;
 
 /// Grey of a pixel whose events cancel.
@@ -18,27 +19,23 @@ const CANCELLED: [u8; 3] = [208; 3];
 #[derive(Debug, Clone)]
 pub struct Picture {
     window_us: Range<i64>,
-    balance: Image<Balance>,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Balance {
-    on: u32,
-    off: u32,
+    /// OFF and ON events of each pixel: arrays of zeros take no memory until an event is counted.
+    balance: Image<[u32; 2]>,
 }
 
 impl Picture {
-    /// An empty picture of a sensor of `size` for the events with
-    /// `window_us.start <= t < window_us.end`.
-    #[must_use]
-    pub fn new(size: Size, window_us: Range<i64>) -> Self {
-        Self { window_us, balance: Image::filled(size, Balance::default()) }
+    /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`.
+    ///
+    /// # Errors
+    /// When there is no memory for its pixels.
+    pub fn new(size: Size, window_us: Range<i64>) -> Result<Self, TryReserveError> {
+        Ok(Self { window_us, balance: Image::try_filled(size, [0; 2])? })
     }
 
     /// The picture of the events so far.
     #[must_use]
     pub fn image(&self) -> Image<[u8; 3]> {
-        Image::from_vec(self.balance.size(), self.balance.pixels().iter().map(|b| b.colour()).collect())
+        Image::from_vec(self.balance.size(), self.balance.pixels().iter().map(|b| colour(*b)).collect())
     }
 
     fn count(&mut self, event: &Event) {
@@ -46,10 +43,8 @@ impl Picture {
         let (x, y) = (u32::from(event.x), u32::from(event.y));
         if x < width && y < height && self.window_us.contains(&event.t.floor_micros()) {
             let pixel = &mut self.balance.pixels_mut()[(y * width + x) as usize];
-            match event.polarity {
-                Polarity::On => pixel.on += 1,
-                Polarity::Off => pixel.off += 1,
-            }
+            let count = &mut pixel[event.polarity as usize];
+            *count = count.saturating_add(1);
         }
     }
 }
@@ -62,15 +57,14 @@ impl EventSink for Picture {
     }
 }
 
-impl Balance {
-    fn colour(self) -> [u8; 3] {
-        let rest = 255u8.checked_shr(self.on.abs_diff(self.off)).unwrap_or(0);
-        match self.on.cmp(&self.off) {
-            std::cmp::Ordering::Greater => [255, rest, rest],
-            std::cmp::Ordering::Less => [rest, rest, 255],
-            std::cmp::Ordering::Equal if self.on > 0 => CANCELLED,
-            std::cmp::Ordering::Equal => [255; 3],
-        }
+/// The colour of a pixel with so many OFF and ON events.
+fn colour([off, on]: [u32; 2]) -> [u8; 3] {
+    let rest = 255u8.checked_shr(on.abs_diff(off)).unwrap_or(0);
+    match on.cmp(&off) {
+        std::cmp::Ordering::Greater => [255, rest, rest],
+        std::cmp::Ordering::Less => [rest, rest, 255],
+        std::cmp::Ordering::Equal if on > 0 => CANCELLED,
+        std::cmp::Ordering::Equal => [255; 3],
     }
 }
 
@@ -134,12 +128,12 @@ fn place(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: [u32
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Label;
+    use crate::event::{Label, Polarity};
     use crate::units::Timestamp;
 
     #[test]
     fn colours_show_the_balance_within_the_window() {
-        let mut picture = Picture::new(Size { width: 5, height: 1 }, 10..20);
+        let mut picture = Picture::new(Size { width: 5, height: 1 }, 10..20).unwrap();
         let mut see = |x, us, polarity| {
             picture
                 .append(&[Event { t: Timestamp::from_micros(us), x, y: 0, polarity, label: Label::Signal }])

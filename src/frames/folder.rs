@@ -17,7 +17,10 @@ use std::fs;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
-/// The file with the paths and stamps of a sequence.
+/// Frames of a sequence of image files: each takes some hundred bytes for its path.
+pub const MAX_FRAMES: usize = 1 << 19;
+
+/// The file with a sequence's paths and stamps.
 pub const INFO: &str = "info.txt";
 
 /// The reason why a folder is not a sequence of frames.
@@ -81,6 +84,9 @@ fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
     let (mut images, mut stamps_us, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
     let refusal = |line, because| FolderError::Line { path: path.to_owned(), line, because };
     for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
+        if images.len() == MAX_FRAMES {
+            return Err(refusal(number, format!("more than {MAX_FRAMES} frames, the most of a sequence")));
+        }
         let (image, stamp) = parse(line).map_err(|because| refusal(number, because))?;
         let image = find(folder, image).ok_or_else(|| refusal(number, format!("{image} is not there")))?;
         images.push(image);
@@ -119,6 +125,10 @@ fn of_names(folder: &Path) -> Result<Listing, FolderError> {
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
         names.extend(name.to_str().filter(|name| is_image(name)).map(str::to_owned));
+    }
+    if names.len() > MAX_FRAMES {
+        let because = format!("{} images, wanted at most {MAX_FRAMES}", names.len());
+        return Err(FolderError::Content { path: folder.to_owned(), because });
     }
     names.sort_by(|a, b| natural::compare(a, b));
     if names.is_empty() {
@@ -170,6 +180,8 @@ impl FolderFrames {
         }
         let stamps = relative(stamps_us)?;
         let wanted = size(first)?;
+        // Its header alone does not make a sensor of that size.
+        read(first, false, wanted).map_err(|because| refusal(first, because))?;
         for path in rest {
             let found = size(path)?;
             if found != wanted {
@@ -188,7 +200,10 @@ fn size(path: &Path) -> Result<Size, FolderError> {
     let side = |n: usize| u32::try_from(n).ok().filter(|n| (1..=1 << 16).contains(n));
     let sides = side(found.width).zip(side(found.height));
     let (width, height) = sides.ok_or_else(|| refusal("wanted 1 to 65536 columns and rows".to_owned()))?;
-    Ok(Size { width, height })
+    let size = Size { width, height };
+    // A sensor takes memory for each pixel before it sees the first frame.
+    size.check_sensor().map_err(|e| refusal(format!("an image of {e}")))?;
+    Ok(size)
 }
 
 impl Frames for FolderFrames {
@@ -203,12 +218,8 @@ impl Frames for FolderFrames {
     fn next(&mut self) -> Result<Option<Frame>, FrameError> {
         let index = self.next;
         let Some((path, &t)) = self.images.get(index).zip(self.stamps.get(index)) else { return Ok(None) };
-        let shades = read(path, self.coloured).and_then(|shades| {
-            // The file may have been replaced since its size was read.
-            let (found, wanted) = (shades.luminance.size(), self.size);
-            if found == wanted { Ok(shades) } else { Err(format!("{found}, wanted {wanted} as the first")) }
-        });
-        let Shades { luminance, colours } = shades.map_err(|because| {
+        // It may have been replaced since its size was looked up.
+        let Shades { luminance, colours } = read(path, self.coloured, self.size).map_err(|because| {
             let because = format!("{}: {because}", path.display());
             FrameError::Invalid { index, because }
         })?;
@@ -226,21 +237,22 @@ impl Frames for FolderFrames {
     }
 }
 
-/// The luminance of an image, and its colours if they are requested and it is not grey.
-fn read(path: &Path, coloured: bool) -> Result<Shades, String> {
+/// The luminance of an image of this size, and its colours where they are wanted and it has any.
+fn read(path: &Path, coloured: bool, size: Size) -> Result<Shades, String> {
+    let size = Some(size);
     if has_extension(path, "png") {
         let file = files::open_at_most(path, files::MAX_PICTURE).map_err(|e| e.to_string())?;
         let file = BufReader::new(file);
         let read = match coloured {
-            true => png::read_colours(file),
-            false => png::read_luminance(file).map(|luminance| Shades { luminance, colours: None }),
+            true => png::read_colours(file, size),
+            false => png::read_luminance(file, size).map(|luminance| Shades { luminance, colours: None }),
         };
         return read.map_err(|e| e.to_string());
     }
     let bytes = files::read(path, files::MAX_PICTURE).map_err(|e| e.to_string())?;
     let read = match coloured {
-        true => jpeg::read_colours(&bytes),
-        false => jpeg::read_luminance(&bytes).map(|luminance| Shades { luminance, colours: None }),
+        true => jpeg::read_colours(&bytes, size),
+        false => jpeg::read_luminance(&bytes, size).map(|luminance| Shades { luminance, colours: None }),
     };
     read.map_err(|e| e.to_string())
 }

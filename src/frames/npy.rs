@@ -3,17 +3,17 @@
 use super::array::FullScale;
 use super::stamps::{StampError, relative};
 use super::{Frame, FrameError, Frames, finite};
+use crate::budget;
 use crate::files;
-use crate::image::{Image, Size, npy};
+use crate::image::{Image, MAX_SENSOR_PIXELS, Size, npy};
 use crate::units::Timestamp;
 use npyz::{NpyHeader, Order};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Maximum pixels of a frame, and maximum elements of a list of stamps. A file's claims are bounded
-/// before memory is allocated.
-const MOST: u64 = 1 << 28;
+/// Stamps of a list.
+const MAX_STAMPS: u64 = 1 << 28;
 
 /// Number of frames whose brightest sample decides the full scale of floats.
 const LOOKED_AT: usize = 2;
@@ -138,11 +138,12 @@ impl Stack {
         let (Some(width), Some(height)) = (side(width), side(height)) else {
             return Err(array.refusal("1 to 65536 columns and rows"));
         };
-        if u64::from(width) * u64::from(height) > MOST {
-            return Err(array.refusal("at most 2^28 pixels a frame"));
+        let size = Size { width, height };
+        if size.check_sensor().is_err() {
+            return Err(array.refusal(&format!("at most {MAX_SENSOR_PIXELS} pixels per frame")));
         }
         let frames = usize::try_from(frames).map_err(|_| array.refusal("fewer frames"))?;
-        Ok(Self { array, kind, frames, size: Size { width, height } })
+        Ok(Self { array, kind, frames, size })
     }
 
     /// Number of frames.
@@ -168,12 +169,12 @@ impl Stack {
         let n = self.size.pixels();
         let values = match self.kind {
             Kind::Bytes => {
-                let mut bytes = vec![0; n];
+                let mut bytes = budget::try_filled(0, n)?;
                 self.array.data.read_exact(&mut bytes)?;
                 bytes.into_iter().map(|v| scale * f32::from(v)).collect()
             }
             Kind::Floats => {
-                let mut bytes = vec![[0; 4]; n];
+                let mut bytes = budget::try_filled([0; 4], n)?;
                 self.array.data.read_exact(bytes.as_flattened_mut())?;
                 bytes.into_iter().map(|v| scale * f32::from_le_bytes(v)).collect()
             }
@@ -204,13 +205,20 @@ pub fn brightest(path: &Path) -> Result<f32, NpyError> {
 pub fn stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
     let mut array = Array::open(path)?;
     let &[count] = array.shape.as_slice() else { return Err(array.refusal("int64 of shape [N]")) };
-    if array.kind != "<i8" || count > MOST {
+    if array.kind != "<i8" || count > MAX_STAMPS {
         return Err(array.refusal("int64 of shape [N], N at most 2^28"));
     }
-    let mut bytes = vec![[0; 8]; usize::try_from(count).unwrap_or(usize::MAX)];
-    let read = array.data.read_exact(bytes.as_flattened_mut());
-    read.map_err(|source| NpyError::Io { path: path.to_owned(), source })?;
-    Ok(bytes.into_iter().map(i64::from_le_bytes).collect())
+    // The array's shape was held against the length of the file.
+    let mut read = || -> io::Result<Vec<i64>> {
+        let mut stamps = budget::try_with_room(usize::try_from(count).unwrap_or(usize::MAX))?;
+        for _ in 0..count {
+            let mut bytes = [0; 8];
+            array.data.read_exact(&mut bytes)?;
+            stamps.push(i64::from_le_bytes(bytes));
+        }
+        Ok(stamps)
+    };
+    read().map_err(|source| NpyError::Io { path: path.to_owned(), source })
 }
 
 /// The frames of a stack at their stamps.

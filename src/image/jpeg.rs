@@ -4,7 +4,7 @@
 //! Decoder and encoder are built without their vector instructions, so that a file gives the same
 //! greys, and a picture the same bytes, on every machine.
 
-use super::{Image, Shades, Size};
+use super::{Image, MAX_PIXELS, Shades, Size};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::io::Cursor;
 use zune_jpeg::JpegDecoder;
@@ -12,23 +12,42 @@ use zune_jpeg::errors::DecodeErrors;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Most columns and rows of an image that is read: what a file claims is bounded before memory is taken for it.
-const MOST_EDGE: usize = 1 << 14;
+/// Columns, and rows, of an image that is read.
+const MAX_EDGE: usize = 1 << 14;
+
+/// Pixels that a byte stands for at most: a block of 64 takes a bit of its own.
+const MAX_PIXELS_PER_BYTE: usize = 8 * 64;
 
 /// The reason why a JPEG cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[error("{0:?}")]
-pub struct JpegError(#[from] DecodeErrors);
+pub enum JpegError {
+    /// The bytes are damaged or no JPEG.
+    #[error("{0:?}")]
+    Damaged(#[from] DecodeErrors),
+    /// An image of another size, or larger than its file can hold.
+    #[error("an image of {found}, wanted {wanted}")]
+    Size {
+        /// Its size.
+        found: Size,
+        /// What it should be.
+        wanted: String,
+    },
+}
 
-/// Reads the luminance of an image, grey 0..255.
+/// An image without the channels that are wanted of it.
+fn lacks(channels: &'static str) -> JpegError {
+    JpegError::Damaged(DecodeErrors::FormatStatic(channels))
+}
+
+/// Reads the luminance of an image, grey 0..255. Its size is `wanted`, where that is known: one of another size is
+/// refused by its header.
 ///
 /// # Errors
-/// The bytes are damaged or not a JPEG, the image has no luma (CMYK), or it exceeds 16,384 columns
-/// or rows.
-pub fn read_luminance(bytes: &[u8]) -> Result<Image<f32>, JpegError> {
-    let (size, _, greys) = decoded(bytes, ColorSpace::Luma)?;
+/// When the bytes are damaged or no JPEG, the image has no luma of its own (CMYK), or more than 16,384 columns or rows.
+pub fn read_luminance(bytes: &[u8], wanted: Option<Size>) -> Result<Image<f32>, JpegError> {
+    let (size, _, greys) = decoded(bytes, ColorSpace::Luma, wanted)?;
     if greys.len() != size.pixels() {
-        return Err(JpegError(DecodeErrors::FormatStatic("it has no luma of its own")));
+        return Err(lacks("it has no luma of its own"));
     }
     Ok(Image::from_vec(size, greys.into_iter().map(f32::from).collect()))
 }
@@ -36,16 +55,15 @@ pub fn read_luminance(bytes: &[u8]) -> Result<Image<f32>, JpegError> {
 /// [`read_luminance`], with the colours of the image, 0..255, unless it is grey.
 ///
 /// # Errors
-/// As [`read_luminance`]; or the chroma, which that function does not read, is damaged or of the
-/// wrong size.
-pub fn read_colours(bytes: &[u8]) -> Result<Shades, JpegError> {
-    let luminance = read_luminance(bytes)?;
-    let (size, stored, samples) = decoded(bytes, ColorSpace::RGB)?;
+/// As [`read_luminance`], and when the chroma, which that does not read, is damaged or not as large as the luma asks for.
+pub fn read_colours(bytes: &[u8], wanted: Option<Size>) -> Result<Shades, JpegError> {
+    let luminance = read_luminance(bytes, wanted)?;
+    let (size, stored, samples) = decoded(bytes, ColorSpace::RGB, wanted)?;
     if stored == Some(ColorSpace::Luma) {
         return Ok(Shades { luminance, colours: None });
     }
     if samples.len() != 3 * size.pixels() {
-        return Err(JpegError(DecodeErrors::FormatStatic("it has no red, green and blue")));
+        return Err(lacks("it has no red, green and blue"));
     }
     let colours = samples.as_chunks().0.iter().map(|rgb: &[u8; 3]| rgb.map(f32::from)).collect();
     Ok(Shades { luminance, colours: Some(Image::from_vec(size, colours)) })
@@ -54,15 +72,14 @@ pub fn read_colours(bytes: &[u8]) -> Result<Shades, JpegError> {
 /// Reads an 8-bit image as it is encoded; grey becomes three equal channels.
 ///
 /// # Errors
-/// The bytes are damaged or not a JPEG, or the image exceeds 16,384 columns or rows.
-pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, JpegError> {
-    let (size, _, samples) = decoded(bytes, ColorSpace::RGB)?;
+/// When the bytes are damaged or no JPEG, or the image has more than 16,384 columns or rows, or another size than
+/// `wanted`.
+pub fn read(bytes: &[u8], wanted: Option<Size>) -> Result<Image<[u8; 3]>, JpegError> {
+    let (size, _, samples) = decoded(bytes, ColorSpace::RGB, wanted)?;
     let pixels = match samples.len().checked_div(size.pixels()) {
         Some(3) => samples.as_chunks().0.to_vec(),
         Some(1) => samples.into_iter().map(|grey| [grey; 3]).collect(),
-        _ => {
-            return Err(JpegError(DecodeErrors::FormatStatic("it has neither grey nor red, green and blue")));
-        }
+        _ => return Err(lacks("it has neither grey nor red, green and blue")),
     };
     Ok(Image::from_vec(size, pixels))
 }
@@ -85,18 +102,37 @@ pub fn encode(image: &Image<[u8; 3]>, quality: u8) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// Size, the colour space of the file, and the samples in the requested one.
-fn decoded(bytes: &[u8], wanted: ColorSpace) -> Result<(Size, Option<ColorSpace>, Vec<u8>), JpegError> {
+/// Size, the colour space of the file, and the samples in another.
+fn decoded(
+    bytes: &[u8],
+    space: ColorSpace,
+    wanted: Option<Size>,
+) -> Result<(Size, Option<ColorSpace>, Vec<u8>), JpegError> {
     let options = DecoderOptions::new_safe()
         .set_strict_mode(true)
-        .set_max_width(MOST_EDGE)
-        .set_max_height(MOST_EDGE)
-        .jpeg_set_out_colorspace(wanted);
+        .set_max_width(MAX_EDGE)
+        .set_max_height(MAX_EDGE)
+        .jpeg_set_out_colorspace(space);
     let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
-    let samples = decoder.decode()?;
+    decoder.decode_headers()?;
     let side = |n: usize| u32::try_from(n).unwrap_or(0);
     let (width, height) = decoder.dimensions().unwrap_or((0, 0));
-    Ok((Size { width: side(width), height: side(height) }, decoder.input_colorspace(), samples))
+    let size = Size { width: side(width), height: side(height) };
+    check_claim(size, bytes.len(), wanted)?;
+    let samples = decoder.decode()?;
+    Ok((size, decoder.input_colorspace(), samples))
+}
+
+/// Holds the size in a header against the size that is wanted and what the file can hold.
+fn check_claim(size: Size, file: usize, wanted: Option<Size>) -> Result<(), JpegError> {
+    let refuse = |wanted: String| Err(JpegError::Size { found: size, wanted });
+    if let Some(wanted) = wanted.filter(|wanted| *wanted != size) {
+        return refuse(wanted.to_string());
+    }
+    if size.pixels() > MAX_PIXELS.min(file.saturating_mul(MAX_PIXELS_PER_BYTE)) {
+        return refuse(format!("no more than {file} bytes of JPEG can hold"));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -122,7 +158,7 @@ mod tests {
 
     #[test]
     fn the_greys_are_those_of_another_decoder() {
-        let image = read_luminance(&bytes()).unwrap();
+        let image = read_luminance(&bytes(), None).unwrap();
         assert_eq!(image.size(), Size { width: 16, height: 8 });
         for (i, &grey) in image.pixels().iter().enumerate() {
             let wanted = if i % 16 < 8 { 124.0 } else { 42.0 };
@@ -133,8 +169,8 @@ mod tests {
 
     #[test]
     fn the_colours_are_those_that_were_written() {
-        let Shades { luminance, colours } = read_colours(&bytes()).unwrap();
-        assert_eq!(luminance, read_luminance(&bytes()).unwrap());
+        let Shades { luminance, colours } = read_colours(&bytes(), None).unwrap();
+        assert_eq!(luminance, read_luminance(&bytes(), None).unwrap());
         for (i, colour) in colours.unwrap().pixels().iter().enumerate() {
             let wanted = if i % 16 < 8 { [200.0, 100.0, 50.0] } else { [10.0, 20.0, 240.0] };
             // Luma and chroma are each rounded twice, by half a step; blue has a factor of 1.772 on
@@ -147,8 +183,8 @@ mod tests {
     #[test]
     fn bytes_are_read_as_colours_are() {
         let bytes = bytes();
-        let colours = read_colours(&bytes).unwrap().colours.unwrap();
-        let read = read(&bytes).unwrap();
+        let colours = read_colours(&bytes, None).unwrap().colours.unwrap();
+        let read = read(&bytes, None).unwrap();
         assert_eq!(read.size(), colours.size());
         let bits = |rgb: &[f32; 3]| rgb.map(f32::to_bits);
         let same = |(a, b): (&[u8; 3], &[f32; 3])| bits(&a.map(f32::from)) == bits(b);
@@ -165,7 +201,7 @@ mod tests {
         let image = Image::from_vec(size, (0..45 * 31).map(colour).collect());
         let written = encode(&image, 85).unwrap();
         assert!(written.len() < 45 * 31 * 3 / 4, "{} bytes", written.len());
-        let found = read(&written).unwrap();
+        let found = read(&written, None).unwrap();
         assert_eq!(found.size(), size);
         let off = |(a, b): (&[u8; 3], &[u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
         let worst = found.pixels().iter().zip(image.pixels()).map(off).max().unwrap();
@@ -176,12 +212,25 @@ mod tests {
     }
 
     #[test]
+    fn sizes_are_refused_before_memory_is_taken() {
+        let mut file = bytes();
+        let at = file.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
+        let other = Size { width: 8, height: 8 };
+        let error = read(&file, Some(other)).unwrap_err().to_string();
+        assert_eq!(error, "an image of 16x8, wanted 8x8");
+        // Rows and columns stand behind the marker, a length and the number of bits.
+        file[at + 5..at + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
+        let error = read_luminance(&file, None).unwrap_err().to_string();
+        assert_eq!(error, "an image of 16384x16384, wanted no more than 292 bytes of JPEG can hold");
+    }
+
+    #[test]
     fn damage_is_an_error() {
         let whole = bytes();
         assert_eq!(whole.len(), 292);
         for cut in 0..whole.len() - 10 {
-            assert!(read_luminance(&whole[..cut]).is_err(), "{cut} of {} bytes", whole.len());
+            assert!(read_luminance(&whole[..cut], None).is_err(), "{cut} of {} bytes", whole.len());
         }
-        assert!(read_luminance(b"no image").is_err());
+        assert!(read_luminance(b"no image", None).is_err());
     }
 }

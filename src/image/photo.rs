@@ -1,7 +1,7 @@
 //! Photos as cameras and datasets provide them: JPEG or PNG by content, because datasets name one
 //! like the other.
 
-use super::{Image, jpeg, png};
+use super::{Image, Size, jpeg, png};
 use std::io::Cursor;
 
 /// The reason why a photo cannot be read.
@@ -22,15 +22,15 @@ pub enum PhotoError {
 const JPEG: [u8; 2] = [0xff, 0xd8];
 const PNG: [u8; 4] = *b"\x89PNG";
 
-/// Reads a photo of 8 bits; grey becomes three equal channels.
+/// Reads a photo of 8 bits of a camera of this size; grey becomes three equal channels.
 ///
 /// # Errors
-/// The bytes are damaged, or of another format or depth.
-pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, PhotoError> {
+/// When the bytes are damaged, or of another format, depth or size: the size by the header, before anything is decoded.
+pub fn read(bytes: &[u8], camera: Size) -> Result<Image<[u8; 3]>, PhotoError> {
     if bytes.starts_with(&JPEG) {
-        Ok(jpeg::read(bytes)?)
+        Ok(jpeg::read(bytes, Some(camera))?)
     } else if bytes.starts_with(&PNG) {
-        Ok(png::read(Cursor::new(bytes))?)
+        Ok(png::read_sized(Cursor::new(bytes), camera)?)
     } else {
         Err(PhotoError::Other)
     }
@@ -39,11 +39,12 @@ pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, PhotoError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
 
     #[test]
     fn photos_are_told_by_their_content() {
-        let image = Image::filled(Size { width: 5, height: 3 }, [1u8, 2, 3]);
+        let size = Size { width: 5, height: 3 };
+        let image = Image::filled(size, [1u8, 2, 3]);
+        let read = |bytes: &[u8]| read(bytes, size);
         let mut bytes = Vec::new();
         png::write(&image, &mut bytes).unwrap();
         assert_eq!(read(&bytes).unwrap(), image);

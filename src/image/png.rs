@@ -5,12 +5,11 @@
 //! takes 1.06 bytes and 4 ns per pixel, where deflate's level 4 with adaptive filters takes 0.98
 //! bytes and 90 ns. Encoding must not cost as much as rendering.
 
-use super::{Image, LUMINANCE_WEIGHTS, Shades, Size, to_byte};
-use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Transformations};
-use std::io::{BufRead, Seek, Write};
-
-/// Most pixels of an image that is read: what a file claims is bounded before memory is taken for it.
-const MOST_PIXELS: u64 = 1 << 28;
+use super::{Image, LUMINANCE_WEIGHTS, MAX_PIXELS, Shades, Size, to_byte};
+use crate::budget::{self, Budget, MAX_DEFLATE_RATIO};
+use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Reader, Transformations};
+use std::collections::TryReserveError;
+use std::io::{self, BufRead, Seek, SeekFrom, Write};
 
 /// A pixel in the form in which a PNG stores it.
 pub trait Pixel: Copy {
@@ -52,6 +51,23 @@ pub enum PngError {
         /// The kind wanted.
         wanted: &'static str,
     },
+    /// An image of another size, or larger than its file can hold.
+    #[error("an image of {found}, wanted {wanted}")]
+    Size {
+        /// Its size.
+        found: Size,
+        /// What it should be.
+        wanted: String,
+    },
+    /// There is no memory for it.
+    #[error("{0}")]
+    Memory(#[from] TryReserveError),
+}
+
+impl From<io::Error> for PngError {
+    fn from(error: io::Error) -> Self {
+        Self::Damaged(error.into())
+    }
 }
 
 /// An encoded colour image on the scale 0..1 as bytes, with [`to_byte`].
@@ -82,7 +98,19 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()>
 /// The bytes are damaged, or the image has another depth, a palette, transparency, or more than
 /// 2^28 pixels.
 pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
-    let Stored { size, colour, depth, bytes } = stored(input)?;
+    colours(stored(input, None)?)
+}
+
+/// [`read`] of an image whose size is known: one of another size is refused by its header.
+///
+/// # Errors
+/// As [`read`], and when the image has another size.
+pub fn read_sized(input: impl BufRead + Seek, wanted: Size) -> Result<Image<[u8; 3]>, PngError> {
+    colours(stored(input, Some(wanted))?)
+}
+
+fn colours(stored: Stored) -> Result<Image<[u8; 3]>, PngError> {
+    let Stored { size, colour, depth, bytes } = stored;
     let pixels = match (depth, colour) {
         (BitDepth::Eight, ColorType::Grayscale) => bytes.iter().map(|&v| [v; 3]).collect(),
         (BitDepth::Eight, ColorType::Rgb) => bytes.as_chunks().0.to_vec(),
@@ -91,21 +119,21 @@ pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
     Ok(Image::from_vec(size, pixels))
 }
 
-/// Reads the luminance of an image of 8 or 16 bits on the grey scale 0..255: grey unchanged,
-/// colours by [`super::LUMINANCE_WEIGHTS`]. For 16 bits, the full scale is 65,535.
+/// Reads the luminance of an image of 8 or 16 bits on the grey scale 0..255: a grey as it stands, a colour by
+/// [`super::LUMINANCE_WEIGHTS`]; of 16 bits the full scale is 65,535. Its size is `wanted`, where that is known.
 ///
 /// # Errors
-/// As [`read`], except that 16 bits are accepted.
-pub fn read_luminance(input: impl BufRead + Seek) -> Result<Image<f32>, PngError> {
-    Ok(samples(input)?.luminance())
+/// As [`read_sized`], but that 16 bits are right too.
+pub fn read_luminance(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Image<f32>, PngError> {
+    Ok(samples(input, wanted)?.luminance())
 }
 
 /// [`read_luminance`], with the colours on the same scale, unless the image is grey.
 ///
 /// # Errors
 /// As [`read_luminance`].
-pub fn read_colours(input: impl BufRead + Seek) -> Result<Shades, PngError> {
-    let samples = samples(input)?;
+pub fn read_colours(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Shades, PngError> {
+    let samples = samples(input, wanted)?;
     Ok(Shades { luminance: samples.luminance(), colours: samples.colours() })
 }
 
@@ -132,8 +160,8 @@ impl Samples {
     }
 }
 
-fn samples(input: impl BufRead + Seek) -> Result<Samples, PngError> {
-    let Stored { size, colour, depth, bytes } = stored(input)?;
+fn samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Samples, PngError> {
+    let Stored { size, colour, depth, bytes } = stored(input, wanted)?;
     let wide = |[high, low]: [u8; 2]| f64::from(u16::from_be_bytes([high, low])) / 257.0;
     let values = match depth {
         BitDepth::Eight => bytes.into_iter().map(f64::from).collect(),
@@ -173,22 +201,52 @@ struct Stored {
     bytes: Vec<u8>,
 }
 
-fn stored(input: impl BufRead + Seek) -> Result<Stored, PngError> {
-    let mut decoder = png::Decoder::new(input);
-    decoder.set_transformations(Transformations::IDENTITY);
-    let mut reader = decoder.read_info()?;
+fn stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Stored, PngError> {
+    let file = input.seek(SeekFrom::End(0))?;
+    input.rewind()?;
+    let mut reader = opened(&mut input)?;
     let (width, height) = reader.info().size();
-    if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        let found = format!("an image of {width}x{height}");
-        return Err(PngError::Kind { found, wanted: "at most 2^28 pixels" });
-    }
-    let (colour, depth) = reader.output_color_type();
     let size = Size { width, height };
+    let (colour, depth) = reader.output_color_type();
     let wide = if depth == BitDepth::Sixteen { 2 } else { 1 };
-    let mut bytes = vec![0; size.pixels() * colour.samples() * wide];
+    let claimed = check_claim(size, colour.samples() * wide, file, wanted)?;
+    if Budget::of_file(file).check(claimed, 1).is_err() {
+        // It compresses better than photos do: it is decoded to nothing first, so that a broken one takes no memory.
+        while reader.next_row()?.is_some() {}
+        reader.finish()?;
+        drop(reader);
+        input.rewind()?;
+        reader = opened(&mut input)?;
+    }
+    let mut bytes = budget::try_filled(0, claimed)?;
     reader.next_frame(&mut bytes)?;
     reader.finish()?;
     Ok(Stored { size, colour, depth, bytes })
+}
+
+/// A decoder behind the header. Texts and profiles, which inflate on their own, are passed over.
+fn opened<R: BufRead + Seek>(input: R) -> Result<Reader<R>, DecodingError> {
+    let mut decoder = png::Decoder::new(input);
+    decoder.set_transformations(Transformations::IDENTITY);
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder.read_info()
+}
+
+/// The bytes of an image of this size, if a file of `file` bytes can hold it and it is what is wanted.
+fn check_claim(size: Size, bytes_a_pixel: usize, file: u64, wanted: Option<Size>) -> Result<usize, PngError> {
+    let refuse = |wanted: String| Err(PngError::Size { found: size, wanted });
+    if let Some(wanted) = wanted.filter(|wanted| *wanted != size) {
+        return refuse(wanted.to_string());
+    }
+    if size.pixels() > MAX_PIXELS {
+        return refuse(format!("at most {MAX_PIXELS} pixels"));
+    }
+    let claimed = size.pixels() * bytes_a_pixel;
+    if claimed as u64 > file.saturating_mul(MAX_DEFLATE_RATIO) {
+        return refuse(format!("no more than {file} bytes of PNG can hold"));
+    }
+    Ok(claimed)
 }
 
 fn other_kind((depth, colour): (BitDepth, ColorType), wanted: &'static str) -> PngError {
@@ -264,6 +322,55 @@ mod tests {
         }
     }
 
+    /// The header of a grey image of this size, and behind it `data` as the stream of its pixels.
+    fn claim(width: u32, height: u32, data: &[u8]) -> Vec<u8> {
+        let mut out = Vec::new();
+        let mut encoder = png::Encoder::new(&mut out, width, height);
+        encoder.set_color(ColorType::Grayscale);
+        let mut writer = encoder.write_header().unwrap();
+        writer.write_chunk(png::chunk::IDAT, data).unwrap();
+        drop(writer);
+        out
+    }
+
+    #[test]
+    fn sizes_are_refused_before_memory_is_taken() {
+        let t = |file: &[u8], wanted: Option<Size>, message: &str| {
+            let error = read_luminance(Cursor::new(file), wanted).unwrap_err().to_string();
+            assert_eq!(error, message);
+        };
+        let huge = claim(65_535, 65_535, b"");
+        t(&huge, None, "an image of 65535x65535, wanted at most 268435456 pixels");
+        t(&huge, Some(SIZE), "an image of 65535x65535, wanted 37x23");
+        let large = claim(16_384, 16_384, b"");
+        let bytes = large.len();
+        t(
+            &large,
+            None,
+            &format!("an image of 16384x16384, wanted no more than {bytes} bytes of PNG can hold"),
+        );
+        let grey = encoded(&Image::filled(SIZE, 9u8));
+        assert!(read_sized(Cursor::new(&grey), SIZE).is_ok());
+        let other = Size { width: 38, height: 23 };
+        assert!(matches!(read_sized(Cursor::new(&grey), other), Err(PngError::Size { found: SIZE, .. })));
+    }
+
+    /// 48 MB of one grey in some hundred kilobytes: read by way of a decoder that keeps nothing.
+    #[test]
+    fn a_plain_image_beyond_the_budget_is_read_all_the_same() {
+        let size = Size { width: 8192, height: 6000 };
+        let file = encoded(&Image::filled(size, 7u8));
+        assert!(file.len() < 1 << 20, "{}", file.len());
+        let stored = stored(Cursor::new(&file), Some(size)).unwrap();
+        assert!(stored.bytes.len() == size.pixels() && stored.bytes.iter().all(|v| *v == 7));
+        let error = stored_error(&file[..file.len() - 20]);
+        assert!(!error.is_empty());
+    }
+
+    fn stored_error(file: &[u8]) -> String {
+        stored(Cursor::new(file), None).map(|_| ()).unwrap_err().to_string()
+    }
+
     #[test]
     fn other_kinds_are_refused_by_name() {
         let mut out = Vec::new();
@@ -282,9 +389,9 @@ mod tests {
             encoder.set_color(colour);
             encoder.set_depth(depth);
             encoder.write_header().unwrap().write_image_data(bytes).unwrap();
-            let found = read_luminance(Cursor::new(&out)).unwrap().into_pixels();
+            let found = read_luminance(Cursor::new(&out), None).unwrap().into_pixels();
             assert_eq!(found, [wanted], "{colour:?} {depth:?} {bytes:?}");
-            let Shades { luminance, colours } = read_colours(Cursor::new(&out)).unwrap();
+            let Shades { luminance, colours } = read_colours(Cursor::new(&out), None).unwrap();
             let greys = colours.as_ref().map_or([wanted; 3], |colours| colours.pixels()[0]);
             assert_eq!((luminance.pixels(), colours.is_some()), (&[wanted][..], colour == ColorType::Rgb));
             let sample = |c: usize| f32::from(bytes[c * bytes.len() / 3]);

@@ -6,7 +6,7 @@
 //! the same views as this program.
 
 use crate::files;
-use crate::image::{Image, Shades, jpeg, png, to_byte};
+use crate::image::{Image, Shades, Size, jpeg, png, to_byte};
 use crate::source::colmap::write::{Taken, write};
 use crate::source::colmap::{Point, read_points};
 use crate::source::lens::NEGLIGIBLE_PX;
@@ -146,11 +146,7 @@ fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, 
 /// Writes the undistorted photo and returns its file name.
 fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<String, LayoutError> {
     let unreadable = |because: String| LayoutError::Photo { path: photo.to_owned(), because };
-    let taken = decode(photo).map_err(unreadable)?;
-    if taken.size() != view.camera.size {
-        let (found, wanted) = (taken.size(), view.camera.size);
-        return Err(unreadable(format!("it is {found}, and its camera, whose lens bends it, says {wanted}")));
-    }
+    let taken = decode(photo, view.camera.size).map_err(unreadable)?;
     let straight = undistorted(&taken, &view.camera, &view.lens);
     let name = format!("{index:06}.png");
     let file = images.join(&name);
@@ -158,13 +154,14 @@ fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<
     Ok(name)
 }
 
-/// Decodes the colours of a PNG or a JPEG. A grey picture becomes three equal channels.
-fn decode(photo: &Path) -> Result<Image<[u8; 3]>, String> {
+/// Decodes the colours of a PNG or a JPEG, which must have the size of its camera, because the lens
+/// bends it. A grey picture becomes three equal channels.
+fn decode(photo: &Path, camera: Size) -> Result<Image<[u8; 3]>, String> {
     let bytes = files::read(photo, files::MAX_PICTURE).map_err(|e| e.to_string())?;
     let shades = if bytes.starts_with(b"\x89PNG") {
-        png::read_colours(Cursor::new(&bytes)).map_err(|e| e.to_string())?
+        png::read_colours(Cursor::new(&bytes), Some(camera)).map_err(|e| e.to_string())?
     } else {
-        jpeg::read_colours(&bytes).map_err(|e| e.to_string())?
+        jpeg::read_colours(&bytes, Some(camera)).map_err(|e| e.to_string())?
     };
     let Shades { luminance, colours } = shades;
     let size = luminance.size();

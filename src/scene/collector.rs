@@ -1,6 +1,7 @@
 //! Collects Gaussians from a file: those that are not finite are dropped and counted.
 
 use super::{Gaussians, SceneError, Screening, sh};
+use crate::budget::try_with_room;
 use glam::DVec3;
 
 /// One Gaussian, its fields as in [`Gaussians`].
@@ -32,21 +33,21 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    /// An empty scene with capacity for `capacity` Gaussians, which the caller has bounded by the
-    /// file's size.
-    pub(super) fn new(sh_degree: u8, capacity: usize) -> Self {
+    /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the file's size; an error where
+    /// there is no memory for them.
+    pub(super) fn new(sh_degree: u8, capacity: usize) -> Result<Self, SceneError> {
         let scene = Gaussians {
             origin: DVec3::ZERO,
-            positions: Vec::with_capacity(capacity),
-            log_scales: Vec::with_capacity(capacity),
-            rotations: Vec::with_capacity(capacity),
-            opacity_logits: Vec::with_capacity(capacity),
-            sh: Vec::with_capacity(capacity * sh::len(sh_degree)),
+            positions: try_with_room(capacity)?,
+            log_scales: try_with_room(capacity)?,
+            rotations: try_with_room(capacity)?,
+            opacity_logits: try_with_room(capacity)?,
+            sh: try_with_room(capacity.saturating_mul(sh::len(sh_degree)))?,
             sh_degree,
             antialiased: None,
             screening: Screening::default(),
         };
-        Self { scene }
+        Ok(Self { scene })
     }
 
     /// Takes the next Gaussian of the file.

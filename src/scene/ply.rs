@@ -37,7 +37,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = body::binary(&header, cursor, &mut buffer)?;
     let [Rows { bytes: rows, .. }] = body::rows(&header, ["vertex"], &mut cursor)?;
     let origin = columns.origin(rows, header.notes.origin);
-    let mut collector = Collector::new(columns.sh_degree, rows.len() / columns.stride);
+    let mut collector = Collector::new(columns.sh_degree, rows.len() / columns.stride)?;
     let mut harmonics = vec![[0.0; 3]; sh::len(columns.sh_degree)];
     for row in rows.chunks_exact(columns.stride) {
         collector.push(&columns.gaussian(row, origin, &mut harmonics));

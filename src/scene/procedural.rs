@@ -89,7 +89,8 @@ pub fn gaussians(life: &StillLife) -> Gaussians {
     let arrangement = arrange(life.seed);
     let weights: Vec<f64> = arrangement.parts.iter().map(|p| p.detail * p.shape.area()).collect();
     let counts = shape::shares(life.gaussians as usize, &weights);
-    let mut collector = Collector::new(light::DEGREE, life.gaussians as usize);
+    let mut collector =
+        Collector::new(light::DEGREE, life.gaussians as usize).expect("a valid still life has few Gaussians");
     for (stream, (part, count)) in (0_u64..).zip(arrangement.parts.iter().zip(counts)) {
         let mut draws = Draws::new(life.seed, stream);
         part.shape.spots(count, &mut draws, |spot| paint(part, spot, &arrangement, &mut collector));

@@ -14,10 +14,11 @@ use super::collector::{Collector, Gaussian};
 use super::cursor::Cursor;
 use super::opacity::logit_of_byte;
 use super::{Gaussians, SceneError, sh};
+use crate::budget::Budget;
 use glam::DVec3;
 use meta::{Codebook, Meta};
 use parts::{Archive, Folder, Parts};
-use pixels::Pixels;
+use pixels::{Pixels, Room};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 
@@ -31,7 +32,7 @@ pub const META: &str = "meta.json";
 /// # Errors
 /// Returns a [`SceneError`] if the bytes are not a `.sog` archive.
 pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
-    read(&mut Archive::open(bytes)?)
+    read(&mut Archive::open(bytes)?, Budget::of(bytes.len()))
 }
 
 /// Reads a folder of `meta.json` and images.
@@ -39,15 +40,17 @@ pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 /// # Errors
 /// Returns a [`SceneError`] if a file cannot be read or is invalid.
 pub fn read_sog_folder(folder: &Path) -> Result<Gaussians, SceneError> {
-    read(&mut Folder(folder))
+    read(&mut Folder(folder), Budget::of(0))
 }
 
-fn read(parts: &mut impl Parts) -> Result<Gaussians, SceneError> {
-    let meta = Meta::parse(&parts.part(META, meta::PART)?)?;
-    let files = Files::read(&meta, parts)?;
-    let images = Images::decode(&meta, &files)?;
+/// Reads what the parts hold; `budget` is that of the archive, and grows with each file of a folder.
+fn read(parts: &mut impl Parts, mut budget: Budget) -> Result<Gaussians, SceneError> {
+    let meta = Meta::parse(&parts.part(META, meta::PART, &mut budget)?)?;
+    let files = Files::read(&meta, parts, &mut budget)?;
+    let images = Images::decode(&meta, &files, &mut budget)?;
+    images.check(meta.count)?;
     let sh_degree = images.palette.as_ref().map_or(0, |palette| palette.sh_degree);
-    let mut collector = Collector::new(sh_degree, meta.count);
+    let mut collector = Collector::new(sh_degree, meta.count)?;
     let mut coefficients = vec![[0.0; 3]; sh::len(sh_degree)];
     for i in 0..meta.count {
         let [r, g, b, alpha] = images.sh0.rgba(i);
@@ -76,36 +79,27 @@ struct Files {
 }
 
 impl Files {
-    fn read(meta: &Meta, parts: &mut impl Parts) -> Result<Self, SceneError> {
+    fn read(meta: &Meta, parts: &mut impl Parts, budget: &mut Budget) -> Result<Self, SceneError> {
+        let mut part = |name: &str, part| parts.part(name, part, budget);
         let [low, high] = &meta.means.files;
         let palette = match &meta.palette {
             None => None,
-            Some(meta::Palette { files: [centroids, labels], .. }) => Some([
-                parts.part(centroids, ".sog (palette of harmonics)")?,
-                parts.part(labels, ".sog (labels of harmonics)")?,
-            ]),
+            Some(meta::Palette { files: [centroids, labels], .. }) => {
+                Some([part(centroids, PALETTE)?, part(labels, ".sog (labels of harmonics)")?])
+            }
         };
         Ok(Self {
-            means: [
-                parts.part(low, ".sog (positions, low bytes)")?,
-                parts.part(high, ".sog (positions, high bytes)")?,
-            ],
-            scales: parts.part(&meta.scales.files[0], ".sog (scales)")?,
-            quats: parts.part(&meta.quats.files[0], ROTATIONS)?,
-            sh0: parts.part(&meta.sh0.files[0], ".sog (colours)")?,
+            means: [part(low, ".sog (positions, low bytes)")?, part(high, ".sog (positions, high bytes)")?],
+            scales: part(&meta.scales.files[0], ".sog (scales)")?,
+            quats: part(&meta.quats.files[0], ROTATIONS)?,
+            sh0: part(&meta.sh0.files[0], ".sog (colours)")?,
             palette,
         })
-    }
-
-    /// Total size of all images in bytes.
-    fn len(&self) -> usize {
-        let palette = self.palette.iter().flatten();
-        let all = self.means.iter().chain([&self.scales, &self.quats, &self.sh0]).chain(palette);
-        all.map(Vec::len).sum()
     }
 }
 
 const ROTATIONS: &str = ".sog (rotations)";
+const PALETTE: &str = ".sog (palette of harmonics)";
 
 /// The decoded images. Each except the palette has one pixel per Gaussian.
 struct Images {
@@ -117,17 +111,19 @@ struct Images {
 }
 
 impl Images {
-    fn decode(meta: &Meta, files: &Files) -> Result<Self, SceneError> {
-        let limit = pixels::limit(files.len());
-        let decode = |bytes: &[u8], part: &'static str| Pixels::decode(bytes, part, limit)?.hold(meta.count);
+    fn decode(meta: &Meta, files: &Files, budget: &mut Budget) -> Result<Self, SceneError> {
         let palette = match (&meta.palette, &files.palette) {
-            (Some(meta), Some([centroids, labels])) => Some(Palette::new(
-                meta,
-                Pixels::decode(centroids, ".sog (palette of harmonics)", limit)?,
-                decode(labels, ".sog (labels of harmonics)")?,
-            )?),
+            (Some(meta), Some([centroids, labels])) => {
+                Some((meta, Pixels::decode(centroids, PALETTE, Room::of_palette(meta), budget)?, labels))
+            }
             _ => None,
         };
+        let one_each = Room::of_scene(meta.count);
+        let mut decode = |bytes: &[u8], part: &'static str| Pixels::decode(bytes, part, one_each, budget);
+        let palette = palette.map(|(meta, centroids, labels)| {
+            Palette::new(meta, centroids, decode(labels, ".sog (labels of harmonics)")?)
+        });
+        let palette = palette.transpose()?;
         let [low, high] = &files.means;
         Ok(Self {
             means: [
@@ -139,6 +135,15 @@ impl Images {
             sh0: decode(&files.sh0, ".sog (colours)")?,
             palette,
         })
+    }
+
+    /// Refuses what no Gaussian can have, before memory is taken for the scene.
+    fn check(&self, count: usize) -> Result<(), SceneError> {
+        for i in 0..count {
+            self.rotation(i)?;
+            self.palette.as_ref().map_or(Ok(0), |palette| palette.label(i))?;
+        }
+        Ok(())
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
@@ -206,14 +211,20 @@ impl Palette {
         })
     }
 
-    /// Copies the harmonics of Gaussian `i` above degree 0.
-    fn copy(&self, i: usize, coefficients: &mut [[f32; 3]]) -> Result<(), SceneError> {
+    /// The set of Gaussian `i`.
+    fn label(&self, i: usize) -> Result<usize, SceneError> {
         let [low, high, _] = self.labels.rgb(i);
         let label = usize::from(u16::from_le_bytes([low, high]));
-        if label >= self.count {
-            let found = format!("the label {label} of Gaussian {i}");
-            return Err(self.labels.at(i).malformed(found, format!("one of {} in the palette", self.count)));
+        if label < self.count {
+            return Ok(label);
         }
+        let found = format!("the label {label} of Gaussian {i}");
+        Err(self.labels.at(i).malformed(found, format!("one of {} in the palette", self.count)))
+    }
+
+    /// The harmonics of Gaussian `i` above degree 0.
+    fn copy(&self, i: usize, coefficients: &mut [[f32; 3]]) -> Result<(), SceneError> {
+        let label = self.label(i)?;
         for (k, coefficient) in coefficients.iter_mut().enumerate() {
             *coefficient = self.codebook.of(self.centroids.rgb(label * self.functions + k));
         }

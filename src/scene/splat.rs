@@ -24,7 +24,7 @@ const RECORD_LEN: usize = 32;
 pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = Cursor::new(".splat", bytes);
     let count = bytes.len() / RECORD_LEN;
-    let mut collector = Collector::new(0, count);
+    let mut collector = Collector::new(0, count)?;
     for _ in 0..count {
         push(cursor.array("a record")?, &mut collector);
     }

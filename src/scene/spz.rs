@@ -79,7 +79,7 @@ impl Header {
     }
 
     fn scene(&self, planes: &planes::Planes, flip: Flip) -> Result<Gaussians, SceneError> {
-        let mut collector = Collector::new(self.sh_degree, self.count);
+        let mut collector = Collector::new(self.sh_degree, self.count)?;
         planes.collect(self, flip, &mut collector);
         collector.finish(DVec3::ZERO, Some(self.antialiased))
     }

@@ -112,7 +112,7 @@ impl Esim {
     /// events.
     ///
     /// # Errors
-    /// A parameter is outside its range.
+    /// When a parameter is outside its range, or a hot pixel makes more than 50 events per frame interval.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         let quantity = match self.intensity {
@@ -120,7 +120,7 @@ impl Esim {
             Intensity::Linear => "L/255",
         };
         let quiet = |grey| Noise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
-        Screening::new(quantity, self.threshold.sides(), rate, quiet)
+        Screening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), quiet)
     }
 
     fn validate(&self) -> Result<(), ScreenError> {

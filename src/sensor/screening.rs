@@ -1,6 +1,7 @@
 //! Prediction of a sensor's behaviour before anything runs: contrast, leak and noise at a few
 //! greys. Sensors that make no usable stream are refused.
 
+use super::noise::HotPixels;
 use crate::units::Hertz;
 use serde::Serialize;
 use std::fmt;
@@ -11,9 +12,9 @@ const MIDDLE: f64 = 128.0;
 const GREYS: [f64; 5] = [0.0, 16.0, 64.0, 128.0, 255.0];
 /// The darkest grey above black, where noise proportional to `1/sqrt(L)` is largest.
 const DARKEST: f64 = 1.0;
-/// Maximum number of noise events of a pixel in one frame interval.
-const LIMIT_PER_FRAME: f64 = 50.0;
-/// Noise at grey 128, Hz, above which there is a warning.
+/// Events a pixel may make from noise alone in one frame interval.
+pub(super) const LIMIT_PER_FRAME: f64 = 50.0;
+/// Noise at grey 128 above this many Hz is worth a word.
 const NOISY_HZ: f64 = 20.0;
 /// Change of brightness per event, as a factor, above which there is a warning.
 const INSENSITIVE: f64 = 1.0;
@@ -96,7 +97,34 @@ pub enum ScreenError {
     /// Settings that exclude each other.
     #[error("{0}")]
     Combination(&'static str),
-    /// More noise than any stream can carry.
+    /// More events of a hot pixel than any stream can use.
+    #[error(
+        "a hot pixel would make {hz:.4} events per second, {per_frame:.4} in a frame interval at {frames_per_second} Hz, \
+         where {LIMIT_PER_FRAME} is the most that is accepted: lower hot_pixels.rate"
+    )]
+    HotPixels {
+        /// Events per second of one.
+        hz: f64,
+        /// Events per frame interval.
+        per_frame: f64,
+        /// Frame rate.
+        frames_per_second: f64,
+    },
+    /// More leak events of a pixel, on average over the pixels, than any stream can use.
+    #[error(
+        "leak would make {hz:.4} events per second of a pixel on average, {per_frame:.4} in a frame interval at \
+         {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: lower leak.rate, leak.jitter or \
+         leak.cov"
+    )]
+    Leak {
+        /// Events per second, the mean over the pixels.
+        hz: f64,
+        /// Events per frame interval.
+        per_frame: f64,
+        /// Frame rate.
+        frames_per_second: f64,
+    },
+    /// More noise than any stream can use.
     #[error(
         "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
          frame interval at {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: are the units \
@@ -123,18 +151,22 @@ pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), Screen
 }
 
 impl Screening {
-    /// The table of a sensor with `noise` at each grey, for frames at this rate.
+    /// The table of a sensor that does `noise` at each grey and has these hot pixels, with frames at this rate.
     ///
     /// # Errors
-    /// Noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16,
-    /// 64, 128 or 255.
+    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64, 128 or 255, or
+    /// a hot pixel by itself.
     pub(super) fn new(
         quantity: &'static str,
         contrast: [f64; 2],
-        rate: Hertz,
+        (rate, hot_pixels): (Hertz, HotPixels),
         noise: impl Fn(f64) -> Noise,
     ) -> Result<Self, ScreenError> {
         let frames_per_second = rate.to_f64();
+        let per_frame = hot_pixels.rate / frames_per_second;
+        if !hot_pixels.is_absent() && per_frame > LIMIT_PER_FRAME {
+            return Err(ScreenError::HotPixels { hz: hot_pixels.rate, per_frame, frames_per_second });
+        }
         let at_greys = GREYS.map(&noise);
         let worst = at_greys
             .into_iter()

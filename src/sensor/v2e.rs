@@ -39,7 +39,7 @@ use super::front_end::FrontEnd;
 use super::noise::poisson::{Rates, Train};
 use super::noise::{HotPixels, Refractory, Site, Threshold};
 use super::pairs::{Cap, Law, Pair, Pairs, Writer};
-use super::screening::{Noise, ScreenError, Screening, at_least_zero};
+use super::screening::{LIMIT_PER_FRAME, Noise, ScreenError, Screening, at_least_zero};
 use super::{Model, Pixels, SensorError, check_extent};
 use crate::image::Size;
 use crate::seed::{Seed, Space};
@@ -150,7 +150,18 @@ impl V2e {
     /// and frame interval.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
-        Screening::new("ln L (above grey 20)", self.threshold.sides(), rate, |grey| self.noise(grey))
+        let sides = self.threshold.sides();
+        let screened =
+            Screening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| self.noise(grey))?;
+        // The table is of a nominal pixel; the leak of the others is spread, and their mean is what a stream holds.
+        let Leak { rate: leak, jitter, cov } = self.leak;
+        let (frames_per_second, share) = (rate.to_f64(), jitter.max(1.0));
+        let hz = leak * share * libm::exp(0.5 * (cov * LN_10) * (cov * LN_10));
+        let per_frame = hz / frames_per_second;
+        if per_frame > LIMIT_PER_FRAME {
+            return Err(ScreenError::Leak { hz, per_frame, frames_per_second });
+        }
+        Ok(screened)
     }
 
     fn validate(&self) -> Result<(), ScreenError> {

@@ -1,6 +1,7 @@
 //! Values of a JSON document with their place in it.
 
 use super::{Place, SourceError};
+use crate::budget::check_json;
 use crate::files;
 use serde_json::Value;
 use std::path::Path;
@@ -8,11 +9,10 @@ use std::path::Path;
 /// Reads the document in a file.
 pub(super) fn load(file: &Path) -> Result<Value, SourceError> {
     let text = files::read_text(file, files::MAX_DOCUMENT).map_err(SourceError::io(file))?;
-    serde_json::from_str(&text).map_err(|e| SourceError::Content {
-        path: file.to_owned(),
-        place: Place::Line(e.line()),
-        because: e.to_string(),
-    })
+    let fault =
+        |line, because| SourceError::Content { path: file.to_owned(), place: Place::Line(line), because };
+    check_json(text.as_bytes()).map_err(|e| fault(1, format!("a document that takes {e}")))?;
+    serde_json::from_str(&text).map_err(|e| fault(e.line(), e.to_string()))
 }
 
 /// A value, its file and its name within the file.

@@ -118,10 +118,5 @@ type Photo = crate::image::Image<[u8; 3]>;
 /// The photo of a view, or the problem with it.
 fn read(view: &View, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
     let bytes = files::read(&photo.path, files::MAX_PICTURE).map_err(StageError::io(&photo.path))?;
-    let photo = match photo::read(&bytes) {
-        Ok(photo) => photo,
-        Err(because) => return Ok(Err(because.to_string())),
-    };
-    let (size, stated) = (photo.size(), view.camera.size);
-    Ok(if size == stated { Ok(photo) } else { Err(format!("it is {size}, its camera says {stated}")) })
+    Ok(photo::read(&bytes, view.camera.size).map_err(|because| because.to_string()))
 }

@@ -152,7 +152,8 @@ pub fn sweep(
     let mut found = Found { rows: Vec::new(), pictures: Vec::new(), frames: stamps.len(), seconds };
     for (&threshold, [first, second]) in sweep.thresholds.iter().zip(pairs) {
         let ((events, account), (other, smooth)) = (first.end()?, second.end()?);
-        let mut picture = Picture::new(size, sweep.window_us.clone());
+        let picture = Picture::new(size, sweep.window_us.clone()).map_err(std::io::Error::from);
+        let mut picture = picture.map_err(SensorError::from)?;
         picture.append(&events).map_err(SensorError::from)?;
         found.pictures.push(picture.image());
         let [smooth_events, near_jump, rest] = Matching { sweep, threshold, jumps: &jumps, stamps: &stamps }

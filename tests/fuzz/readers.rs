@@ -149,8 +149,8 @@ impl Reader {
 /// Reads the file as either kind of image, for its luminance and for its colours.
 fn read_image(file: &[u8]) -> bool {
     let png = || Cursor::new(file);
-    let luminance = [png::read_luminance(png()).is_ok(), jpeg::read_luminance(file).is_ok()];
-    let colours = [png::read_colours(png()).is_ok(), jpeg::read_colours(file).is_ok()];
+    let luminance = [png::read_luminance(png(), None).is_ok(), jpeg::read_luminance(file, None).is_ok()];
+    let colours = [png::read_colours(png(), None).is_ok(), jpeg::read_colours(file, None).is_ok()];
     let has_luminance = colours.iter().zip(luminance).all(|(&colours, luminance)| !colours || luminance);
     assert!(has_luminance, "what has colours has luminance");
     luminance.contains(&true)

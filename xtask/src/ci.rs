@@ -1,22 +1,23 @@
 //! What CI runs, step by step, each with its seconds; the first failure stops it.
 
 use crate::command::{Outcome, cargo, program, root, say};
-use crate::{demo, faults, fuzz, suite};
+use crate::{bombs, demo, faults, fuzz, suite};
 use std::ffi::OsStr;
 use std::time::Instant;
 
 type Step = (&'static str, fn() -> Outcome);
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 9] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         // Targets that plain `cargo test` leaves out are not among all.
-        let by_name = ["--test", "faults", "--test", "fuzz", "--", "-D", "warnings"];
+        let by_name = ["--test", "faults", "--test", "fuzz", "--test", "bombs", "--", "-D", "warnings"];
         cargo(&["clippy", "--quiet", "--workspace", "--all-targets"]).args(by_name).run()
     }),
     ("tests", || suite::run(&[])),
     ("faults", || faults::run(&[])),
     ("fuzzing", fuzz::short),
+    ("bombs", || bombs::run(&[])),
     ("documentation", || {
         cargo(&["doc", "--quiet", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings").run()
     }),

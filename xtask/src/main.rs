@@ -1,7 +1,8 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bench | report | docs | manifest`.
+//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report | docs | manifest`.
 //!
 //! The standard library only, so that building it costs a second and never a second copy of the crate's dependencies.
 
+mod bombs;
 mod ci;
 mod command;
 mod demo;
@@ -21,6 +22,8 @@ usage: cargo xtask <task>
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--minutes N`, `--only NAME`, `--seed N`)
   fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`, `--jobs N`)
+  bombs [ARGS]...    small files that ask for much memory, and the table of what the program takes for them (`--program FILE`;
+                     NAMEs of bombs)
   bench [ARGS]...    throughput of each part; ARGS go to the benchmark (`--json`, `--runs N`, `--only TEXT`, names of parts)
   bench build [ARGS]...
                      builds of 2,000 scenes beside ninja (`--scenes N`, `--runs N`, `--long`, `--check`)
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
         (Some("test"), args) => suite::run(args),
         (Some("faults"), args) => faults::run(args),
         (Some("fuzz"), args) => fuzz::run(args),
+        (Some("bombs"), args) => bombs::run(args),
         (Some("bench"), [part, args @ ..]) if part == "build" => {
             command::cargo(&["bench", "--quiet", "--bench", "build", "--"]).args(args).run()
         }

@@ -5,7 +5,8 @@ use crate::cli::message::{Level, Message};
 use crate::cli::output::{self, write_beside};
 use crate::cli::problem::{Exit, Problem};
 use crate::event::evt::Version;
-use crate::event::file::{self, EventFile, Format, Hints, Opened, Sorted};
+use crate::event::file::{self, EventFile, Format, Hints, Opened};
+use crate::event::sorted::Sorted;
 use crate::event::text::TimeUnit;
 use crate::event::{Event, EventFileError, EventSource as _, h5};
 use crate::files;
@@ -98,12 +99,12 @@ impl Options {
 fn size(text: &str) -> Result<Size, String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     let [width, height] = sides.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, as 640x480"))?;
-    let whole = 1..=u32::from(u16::MAX) + 1;
-    if whole.contains(&width) && whole.contains(&height) {
-        Ok(Size { width, height })
-    } else {
-        Err(format!("{text} is not a sensor of 1 to 65536 columns and rows"))
+    let size = Size { width, height };
+    if size.pixels() == 0 {
+        return Err(format!("{text} is not a sensor of 1 to 65536 columns and rows"));
     }
+    size.check_sensor().map_err(|e| format!("a sensor of {e}"))?;
+    Ok(size)
 }
 
 /// A stream on its way from one file to another.

@@ -12,6 +12,7 @@ use crate::image::{Image, Size, png};
 use crate::units::amount;
 use clap::ValueEnum;
 use serde_json::json;
+use std::collections::TryReserveError;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
@@ -102,7 +103,10 @@ impl Asked {
         let mut opened = options.open(input, format)?;
         let size = opened.header.size;
         let window_us = self.window.map_or(i64::MIN..i64::MAX, |Window(begin, end)| begin..end);
-        let mut canvas = self.canvas(size, window_us.clone());
+        let mut canvas = self.canvas(size, window_us.clone()).map_err(|e| {
+            let what = format!("{}: a picture of {size}: {}", output.display(), io::Error::from(e));
+            Problem::failed("not-written", what)
+        })?;
         let events = pour(&mut *opened.source, &window_us, canvas.sink()).map_err(|e| {
             let what = format!("{}: failed to read events: {e}", input.display());
             Problem::failed("input-unreadable", what)
@@ -126,12 +130,12 @@ impl Asked {
         self.picture.unwrap_or(Kind::Frame)
     }
 
-    fn canvas(&self, size: Size, window_us: Range<i64>) -> Canvas {
-        match self.kind() {
-            Kind::Frame => Canvas::Frame(Picture::new(size, window_us)),
-            Kind::Surface => Canvas::Surface(Surface::new(size, window_us)),
+    fn canvas(&self, size: Size, window_us: Range<i64>) -> Result<Canvas, TryReserveError> {
+        Ok(match self.kind() {
+            Kind::Frame => Canvas::Frame(Picture::new(size, window_us)?),
+            Kind::Surface => Canvas::Surface(Surface::new(size, window_us)?),
             Kind::Rate => Canvas::Rate(Rate::new(window_us)),
-        }
+        })
     }
 }
 

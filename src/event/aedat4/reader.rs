@@ -3,6 +3,7 @@
 use super::buffer::Table;
 use super::info::{self, Stream};
 use super::{Compression, END_US, EVENT, EVENTS, HEADER, VERSION};
+use crate::budget;
 use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
 use crate::files;
 use crate::units::Timestamp;
@@ -10,8 +11,11 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// Maximum size of a header or packet after decompression.
-const MOST_BYTES: u64 = 1 << 30;
+/// Bytes of a header: it describes a few streams as XML, which takes a multiple once it is parsed.
+const MAX_HEADER: u64 = 1 << 20;
+
+/// Bytes of an inflated packet of any size, 2^20 events; larger ones go by what they take compressed.
+const MAX_PACKET: usize = 16 << 20;
 
 /// Reads the first stream of events of a file. Its order is not checked.
 #[derive(Debug)]
@@ -42,6 +46,9 @@ impl Reader {
         let mut length = [0; 4];
         file.read_exact(&mut length).map_err(|_| cut())?;
         let length = u64::from(u32::from_le_bytes(length));
+        if length > MAX_HEADER {
+            return Err(wrong(at, &format!("a header of {length} bytes, wanted at most {MAX_HEADER}")));
+        }
         let bytes = exactly(&mut file, length)?.ok_or_else(cut)?;
         let table = Table::root(&bytes, HEADER).ok_or_else(|| wrong(at, "no header lies here"))?;
         let number = table.i32(0).unwrap_or(0);
@@ -94,12 +101,20 @@ impl Reader {
 
     fn inflate(&self, packet: &[u8]) -> std::io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        let mut take = |from: &mut dyn Read| from.take(MOST_BYTES).read_to_end(&mut bytes);
+        let limit = MAX_PACKET.max(packet.len().saturating_mul(budget::MAX_PER_BYTE));
+        let mut take = |from: &mut dyn Read| from.take(limit as u64 + 1).read_to_end(&mut bytes);
         match self.compression {
             Compression::None => take(&mut &*packet),
             Compression::Lz4 => take(&mut lz4_flex::frame::FrameDecoder::new(packet)),
             Compression::Zstd => take(&mut zstd::Decoder::new(packet)?),
         }?;
+        if bytes.len() > limit {
+            let because = format!(
+                "it inflates to more than {limit} bytes, the most for a packet of {} bytes",
+                packet.len()
+            );
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, because));
+        }
         Ok(bytes)
     }
 

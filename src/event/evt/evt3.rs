@@ -25,7 +25,14 @@ const VALUE: u16 = (1 << PART) - 1;
 /// Minimum number of events for which a base and a mask are shorter.
 const WORTH_A_MASK: usize = 3;
 
-/// Encodes events as words. Events of one time, row and polarity are collected.
+/// A step of the upper part of a time: a reader sees that time began anew by a step down, and steps of a quarter leave
+/// no doubt how often.
+const STEP: i64 = 1 << (PART - 2);
+
+/// Words of a stream that stand for silence alone, 2 bytes for each 4.2 seconds: 51 days.
+pub(super) const MAX_SILENT_WORDS: i64 = 1 << 20;
+
+/// Turns events into words. Events of one time, row and polarity wait for one another.
 #[derive(Debug, Default)]
 pub(super) struct Encoder {
     /// Time divided by 2^12, without overflow; `None` before the first.
@@ -33,6 +40,9 @@ pub(super) struct Encoder {
     low: Option<u16>,
     row: Option<u16>,
     waiting: Vec<Event>,
+    /// Time over 2^12 of the last event that was put, and words that silence takes up to it.
+    put_high: i64,
+    silent_words: i64,
 }
 
 fn word(kind: u16, value: u16, out: &mut Vec<u8>) {
@@ -40,12 +50,20 @@ fn word(kind: u16, value: u16, out: &mut Vec<u8>) {
 }
 
 impl Encoder {
-    pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) {
+    /// Puts an event; `None` where silence would take more words than [`MAX_SILENT_WORDS`].
+    pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) -> Option<()> {
+        let high = event.t.floor_micros() >> PART;
+        self.silent_words += (high - self.put_high) / STEP;
+        self.put_high = high;
+        if self.silent_words > MAX_SILENT_WORDS {
+            return None;
+        }
         let key = |e: &Event| (e.t.floor_micros(), e.y, e.polarity);
         if self.waiting.last().is_some_and(|last| key(last) != key(event)) {
             self.flush(out);
         }
         self.waiting.push(*event);
+        Some(())
     }
 
     /// Writes the collected events.
@@ -81,12 +99,9 @@ impl Encoder {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "masked to 12 bits")]
     fn time(&mut self, t_us: i64, out: &mut Vec<u8>) {
         let (high, low) = (t_us >> PART, (t_us as u16) & VALUE);
-        // Readers recognise an overflow by a backward step. Steps of at most a quarter leave no
-        // doubt about their number.
-        let quarter = 1 << (PART - 2);
         let mut at = self.high.unwrap_or(0);
-        while high - at > quarter {
-            at += quarter;
+        while high - at > STEP {
+            at += STEP;
             word(TIME_HIGH, at as u16, out);
         }
         if self.high != Some(high) {

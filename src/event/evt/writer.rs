@@ -60,14 +60,28 @@ impl Writer {
 impl EventSink for Writer {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.order.admit(events)?;
-        for event in events {
+        let first = self.order.count() - events.len() as u64;
+        for (event, index) in events.iter().zip(first..) {
             match &mut self.encoder {
                 Encoder::Evt2(encoder) => encoder.put(event, &mut self.words),
-                Encoder::Evt3(encoder) => encoder.put(event, &mut self.words),
+                Encoder::Evt3(encoder) => {
+                    encoder.put(event, &mut self.words).ok_or_else(|| too_silent(event, index))?;
+                }
             }
         }
         self.file.write_all(&self.words)?;
         self.words.clear();
         Ok(())
     }
+}
+
+/// EVT 3.0 has a word for each 4.2 seconds, with or without events.
+fn too_silent(event: &Event, index: u64) -> EventFileError {
+    let t_us = event.t.floor_micros();
+    let because = format!(
+        "t = {t_us} us: the time without events up to it takes more than {} words of EVT 3.0, wanted at most that; count \
+         the times from the first event, or write another format",
+        evt3::MAX_SILENT_WORDS
+    );
+    EventFileError::Order { index, because }
 }

@@ -294,9 +294,10 @@ fn guarded<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, Eve
     })
 }
 
-/// Whole chunks are read, so that each is decompressed once.
+/// Whole chunks are read, so that each is decompressed once; several small ones at a time.
 fn step_of(dataset: &H5Dataset) -> usize {
     match dataset.chunk_dims().as_deref() {
+        Some(&[chunk]) if (1..CHUNK).contains(&chunk) => CHUNK / chunk * chunk,
         Some(&[chunk]) => chunk.clamp(1, MOST_AT_ONCE),
         _ => CHUNK,
     }

@@ -5,6 +5,7 @@
 
 use crate::event::{Event, EventSink, Polarity};
 use crate::image::{Image, Size};
+use std::collections::TryReserveError;
 use std::ops::Range;
 
 /// For a window without end: length that is kept, in time constants.
@@ -16,16 +17,24 @@ pub struct Surface {
     window_us: Range<i64>,
     first_us: Option<i64>,
     last_us: i64,
-    latest: Image<Option<(i64, Polarity)>>,
+    /// Time of the last event of each pixel, and which of [`SEEN`] it was: 0 before the first. Zeros take no memory
+    /// until an event is kept.
+    latest_us: Image<i64>,
+    seen: Image<u8>,
 }
 
+/// OFF and ON in `seen`.
+const SEEN: [u8; 2] = [1, 2];
+
 impl Surface {
-    /// An empty surface of a sensor of `size` for the events with
-    /// `window_us.start <= t < window_us.end`. With `i64::MIN` and `i64::MAX`, the window is from
-    /// the first event to the last.
-    #[must_use]
-    pub fn new(size: Size, window_us: Range<i64>) -> Self {
-        Self { window_us, first_us: None, last_us: 0, latest: Image::filled(size, None) }
+    /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`, which may be
+    /// `i64::MIN` and `i64::MAX`: from the first event, to the last.
+    ///
+    /// # Errors
+    /// When there is no memory for its pixels.
+    pub fn new(size: Size, window_us: Range<i64>) -> Result<Self, TryReserveError> {
+        let (latest_us, seen) = (Image::try_filled(size, 0)?, Image::try_filled(size, 0)?);
+        Ok(Self { window_us, first_us: None, last_us: 0, latest_us, seen })
     }
 
     /// The default time constant: a quarter of the window, or of the stream if the window has no
@@ -41,17 +50,15 @@ impl Surface {
     #[must_use]
     pub fn image(&self, tau_us: f64) -> Image<[u8; 3]> {
         let end = self.end_us();
-        let colour = |latest: &Option<(i64, Polarity)>| {
-            let Some((t, polarity)) = *latest else { return [255; 3] };
+        let colour = |(&t, &seen): (&i64, &u8)| {
+            let Some(polarity) = SEEN.iter().position(|known| *known == seen) else { return [255; 3] };
             let fresh = libm::exp(-(end.saturating_sub(t) as f64) / tau_us);
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within 0 to 255")]
             let rest = (255.0 * (1.0 - fresh) + 0.5) as u8;
-            match polarity {
-                Polarity::On => [255, rest, rest],
-                Polarity::Off => [rest, rest, 255],
-            }
+            if polarity == Polarity::On as usize { [255, rest, rest] } else { [rest, rest, 255] }
         };
-        Image::from_vec(self.latest.size(), self.latest.pixels().iter().map(colour).collect())
+        let pixels = self.latest_us.pixels().iter().zip(self.seen.pixels());
+        Image::from_vec(self.seen.size(), pixels.map(colour).collect())
     }
 
     fn end_us(&self) -> i64 {
@@ -62,13 +69,15 @@ impl Surface {
 impl EventSink for Surface {
     /// Never fails. Events outside the window or the picture are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        let Size { width, height } = self.latest.size();
+        let Size { width, height } = self.seen.size();
         for event in events {
             let (x, y, t) = (u32::from(event.x), u32::from(event.y), event.t.floor_micros());
             if x < width && y < height && self.window_us.contains(&t) {
                 self.first_us.get_or_insert(t);
                 self.last_us = t;
-                self.latest.pixels_mut()[(y * width + x) as usize] = Some((t, event.polarity));
+                let pixel = (y * width + x) as usize;
+                self.latest_us.pixels_mut()[pixel] = t;
+                self.seen.pixels_mut()[pixel] = SEEN[event.polarity as usize];
             }
         }
         Ok(())
@@ -82,7 +91,7 @@ mod tests {
     use crate::units::Timestamp;
 
     fn seen(window_us: Range<i64>) -> Surface {
-        let mut surface = Surface::new(Size { width: 4, height: 1 }, window_us);
+        let mut surface = Surface::new(Size { width: 4, height: 1 }, window_us).unwrap();
         let events = [
             (5, 0, Polarity::On),
             (10, 1, Polarity::Off),

@@ -1,12 +1,13 @@
 //! Reading, line by line.
 
 use super::{END_US, NAMES};
+use crate::budget::{MAX_LINE, ShortLines};
 use crate::event::{Event, EventFileError, EventSource, Header, Label, Polarity};
 use crate::files;
 use crate::image::Size;
 use crate::units::Timestamp;
 use std::fs::File;
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::io::BufReader;
 use std::path::Path;
 
 /// Number of events in a chunk.
@@ -47,7 +48,7 @@ impl TimeUnit {
 #[derive(Debug)]
 pub struct Reader {
     lines: Lines,
-    /// The first line of events, read with the header.
+    /// The first line of events, which was read with the header.
     first: Option<String>,
     /// Columns of time, column, row and polarity in a line.
     places: [usize; 4],
@@ -63,7 +64,8 @@ impl Reader {
     /// When the file is empty, its sensor's size is not known, or the line of names lacks a column.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TimeUnit>) -> Result<Self, EventFileError> {
         let mut head = Head { size, places: [0, 1, 2, 3] };
-        let mut lines = Lines { file: BufReader::new(files::open(path)?), number: 0 };
+        let input = ShortLines::new(BufReader::new(files::open(path)?), MAX_LINE);
+        let mut lines = Lines { input, number: 0 };
         let (mut first, mut is_empty) = (None, true);
         while let Some(line) = lines.next()? {
             is_empty &= line.trim().is_empty();
@@ -138,26 +140,19 @@ impl EventSource for Reader {
     }
 }
 
-/// The lines of a file, each of at most [`MAX_LINE`] bytes.
+/// The lines of a file, each of at most [`MAX_LINE`] bytes, with their numbers.
 #[derive(Debug)]
 struct Lines {
-    file: BufReader<File>,
-    /// Lines so far.
+    input: ShortLines<BufReader<File>>,
+    /// Number of lines so far.
     number: u64,
 }
 
 impl Lines {
     fn next(&mut self) -> Result<Option<String>, EventFileError> {
-        let mut line = Vec::new();
-        if self.file.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)? == 0 {
-            return Ok(None);
-        }
+        let Some(line) = self.input.next() else { return Ok(None) };
         self.number += 1;
-        if line.len() as u64 == MAX_LINE && !line.ends_with(b"\n") {
-            return Err(at(self.number, &format!("longer than {MAX_LINE} bytes")));
-        }
-        let mut line = String::from_utf8(line).map_err(|_| at(self.number, "not UTF-8"))?;
-        line.truncate(line.trim_end_matches(['\r', '\n']).len());
+        let mut line = line.map_err(|e| at(self.number, &e.to_string()))?;
         if self.number == 1 && line.starts_with(BYTE_ORDER_MARK) {
             line.drain(..BYTE_ORDER_MARK.len());
         }

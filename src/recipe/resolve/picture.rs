@@ -3,6 +3,7 @@
 use super::Resolver;
 use super::number::{Range, Whole};
 use crate::camera::CameraChoice;
+use crate::image::Size;
 use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
 use crate::recipe::text::Place;
@@ -31,7 +32,12 @@ impl Resolver<'_> {
             self.small(field, 1, SIDE)
         });
         let intrinsics = self.intrinsics(raw, [width, height], place, whole);
-        Some(Some(CameraChoice { width: width?, height: height?, intrinsics: intrinsics? }))
+        let size = Size { width: width?, height: height? };
+        if let Err(error) = size.check_sensor() {
+            return self.refuse(Problem::of_field(format!("is {error}")).at(place));
+        }
+        let Size { width, height } = size;
+        Some(Some(CameraChoice { width, height, intrinsics: intrinsics? }))
     }
 
     /// Resolves fx, fy, cx and cy; the inner `None` means that the camera has no intrinsics of its

@@ -14,8 +14,8 @@ use unicode_normalization::is_nfc;
 pub(in crate::recipe) fn parse(text: &Text, file: u32) -> Result<Option<Node>, Vec<Problem>> {
     let body = text.body.as_str();
     refuse_tabs(body, file).map_err(|problem| vec![problem])?;
-    let raw: Raw =
-        serde_saphyr::from_str_with_options(body, options()).map_err(|e| vec![problem_of(&e, text, file)])?;
+    let raw: Raw = serde_saphyr::from_str_with_options(body, options(body))
+        .map_err(|e| vec![problem_of(&e, text, file)])?;
     let mut problems = Vec::new();
     let node = raw.settle(body, file, &mut problems);
     match node.kind {
@@ -29,9 +29,13 @@ pub(in crate::recipe) fn parse(text: &Text, file: u32) -> Result<Option<Node>, V
     }
 }
 
-/// Limits far above any real recipe and low enough to bound the work. `<<` is refused, because
-/// values are shared through `defaults.yaml`.
-fn options() -> serde_saphyr::Options {
+/// Bytes that the aliases of a file repeat together.
+const MAX_REPEATED: usize = 8 << 20;
+
+/// Limits far above any recipe and far below what hurts; `<<` is refused, as `defaults.yaml` is how values are shared.
+fn options(body: &str) -> serde_saphyr::Options {
+    // The library counts what aliases repeat in values, not in bytes.
+    let max_aliases = (MAX_REPEATED / body.len().max(1)).min(100);
     serde_saphyr::options! {
         emit_comments: false,
         merge_keys: MergeKeyPolicy::Error,
@@ -40,7 +44,7 @@ fn options() -> serde_saphyr::Options {
         strict_booleans: true,
         with_snippet: false,
         budget: serde_saphyr::budget! {
-            max_aliases: 100,
+            max_aliases: max_aliases,
             max_anchors: 100,
             max_depth: 32,
             max_documents: 1,

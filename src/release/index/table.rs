@@ -1,11 +1,13 @@
 //! A small table as Parquet (parquet.apache.org, format 2): every column may be null, one row group, plain values,
 //! compressed by zstd, and no word of when it was written, so that equal tables are equal bytes.
 
+use crate::budget::{Budget, OverBudget};
 use crate::files::{self, Links};
 use parquet::basic::{Compression, Type as Physical, ZstdLevel};
 use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
 use parquet::errors::ParquetError;
+use parquet::file::metadata::ParquetMetaData;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
@@ -181,6 +183,7 @@ pub(in crate::release) fn read(path: &Path) -> Result<Table, ParquetError> {
 }
 
 fn decode(file: File) -> Result<Table, ParquetError> {
+    let mut budget = Budget::of_file(file.metadata()?.len());
     let reader = SerializedFileReader::new(file)?;
     let schema = reader.metadata().file_metadata().schema_descr();
     let kind = |physical| match physical {
@@ -191,10 +194,42 @@ fn decode(file: File) -> Result<Table, ParquetError> {
         _ => None,
     };
     let columns = schema.columns().iter();
-    let columns = columns.map(|column| (column.path().string(), kind(column.physical_type()))).collect();
-    let rows = reader.get_row_iter(None)?.map(|row| Ok(row?.into_columns().into_iter().map(cell).collect()));
-    let rows = rows.collect::<Result<_, ParquetError>>()?;
+    let columns = columns.map(|column| (column.path().string(), kind(column.physical_type())));
+    let columns: Vec<(String, Option<Kind>)> = columns.collect();
+    claim(reader.metadata(), columns.len(), &mut budget)?;
+    let mut rows = Vec::new();
+    let mut text = 0;
+    for row in reader.get_row_iter(None)? {
+        let cells: Vec<Value> = row?.into_columns().into_iter().map(cell).collect();
+        // A dictionary of one long text can stand for many.
+        text += cells.iter().map(text_bytes).sum::<usize>();
+        budget.check(text, 1).map_err(over)?;
+        rows.push(cells);
+    }
     Ok(Table { columns, rows })
+}
+
+/// Bytes of a cell outside the row.
+fn text_bytes(cell: &Value) -> usize {
+    if let Value::Text(text) = cell { text.capacity() } else { 0 }
+}
+
+fn over(error: OverBudget) -> ParquetError {
+    ParquetError::General(format!("its cells would take {error}"))
+}
+
+/// Holds the rows and the pages that a file says it has against its bytes, and takes their memory from the budget.
+fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut Budget) -> Result<(), ParquetError> {
+    let negative = |_| ParquetError::General("it says that it has less than nothing".to_owned());
+    for group in metadata.row_groups() {
+        let rows = usize::try_from(group.num_rows()).map_err(negative)?;
+        budget.take(rows, columns * size_of::<Value>() + size_of::<Vec<Value>>()).map_err(over)?;
+        // The pages of one group at a time are in memory.
+        let pages = group.columns().iter().map(|column| usize::try_from(column.uncompressed_size()));
+        let pages = pages.sum::<Result<usize, _>>().map_err(negative)?;
+        budget.check(pages, 1).map_err(over)?;
+    }
+    Ok(())
 }
 
 fn cell((_, field): (String, Field)) -> Value {

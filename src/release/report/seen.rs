@@ -95,7 +95,7 @@ pub(super) fn events(track: Track<'_>, file: &Path, width: u32) -> Option<Shown>
     let ms = window(&index, usize::try_from(moment_us(&track) / 1000).ok()?, size.pixels() as u64 / DENSITY)?;
     let us = |ms: usize| i64::try_from(ms).ok()?.checked_mul(1000);
     let window_us = us(ms.start)?..us(ms.end)?;
-    let mut balance = Balance::new(size, window_us.clone());
+    let mut balance = Balance::new(size, window_us.clone()).ok()?;
     let mut chunk = Vec::new();
     reader.seek(index[ms.start]);
     while reader.next_chunk(&mut chunk).ok()? {

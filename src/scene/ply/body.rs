@@ -1,6 +1,7 @@
 //! The body of a `.ply` file: rows of vertices, and numbers in a row.
 
 use super::header::{Element, Encoding, Header, Kind, Number};
+use crate::budget::Budget;
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
 
@@ -145,18 +146,30 @@ pub(super) fn binary<'a>(
     if header.encoding != Encoding::Ascii {
         return Ok(cursor);
     }
-    *buffer = binary_from_ascii(header, &mut cursor)?;
+    // Short words stand for long numbers: what takes more than its budget is read twice, first to nothing.
+    let mut budget = Budget::of(cursor.rest().len());
+    if header
+        .elements
+        .iter()
+        .any(|element| budget.take(element.count, element.stride().unwrap_or(0)).is_err())
+    {
+        binary_from_ascii(header, &mut cursor.clone(), &mut |_| ())?;
+    }
+    binary_from_ascii(header, &mut cursor, &mut |number| buffer.extend_from_slice(number))?;
     Ok(Cursor::new(".ply (as binary)", buffer))
 }
 
-/// Converts the words of an ascii body into the equivalent little-endian body.
-fn binary_from_ascii(header: &Header, text: &mut Cursor) -> Result<Vec<u8>, SceneError> {
-    let mut out = Vec::new();
+/// Turns the words of an ascii body into the little-endian body that they stand for, number by number.
+fn binary_from_ascii(
+    header: &Header,
+    text: &mut Cursor,
+    put: &mut dyn FnMut(&[u8]),
+) -> Result<(), SceneError> {
     for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
         for _ in 0..element.count {
             for property in &element.properties {
                 match property.kind {
-                    Kind::One(number) => transcode(text, number, &mut out)?,
+                    Kind::One(number) => transcode(text, number, put)?,
                     Kind::List { .. } => {
                         return Err(text.unsupported("a list in an ascii file", "convert it to binary"));
                     }
@@ -165,8 +178,7 @@ fn binary_from_ascii(header: &Header, text: &mut Cursor) -> Result<Vec<u8>, Scen
         }
     }
     skip_spaces(text)?;
-    text.end()?;
-    Ok(out)
+    text.end()
 }
 
 fn skip_spaces(text: &mut Cursor) -> Result<(), SceneError> {
@@ -174,29 +186,29 @@ fn skip_spaces(text: &mut Cursor) -> Result<(), SceneError> {
     text.take(spaces, "spaces").map(|_| ())
 }
 
-/// Appends the number in the next word to `out`. A word must be terminated, so that a file
-/// truncated inside its last number is reported.
-fn transcode(text: &mut Cursor, number: Number, out: &mut Vec<u8>) -> Result<(), SceneError> {
+/// Puts the number of the next word. A word counts only when something ends it, so that a file cut
+/// inside its last number is told.
+fn transcode(text: &mut Cursor, number: Number, put: &mut dyn FnMut(&[u8])) -> Result<(), SceneError> {
     skip_spaces(text)?;
     let at = text.clone();
     let word = text.until(u8::is_ascii_whitespace, "a number and the space after it")?;
-    let pushed = std::str::from_utf8(word).ok().and_then(|word| push_number(word, number, out));
+    let pushed = std::str::from_utf8(word).ok().and_then(|word| put_number(word, number, put));
     pushed.ok_or_else(|| {
         let word = String::from_utf8_lossy(word);
         at.malformed(format!("`{word}`"), format!("a number of type {number:?}"))
     })
 }
 
-fn push_number(word: &str, number: Number, out: &mut Vec<u8>) -> Option<()> {
+fn put_number(word: &str, number: Number, put: &mut dyn FnMut(&[u8])) -> Option<()> {
     match number {
-        Number::I8 => out.extend(word.parse::<i8>().ok()?.to_le_bytes()),
-        Number::U8 => out.extend(word.parse::<u8>().ok()?.to_le_bytes()),
-        Number::I16 => out.extend(word.parse::<i16>().ok()?.to_le_bytes()),
-        Number::U16 => out.extend(word.parse::<u16>().ok()?.to_le_bytes()),
-        Number::I32 => out.extend(word.parse::<i32>().ok()?.to_le_bytes()),
-        Number::U32 => out.extend(word.parse::<u32>().ok()?.to_le_bytes()),
-        Number::F32 => out.extend(word.parse::<f32>().ok()?.to_le_bytes()),
-        Number::F64 => out.extend(word.parse::<f64>().ok()?.to_le_bytes()),
+        Number::I8 => put(&word.parse::<i8>().ok()?.to_le_bytes()),
+        Number::U8 => put(&word.parse::<u8>().ok()?.to_le_bytes()),
+        Number::I16 => put(&word.parse::<i16>().ok()?.to_le_bytes()),
+        Number::U16 => put(&word.parse::<u16>().ok()?.to_le_bytes()),
+        Number::I32 => put(&word.parse::<i32>().ok()?.to_le_bytes()),
+        Number::U32 => put(&word.parse::<u32>().ok()?.to_le_bytes()),
+        Number::F32 => put(&word.parse::<f32>().ok()?.to_le_bytes()),
+        Number::F64 => put(&word.parse::<f64>().ok()?.to_le_bytes()),
     }
     Some(())
 }

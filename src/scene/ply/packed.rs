@@ -39,7 +39,7 @@ pub(super) fn read(header: &Header, cursor: Cursor) -> Result<Gaussians, SceneEr
     let [chunks, vertices, harmonics] = body::rows(header, ["chunk", "vertex", "sh"], &mut cursor)?;
     let chunks = layout.chunks(chunks, &cursor)?;
     let rest_len = sh::len(layout.sh_degree) - 1;
-    let mut collector = Collector::new(layout.sh_degree, layout.vertices.count);
+    let mut collector = Collector::new(layout.sh_degree, layout.vertices.count)?;
     let mut coefficients = vec![[0.0; 3]; rest_len + 1];
     for i in 0..layout.vertices.count {
         let word = |k: usize| layout.vertices.u32(vertices, i, layout.words[k]);

@@ -1,5 +1,6 @@
 //! `meta.json`: the names of the images, and the numbers that their bytes encode.
 
+use crate::budget::check_json;
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
 use crate::scene::sh;
@@ -118,6 +119,7 @@ impl Meta {
     /// Parses the content of the file.
     pub(super) fn parse(json: &[u8]) -> Result<Self, SceneError> {
         let start = Cursor::new(PART, json);
+        check_json(json).map_err(|e| start.malformed(e.to_string(), "`meta.json` of version 2"))?;
         let value: Value = serde_json::from_slice(json).map_err(|e| fault(json, &e))?;
         match value.get("version") {
             Some(version) if *version == 2 => {}

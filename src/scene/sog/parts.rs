@@ -1,5 +1,6 @@
 //! Access to the parts of a SOG, in an archive or in a folder.
 
+use crate::budget::Budget;
 use crate::files;
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
@@ -12,8 +13,8 @@ const ARCHIVE: &str = ".sog (archive)";
 
 /// A set of named files.
 pub(super) trait Parts {
-    /// Reads the content of `name`; errors call it `part`.
-    fn part(&mut self, name: &str, part: &'static str) -> Result<Vec<u8>, SceneError>;
+    /// The content of `name`, which errors call `part`; its memory comes out of `budget`.
+    fn part(&mut self, name: &str, part: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError>;
 }
 
 /// The files of a zip archive.
@@ -28,10 +29,9 @@ impl<'a> Archive<'a> {
         Ok(Self { bytes, zip })
     }
 
-    /// Returns the maximum size of a part in bytes. Images do not compress further; `meta.json`
-    /// compresses about ten times.
+    /// Bytes that a part may have: images do not compress further, and `meta.json` is small.
     fn limit(&self) -> usize {
-        self.bytes.len().saturating_mul(16).saturating_add(1 << 20)
+        self.bytes.len().saturating_add(1 << 20)
     }
 }
 
@@ -41,7 +41,7 @@ fn broken(bytes: &[u8], because: &ZipError) -> SceneError {
 }
 
 impl Parts for Archive<'_> {
-    fn part(&mut self, name: &str, part: &'static str) -> Result<Vec<u8>, SceneError> {
+    fn part(&mut self, name: &str, part: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
         let limit = self.limit();
         let mut file = match self.zip.by_name(name) {
             Ok(file) => file,
@@ -57,7 +57,10 @@ impl Parts for Archive<'_> {
         match read {
             Err(e) => Err(at.malformed(format!("a broken stream ({e})"), format!("`{name}`"))),
             Ok(_) if content.len() > limit => Err(at.malformed("more bytes", format!("at most {limit}"))),
-            Ok(_) => Ok(content),
+            Ok(_) => match budget.take(content.len(), 1) {
+                Ok(()) => Ok(content),
+                Err(e) => Err(at.malformed(format!("parts that take {e}"), "less")),
+            },
         }
     }
 }
@@ -66,8 +69,11 @@ impl Parts for Archive<'_> {
 pub(super) struct Folder<'a>(pub(super) &'a Path);
 
 impl Parts for Folder<'_> {
-    fn part(&mut self, name: &str, _: &'static str) -> Result<Vec<u8>, SceneError> {
+    fn part(&mut self, name: &str, _: &'static str, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
         let path = self.0.join(name);
-        files::read(&path, files::MAX_PICTURE).map_err(|because| SceneError::File { path, because })
+        let content =
+            files::read(&path, files::MAX_PICTURE).map_err(|because| SceneError::File { path, because })?;
+        budget.grow(content.len());
+        Ok(content)
     }
 }

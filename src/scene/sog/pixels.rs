@@ -1,20 +1,38 @@
 //! The images of a SOG as pixels.
 
-use crate::scene::SceneError;
+use super::meta::Palette;
+use crate::budget::{Budget, try_filled};
 use crate::scene::cursor::Cursor;
+use crate::scene::{SceneError, sh};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io;
 
-/// Maximum ratio of decoded to compressed bytes, beyond the free size.
-const MAX_RATIO: usize = 1024;
-/// Decoded size in bytes that an image may always have, because a constant image compresses to
-/// almost nothing.
-const FREE: usize = 1 << 20;
+/// Pixels that an image may have for each that is asked for: writers pad to squares, some of them to powers of two.
+const MAX_PADDING: usize = 4;
+/// Pixels that an image may have however few are asked for.
+const FREE_PIXELS: usize = 1 << 16;
 
-/// Returns the maximum decoded size of an image in bytes, if all images of the file have
-/// `files_len` bytes.
-pub(super) fn limit(files_len: usize) -> usize {
-    files_len.saturating_mul(MAX_RATIO).saturating_add(FREE)
+/// How many pixels an image may have.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    least: usize,
+    most: usize,
+}
+
+impl Room {
+    /// An image of one pixel per Gaussian.
+    pub(super) fn of_scene(count: usize) -> Self {
+        Self { least: count, ..Self::up_to(count) }
+    }
+
+    /// The sets of a palette: writers round the stated count up.
+    pub(super) fn of_palette(palette: &Palette) -> Self {
+        Self::up_to(palette.count.saturating_mul(sh::len(palette.bands)))
+    }
+
+    fn up_to(pixels: usize) -> Self {
+        Self { least: 0, most: pixels.saturating_mul(MAX_PADDING).saturating_add(FREE_PIXELS) }
+    }
 }
 
 /// A decoded image.
@@ -28,8 +46,13 @@ pub(super) struct Pixels {
 }
 
 impl Pixels {
-    /// Decodes a lossless WebP image to at most `limit` bytes.
-    pub(super) fn decode(file: &[u8], part: &'static str, limit: usize) -> Result<Self, SceneError> {
+    /// Decodes a lossless WebP image, whose memory comes out of `budget`.
+    pub(super) fn decode(
+        file: &[u8],
+        part: &'static str,
+        room: Room,
+        budget: &mut Budget,
+    ) -> Result<Self, SceneError> {
         let at = Cursor::new(part, file);
         let broken = |e: DecodingError| at.malformed(format!("a broken image ({e})"), "a WebP image");
         let mut decoder = WebPDecoder::new(io::Cursor::new(file)).map_err(broken)?;
@@ -37,25 +60,17 @@ impl Pixels {
             return Err(at.unsupported("an image that is lossy or moves", "write it as lossless WebP"));
         }
         let (width, height) = decoder.dimensions();
-        let len = decoder.output_buffer_size().filter(|&len| len <= limit);
-        let Some(len) = len else {
-            let found = format!("an image of {width}x{height} pixels in {} bytes", file.len());
-            return Err(at.malformed(found, format!("at most {limit} bytes of pixels")));
-        };
-        let mut bytes = vec![0; len];
-        decoder.read_image(&mut bytes).map_err(broken)?;
-        let channels = if decoder.has_alpha() { 4 } else { 3 };
-        Ok(Self { part, width: width as usize, height: height as usize, channels, bytes })
-    }
-
-    /// Returns the image if it has at least `count` pixels.
-    pub(super) fn hold(self, count: usize) -> Result<Self, SceneError> {
-        let Self { width, height, .. } = self;
-        if width * height >= count {
-            return Ok(self);
+        let (width, height) = (width as usize, height as usize);
+        let refuse = |wanted: String| at.malformed(format!("an image of {width}x{height} pixels"), wanted);
+        let Room { least, most } = room;
+        if !(least..=most).contains(&(width * height)) {
+            return Err(refuse(format!("{least} to {most} pixels")));
         }
-        let found = format!("an image of {width}x{height} pixels");
-        Err(self.at(0).malformed(found, format!("{count} pixels or more")))
+        let channels = if decoder.has_alpha() { 4 } else { 3 };
+        budget.take(width * height, channels).map_err(|e| refuse(format!("fewer: all images take {e}")))?;
+        let mut bytes = try_filled(0, width * height * channels)?;
+        decoder.read_image(&mut bytes).map_err(broken)?;
+        Ok(Self { part, width, height, channels, bytes })
     }
 
     /// Returns a cursor at pixel `i`, for errors.

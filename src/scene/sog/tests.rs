@@ -217,8 +217,29 @@ fn errors_in_images_name_their_part_and_place() {
         &huge,
         (2048, 2048),
         ColorType::Rgb8,
-        "read .sog (positions, high bytes) at byte 0: found an image of 2048x2048 pixels in",
+        "read .sog (positions, high bytes) at byte 0: found an image of 2048x2048 pixels, wanted 3 to 65548 pixels",
     );
+}
+
+/// Images whose pixels the count asks for, but which no file of this size may have; and one of a folder, whose files
+/// have a budget together.
+#[test]
+fn images_take_no_more_than_the_budget() {
+    let mut scene = sound();
+    let (width, height) = (2048, 1536);
+    let pixels = usize::try_from(width * height).unwrap();
+    scene.meta["count"] = json!(pixels);
+    drop(scene.meta.as_object_mut().unwrap().remove("shN"));
+    for name in ["means_l.webp", "means_u.webp", "scales.webp"] {
+        drop(scene.images.insert(name, webp(&vec![0; 3 * pixels], (width, height), ColorType::Rgb8)));
+    }
+    for name in ["quats.webp", "sh0.webp"] {
+        let rgba: Vec<u8> = [0, 0, 0, 255].repeat(pixels);
+        drop(scene.images.insert(name, webp(&rgba, (width, height), ColorType::Rgba8)));
+    }
+    let bytes = scene.zip(zip::CompressionMethod::Stored);
+    let error = read_sog(&bytes).unwrap_err().to_string();
+    assert!(error.contains("wanted fewer: all images take "), "{} bytes: {error}", bytes.len());
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::Header;
 use super::axes::Flip;
 use super::planes::{COUNT, NAMES, Planes};
+use crate::budget::Budget;
 use crate::scene::cursor::Cursor;
 use crate::scene::{Gaussians, SceneError};
 use std::io::{self, Read};
@@ -26,6 +27,12 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
         return Err(cursor.malformed("version 4 within gzip", "version 2 or 3"));
     }
     bound_count(&header, bytes.len(), &cursor)?;
+    if is_beyond_budget(&header, bytes.len()) {
+        let mut trial = Stream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
+        trial.skip(start.len(), "header")?;
+        header.plane_lens().into_iter().zip(NAMES).try_for_each(|(len, name)| trial.skip(len, name))?;
+        legacy_flip(&header, &mut trial)?;
+    }
     let mut planes = Planes(Default::default());
     for ((plane, len), name) in planes.0.iter_mut().zip(header.plane_lens()).zip(NAMES) {
         *plane = stream.take(len, name)?;
@@ -67,12 +74,17 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     } else {
         Flip::RIGHT_UP_BACK
     };
-    let planes = read_streams(&header, stream_count, &mut cursor)?;
+    let planes = read_streams(&header, stream_count, bytes.len(), &mut cursor)?;
     header.scene(&planes, flip)
 }
 
-/// Reads the table and the streams after it. An empty plane, harmonics of degree 0, has no stream.
-fn read_streams(header: &Header, stream_count: u8, cursor: &mut Cursor) -> Result<Planes, SceneError> {
+/// The table and the streams behind it. A plane without bytes, harmonics of degree 0, has no stream.
+fn read_streams(
+    header: &Header,
+    stream_count: u8,
+    file_len: usize,
+    cursor: &mut Cursor,
+) -> Result<Planes, SceneError> {
     let lens = header.plane_lens();
     let present: Vec<usize> = (0..COUNT).filter(|&i| lens[i] > 0).collect();
     if usize::from(stream_count) != present.len() {
@@ -88,24 +100,47 @@ fn read_streams(header: &Header, stream_count: u8, cursor: &mut Cursor) -> Resul
             return Err(at.malformed(format!("{raw} bytes of {}", NAMES[i]), format!("{} bytes", lens[i])));
         }
     }
-    let mut planes = Planes(Default::default());
+    let mut streams = Vec::new();
     for &i in &present {
         let at = cursor.clone();
         let len = usize::try_from(compressed_lens[i]).unwrap_or(usize::MAX);
-        let compressed = cursor.take(len, NAMES[i])?;
-        planes.0[i] = decompress(compressed, lens[i], NAMES[i], &at)?;
+        streams.push((i, cursor.take(len, NAMES[i])?, at));
     }
     cursor.end()?;
+    if is_beyond_budget(header, file_len) {
+        for (i, compressed, at) in &streams {
+            decompress(compressed, lens[*i], NAMES[*i], at, Stream::skip)?;
+        }
+    }
+    let mut planes = Planes(Default::default());
+    for (i, compressed, at) in &streams {
+        planes.0[*i] = decompress(compressed, lens[*i], NAMES[*i], at, Stream::take)?;
+    }
     Ok(planes)
 }
 
-fn decompress(compressed: &[u8], len: usize, name: &'static str, at: &Cursor) -> Result<Vec<u8>, SceneError> {
+/// Whether the planes take more memory than a file of this length may: then it is decompressed to nothing first, so that
+/// a broken one takes none.
+fn is_beyond_budget(header: &Header, file_len: usize) -> bool {
+    Budget::of(file_len).check(header.plane_lens().iter().sum(), 1).is_err()
+}
+
+/// A stream of a plane, whose bytes `read` keeps or passes over.
+type Zstd<'a> = Stream<zstd::stream::read::Decoder<'a, &'a [u8]>>;
+
+fn decompress<'a, T>(
+    compressed: &'a [u8],
+    len: usize,
+    name: &'static str,
+    at: &Cursor,
+    read: impl FnOnce(&mut Zstd<'a>, usize, &'static str) -> Result<T, SceneError>,
+) -> Result<T, SceneError> {
     let broken = |e: io::Error| at.malformed(format!("a broken stream of {name} ({e})"), "a zstd stream");
     let mut inner = zstd::stream::read::Decoder::with_buffer(compressed).map_err(broken)?;
     // No window needs to be larger than the plane. Every decoder must support 8 MiB (RFC 8878).
     inner.window_log_max((usize::BITS - len.leading_zeros()).clamp(23, 27)).map_err(broken)?;
     let mut stream = Stream { format: PLANE, inner, offset: 0 };
-    let plane = stream.take(len, name)?;
+    let plane = read(&mut stream, len, name)?;
     let rest = stream.up_to(1, name)?;
     if rest.is_empty() {
         return Ok(plane);
@@ -141,7 +176,23 @@ impl<R: Read> Stream<R> {
         Err(self.malformed(start, found, format!("{len} bytes of {what}")))
     }
 
-    /// Reads `len` bytes, or fewer at the end of the stream.
+    /// Passes over exactly `len` bytes.
+    fn skip(&mut self, len: usize, what: &'static str) -> Result<(), SceneError> {
+        let start = self.offset;
+        match io::copy(&mut self.inner.by_ref().take(len as u64), &mut io::sink()) {
+            Ok(copied) if copied == len as u64 => {
+                self.offset += len;
+                Ok(())
+            }
+            Ok(copied) => {
+                let found = format!("{copied} bytes before the end");
+                Err(self.malformed(start, found, format!("{len} bytes of {what}")))
+            }
+            Err(e) => Err(self.malformed(start, format!("a broken stream ({e})"), what)),
+        }
+    }
+
+    /// `len` bytes, or fewer where the stream ends before.
     fn up_to(&mut self, len: usize, what: &'static str) -> Result<Vec<u8>, SceneError> {
         let mut bytes = Vec::new();
         let read = self.inner.by_ref().take(len as u64).read_to_end(&mut bytes);

@@ -73,7 +73,8 @@ impl Voltmeter {
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
-        let mut screening = Screening::new("ln(L + k2)", contrast, rate, |grey| self.noise(grey))?;
+        let mut screening =
+            Screening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| self.noise(grey))?;
         let as_printed = self.k.iter().zip(Preset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
         screening.warnings.extend(as_printed.then_some(Warning::UncertainUnits));
         Ok(screening)

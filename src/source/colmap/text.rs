@@ -2,6 +2,7 @@
 
 use super::lenses::CameraModel;
 use super::{Image, ModelCamera, Observation, Point, pose};
+use crate::budget::Budget;
 use crate::files;
 use crate::image::Size;
 use crate::source::{Place, SourceError};
@@ -39,11 +40,12 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceE
 pub(super) fn images(path: &Path) -> Result<Vec<Image>, SourceError> {
     let text = load(path)?;
     let mut images = Vec::new();
+    let mut budget = Budget::of(text.len());
     let mut lines = (1..).zip(text.lines());
     while let Some((number, head)) = lines.find(|(_, line)| is_record(line)) {
         let mut image = image(&Line { path, number, text: head })?;
         if let Some((number, text)) = lines.next() {
-            image.observations = observations(&Line { path, number, text })?;
+            image.observations = observations(&Line { path, number, text }, &mut budget)?;
         }
         images.push(image);
     }
@@ -79,19 +81,22 @@ fn image(line: &Line<'_>) -> Result<Image, SourceError> {
     })
 }
 
-fn observations(line: &Line<'_>) -> Result<Vec<Observation>, SourceError> {
-    let words: Vec<&str> = line.text.split_whitespace().collect();
-    let (triples, []) = words.as_chunks() else {
-        return Err(
-            line.fault(format!("{} numbers, wanted x, y and point id for each key point", words.len()))
-        );
-    };
-    let read = |[x, y, id]: &[&str; 3]| {
-        let xy = [line.number(Some(x), "x")?, line.number(Some(y), "y")?];
-        let point = if *id == "-1" { None } else { Some(line.number(Some(id), "a point id")?) };
-        Ok(Observation { xy, point })
-    };
-    triples.iter().map(read).collect()
+fn observations(line: &Line<'_>, budget: &mut Budget) -> Result<Vec<Observation>, SourceError> {
+    let count = line.text.split_whitespace().count();
+    if !count.is_multiple_of(3) {
+        return Err(line.fault(format!("{count} numbers, wanted x, y and point id for each key point")));
+    }
+    let taken = budget.take(count / 3, size_of::<Observation>());
+    taken.map_err(|e| line.fault(format!("key points that take {e}")))?;
+    let mut observations = Vec::with_capacity(count / 3);
+    let mut words = line.text.split_whitespace();
+    while let Some(x) = words.next() {
+        let xy = [line.number(Some(x), "x")?, line.number(words.next(), "y")?];
+        let id = words.next();
+        let point = if id == Some("-1") { None } else { Some(line.number(id, "a point id")?) };
+        observations.push(Observation { xy, point });
+    }
+    Ok(observations)
 }
 
 pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {

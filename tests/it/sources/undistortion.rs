@@ -39,7 +39,7 @@ fn opencv_is_there() -> bool {
 /// The photo of a view as it was taken.
 fn photo(capture: &Path, view: &View) -> Image<[u8; 3]> {
     let bytes = std::fs::read(capture.join("images").join(&view.name)).unwrap();
-    let colours = jpeg::read_colours(&bytes).unwrap().colours.unwrap();
+    let colours = jpeg::read_colours(&bytes, None).unwrap().colours.unwrap();
     png::to_bytes(&Image::from_vec(
         colours.size(),
         colours.pixels().iter().map(|rgb| rgb.map(|v| v / 255.0)).collect(),

@@ -9,6 +9,7 @@ const ORDER: &[&str] = &[
     "units",
     "files",
     "programs",
+    "budget",
     "elementary",
     "seed",
     "image",

@@ -1,0 +1,291 @@
+//! Events of one microsecond in the order of files, where a camera delivers them as they come.
+
+use super::{Event, EventFileError, EventSource, Label, Polarity};
+use crate::units::Timestamp;
+
+/// Events of one microsecond: they wait in memory for one another, 8 bytes each. 2^22.
+pub const MAX_SIMULTANEOUS: usize = 1 << 22;
+
+/// Events of a chunk that is given.
+const CHUNK: usize = 65_536;
+
+/// Sorts the events of each microsecond by [`Event::file_order`].
+pub struct Sorted<'a> {
+    source: &'a mut dyn EventSource,
+    /// The source's last chunk, and how many of its events were taken.
+    chunk: Vec<Event>,
+    taken: usize,
+    /// Of the last microsecond so far: more of it may follow.
+    waiting: Group,
+    /// Whether no more of it follows.
+    complete: bool,
+    /// Events given.
+    given: u64,
+    ended: bool,
+}
+
+impl<'a> Sorted<'a> {
+    /// The events of a source.
+    pub fn new(source: &'a mut dyn EventSource) -> Self {
+        let (chunk, waiting) = (Vec::new(), Group::default());
+        Self { source, chunk, taken: 0, waiting, complete: false, given: 0, ended: false }
+    }
+
+    /// Takes the source's next chunk, and of it the events of the microsecond that waits.
+    fn advance(&mut self) -> Result<(), EventFileError> {
+        self.ended = !self.source.next_chunk(&mut self.chunk)?;
+        self.check()?;
+        self.taken = self.wait()?;
+        self.complete = self.ended || self.taken < self.chunk.len();
+        if self.complete {
+            self.waiting.sort();
+        }
+        Ok(())
+    }
+
+    /// Takes the events of the waiting microsecond that the chunk begins with; how many they are.
+    fn wait(&mut self) -> Result<usize, EventFileError> {
+        let Some(us) = self.waiting.us().or(self.chunk.first().map(micros)) else { return Ok(0) };
+        let count = self.chunk.iter().take_while(|event| micros(event) == us).count();
+        let room = MAX_SIMULTANEOUS - self.waiting.len();
+        if count > room {
+            let because = format!(
+                "more than {MAX_SIMULTANEOUS} events at t = {us} us, the most that are sorted in memory; \
+                 are the times in the right unit?"
+            );
+            return Err(EventFileError::Order { index: self.given + MAX_SIMULTANEOUS as u64, because });
+        }
+        self.waiting.extend(us, &self.chunk[..count]);
+        Ok(count)
+    }
+
+    /// Gives the rest of the chunk but for its last microsecond, which waits.
+    fn give_rest(&mut self, out: &mut Vec<Event>) {
+        let rest = &self.chunk[self.taken..];
+        let last = rest.last().map(micros);
+        let (settled, waiting) = rest.split_at(rest.partition_point(|event| Some(micros(event)) < last));
+        let first = out.len();
+        out.extend_from_slice(settled);
+        if !out[first..].is_sorted_by_key(Event::file_order) {
+            out[first..].sort_by_key(Event::file_order);
+        }
+        // Of one chunk, so they are few.
+        last.into_iter().for_each(|us| self.waiting.extend(us, waiting));
+        self.complete = false;
+    }
+
+    /// Whether the times of the chunk go back, which no order of reading can change.
+    fn check(&self) -> Result<(), EventFileError> {
+        let mut last = self.waiting.us();
+        for (event, index) in self.chunk.iter().zip(self.given + self.waiting.len() as u64..) {
+            let us = micros(event);
+            if let Some(last) = last.filter(|last| us < *last) {
+                let because = format!("t = {us} us follows {last} us");
+                return Err(EventFileError::Order { index, because });
+            }
+            last = Some(us);
+        }
+        Ok(())
+    }
+}
+
+impl std::fmt::Debug for Sorted<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Sorted").field("given", &self.given).finish_non_exhaustive()
+    }
+}
+
+impl EventSource for Sorted<'_> {
+    fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+        out.clear();
+        while out.is_empty() && (self.complete || !self.ended) {
+            if !self.complete {
+                self.advance()?;
+                continue;
+            }
+            // A large group goes out in parts: nothing that it passes through holds it as a whole.
+            if !self.waiting.give(CHUNK, out) {
+                self.give_rest(out);
+            }
+        }
+        self.given += out.len() as u64;
+        Ok(!out.is_empty())
+    }
+
+    fn untimed(&self) -> u64 {
+        self.source.untimed()
+    }
+}
+
+fn micros(event: &Event) -> i64 {
+    event.t.floor_micros()
+}
+
+/// Events of one microsecond, each in 64 bits: row, column, polarity, label, nanoseconds.
+#[derive(Debug, Default)]
+struct Group {
+    us: i64,
+    packed: Vec<u64>,
+    /// How many of them were given.
+    given: usize,
+}
+
+/// Bits of the label and of the nanoseconds below a microsecond, which the order of files leaves out.
+const UNORDERED_BITS: u32 = 1 + NANO_BITS;
+const NANO_BITS: u32 = 10;
+
+impl Group {
+    fn len(&self) -> usize {
+        self.packed.len()
+    }
+
+    /// Their microsecond, if there are any.
+    fn us(&self) -> Option<i64> {
+        (!self.packed.is_empty()).then_some(self.us)
+    }
+
+    fn extend(&mut self, us: i64, events: &[Event]) {
+        self.us = us;
+        self.packed.extend(events.iter().map(|event| pack(us, event)));
+    }
+
+    /// Brings them into the order of files, equal ones as they came.
+    fn sort(&mut self) {
+        let key = |packed: &u64| packed >> UNORDERED_BITS;
+        if !self.packed.is_sorted_by_key(key) {
+            self.packed.sort_by_key(key);
+        }
+    }
+
+    /// Appends the next events, at most `count`, to `out`; whether more are left, and none of them is kept if not.
+    fn give(&mut self, count: usize, out: &mut Vec<Event>) -> bool {
+        let end = self.packed.len().min(self.given + count);
+        out.extend(self.packed[self.given..end].iter().map(|packed| unpack(self.us, *packed)));
+        self.given = end;
+        if end < self.packed.len() {
+            return true;
+        }
+        // A group is as large as its microsecond, which is seldom so.
+        self.packed =
+            if self.packed.capacity() > CHUNK { Vec::new() } else { std::mem::take(&mut self.packed) };
+        self.packed.clear();
+        self.given = 0;
+        false
+    }
+}
+
+fn pack(us: i64, event: &Event) -> u64 {
+    // Below a microsecond, so below 1000.
+    let nanos = event.t.0.abs_diff(us * 1000);
+    let place = u64::from(event.y) << 16 | u64::from(event.x);
+    let kind = (event.polarity as u64) << 1 | event.label as u64;
+    (place << 2 | kind) << NANO_BITS | nanos
+}
+
+fn unpack(us: i64, packed: u64) -> Event {
+    let bits = |from: u32, count: u32| packed >> from & ((1 << count) - 1);
+    let side = |from: u32| u16::try_from(bits(from, 16)).expect("16 bits");
+    let nanos = i64::try_from(bits(0, NANO_BITS)).expect("10 bits");
+    let (is_signal, is_on) = (bits(NANO_BITS, 1) == 1, bits(NANO_BITS + 1, 1) == 1);
+    Event {
+        t: Timestamp(us * 1000 + nanos),
+        x: side(NANO_BITS + 2),
+        y: side(NANO_BITS + 18),
+        polarity: if is_on { Polarity::On } else { Polarity::Off },
+        label: if is_signal { Label::Signal } else { Label::Noise },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gives chunk by chunk.
+    struct Chunks(Vec<Vec<Event>>);
+
+    impl EventSource for Chunks {
+        fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+            *out = if self.0.is_empty() { Vec::new() } else { self.0.remove(0) };
+            Ok(!out.is_empty())
+        }
+    }
+
+    fn event(us: i64, x: u16) -> Event {
+        Event { t: Timestamp::from_micros(us), x, y: 0, polarity: Polarity::On, label: Label::Signal }
+    }
+
+    fn all(chunks: &[&[Event]]) -> Result<Vec<Event>, EventFileError> {
+        let mut source = Chunks(chunks.iter().map(|chunk| chunk.to_vec()).collect());
+        let mut sorted = Sorted::new(&mut source);
+        let (mut events, mut chunk) = (Vec::new(), Vec::new());
+        while sorted.next_chunk(&mut chunk)? {
+            events.append(&mut chunk);
+        }
+        Ok(events)
+    }
+
+    #[test]
+    fn a_microsecond_is_sorted_across_chunks() {
+        let chunks: [&[Event]; 3] =
+            [&[event(1, 5), event(2, 9)], &[event(2, 3)], &[event(2, 4), event(7, 0)]];
+        let columns: Vec<u16> = all(&chunks).unwrap().iter().map(|e| e.x).collect();
+        assert_eq!(columns, [5, 3, 4, 9, 0]);
+    }
+
+    #[test]
+    fn times_that_go_back_are_named() {
+        let error = all(&[&[event(1, 0), event(4, 0)], &[event(4, 1), event(3, 0)]]).unwrap_err();
+        assert_eq!(error.to_string(), "event 3: t = 3 us follows 4 us");
+        let error = all(&[&[event(4, 0)], &[event(4, 1)], &[event(3, 0)]]).unwrap_err();
+        assert_eq!(error.to_string(), "event 2: t = 3 us follows 4 us");
+    }
+
+    /// Every field comes back; what files order by decides, and events that are equal in it stay as they came.
+    #[test]
+    fn events_keep_all_their_fields() {
+        let (on, off) = (Polarity::On, Polarity::Off);
+        let (signal, noise) = (Label::Signal, Label::Noise);
+        let at = |ns, x, y, polarity, label| Event { t: Timestamp(ns), x, y, polarity, label };
+        let [a, b, c, d] = [
+            at(-1, 65_535, 65_535, on, noise),
+            at(-999, 65_535, 65_535, off, signal),
+            at(-1000, 0, 65_535, on, signal),
+            at(-500, 0, 65_535, on, noise),
+        ];
+        assert_eq!(all(&[&[a], &[b, c], &[d]]).unwrap(), [c, d, b, a]);
+    }
+
+    /// More events at one time than are given at once, from the last pixel to the first, with others around them.
+    #[test]
+    fn a_large_microsecond_goes_out_in_parts() {
+        let mut events: Vec<Event> =
+            (0..200_000).rev().map(|x| event(2, u16::try_from(x % 60_000).unwrap())).collect();
+        events.extend([event(3, 1), event(3, 0), event(9, 0)]);
+        events.insert(0, event(1, 7));
+        let mut source = Chunks(events.chunks(30_000).map(<[Event]>::to_vec).collect());
+        let mut sorted = Sorted::new(&mut source);
+        let (mut found, mut chunk) = (Vec::new(), Vec::new());
+        while sorted.next_chunk(&mut chunk).unwrap() {
+            assert!(chunk.len() < 100_000, "{}", chunk.len());
+            found.append(&mut chunk);
+        }
+        events.sort_by_key(Event::file_order);
+        assert_eq!(found, events);
+    }
+
+    #[test]
+    fn a_microsecond_has_a_limit() {
+        struct Endless(u64);
+        impl EventSource for Endless {
+            fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
+                self.0 += 1;
+                *out = vec![event(5, 0); 100_000];
+                Ok(true)
+            }
+        }
+        let mut endless = Endless(0);
+        let error = Sorted::new(&mut endless).next_chunk(&mut Vec::new()).unwrap_err().to_string();
+        assert!(error.starts_with("event 4194304: more than 4194304 events at t = 5 us, "), "{error}");
+        assert_eq!(endless.0, 42, "it is refused by the chunk that goes beyond");
+    }
+}
