@@ -3,6 +3,7 @@
 use super::find::DEFAULTS;
 use super::load::Parts;
 use super::{Faults, names};
+use crate::escape::{is_hidden, quoted};
 use crate::source::Captured;
 use std::fmt::Write as _;
 use std::io;
@@ -50,8 +51,8 @@ pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
     names::scene_id(scene).map_err(|because| format!("its id would be `{scene}`, {because}"))?;
     for path in paths {
         let text = path.to_str().ok_or_else(|| format!("the path {} is no text", path.display()))?;
-        if text.contains(|c: char| c.is_control() || c == '\\') || !is_nfc(text) {
-            let wanted = "wanted no control character, no backslash, and letters composed (Unicode NFC)";
+        if text.contains(|c| is_hidden(c) || c == '\\') || !is_nfc(text) {
+            let wanted = "wanted no hidden character, no backslash, and letters composed (Unicode NFC)";
             return Err(format!("the path {text:?} cannot stand in a recipe: {wanted}"));
         }
     }
@@ -59,10 +60,9 @@ pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
 }
 
 impl Draft<'_> {
-    /// The recipe. Texts are quoted as JSON quotes them, which YAML reads as well.
+    /// The recipe, every text of it in quotes.
     #[must_use]
     pub fn text(&self) -> String {
-        let quoted = |text: &str| serde_json::Value::from(text).to_string();
         let path = |path: &Path| quoted(&path.to_string_lossy());
         let Captured { kind, path: place, selection } = self.captured;
         let mut fields = format!("path: {}", path(place));
@@ -116,6 +116,12 @@ pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
     }
     let read = Parts::alone(&path).map(|parts| Some(parts.has("reconstruct")));
     read.or_else(|faults| Faults::or(None, faults))
+}
+
+/// The scene that a recipe names; `None` where it cannot be read, or names none.
+#[must_use]
+pub fn scene_of(recipe: &Path) -> Option<String> {
+    Parts::alone(recipe).ok()?.text("scene").map(str::to_owned)
 }
 
 /// Where the defaults of a folder of recipes are.

@@ -1,6 +1,7 @@
 //! What is wrong with a recipe, and where: the four-part message of the command line.
 
 use super::text::{Place, Text};
+use crate::escape;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
@@ -64,17 +65,13 @@ impl Fault {
         self.span.map(|(start, _)| self.text.position(start))
     }
 
-    /// The message in its four parts, without colours, ending in a line break.
+    /// The message in its four parts, without colours. Nothing in a line is hidden, nor breaks it.
     #[must_use]
-    pub fn render_text(&self) -> String {
-        let mut out = format!("error: {}\n {}\n", self.message, self.location());
-        if let Some(excerpt) = self.excerpt() {
-            out.push_str(&excerpt);
-        }
-        if let Some(help) = &self.help {
-            out.push_str(&format!("help: {help}\n"));
-        }
-        out
+    pub fn render_lines(&self) -> Vec<String> {
+        let mut lines = vec![format!("error: {}", self.message), format!(" {}", self.location())];
+        lines.extend(self.excerpt().into_iter().flatten());
+        lines.extend(self.help.iter().map(|help| format!("help: {help}")));
+        lines.iter().map(|line| escape::line(line).into_owned()).collect()
     }
 
     /// The message as one JSON object: `level, code, message, scene, step, path, line, column, help`; what there is not
@@ -102,7 +99,7 @@ impl Fault {
         self.position().map_or_else(|| file.clone(), |(line, column)| format!("{file}:{line}:{column}"))
     }
 
-    fn excerpt(&self) -> Option<String> {
+    fn excerpt(&self) -> Option<[String; 2]> {
         let (start, end) = self.span?;
         let (number, column) = self.text.position(start);
         let line: Vec<char> = self.text.line(start).chars().map(printable).collect();
@@ -114,7 +111,7 @@ impl Fault {
         let width = width.clamp(1, (EXCERPT - caret.min(EXCERPT - 1)).max(1));
         let gutter = number.to_string().len();
         let (indent, carets) = (" ".repeat(caret), "^".repeat(width));
-        Some(format!("{number} │ {}\n{:gutter$} │ {indent}{carets}\n", cut.trim_end(), ""))
+        Some([format!("{number} │ {}", cut.trim_end()), format!("{:gutter$} │ {indent}{carets}", "")])
     }
 }
 
@@ -122,18 +119,18 @@ fn chars(text: &str) -> usize {
     text.chars().count()
 }
 
-/// Control characters would move the cursor of the terminal that shows them.
+/// One character for each, so that the carets stand below their text.
 fn printable(c: char) -> char {
     match c {
         '\t' => '→',
-        c if c.is_control() => '\u{fffd}',
+        c if escape::is_hidden(c) => '\u{fffd}',
         c => c,
     }
 }
 
-/// A path with `/` between its parts on every system.
+/// A path, with bytes that are no text in their visible form.
 pub(super) fn shown(path: &Path) -> String {
-    path.display().to_string().replace('\\', "/")
+    escape::path(path)
 }
 
 impl fmt::Display for Fault {
@@ -216,12 +213,18 @@ impl Faults {
 
     /// All messages, with an empty line between two, and the count of those that are not shown.
     #[must_use]
-    pub fn render_text(&self) -> String {
-        let mut parts: Vec<String> = self.listed.iter().map(Fault::render_text).collect();
+    pub fn render_lines(&self) -> Vec<String> {
+        let mut parts: Vec<Vec<String>> = self.listed.iter().map(Fault::render_lines).collect();
         if self.more > 0 {
-            parts.push(format!("and {} more\n", self.more));
+            parts.push(vec![format!("and {} more", self.more)]);
         }
-        parts.join("\n")
+        parts.join(&String::new())
+    }
+
+    /// The same as one text that ends in a line break.
+    #[must_use]
+    pub fn render_text(&self) -> String {
+        self.render_lines().join("\n") + "\n"
     }
 
     /// One object a fault that is listed.

@@ -18,8 +18,6 @@ use std::time::{Duration, Instant};
 pub(crate) const MARK: &str = "--child";
 /// Address space of a child: the files have kilobytes, and an allocation beyond this ends the process.
 const MEMORY: u64 = 2 << 30;
-/// The longest that a run may take.
-const LONGEST: Duration = Duration::from_secs(1);
 
 /// What came of some runs.
 #[derive(Debug, Clone, Copy, Default)]
@@ -83,7 +81,7 @@ fn one(reader: &Reader, file: &[u8]) -> Result<bool, String> {
     let begin = Instant::now();
     let sound = catch_unwind(AssertUnwindSafe(|| (reader.read)(file))).map_err(|_| "a panic, shown above")?;
     let took = begin.elapsed();
-    if took > LONGEST {
+    if took > reader.longest() {
         Err(format!("{:.1} s for {} bytes", took.as_secs_f64(), file.len()))
     } else {
         Ok(sound)

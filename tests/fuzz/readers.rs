@@ -2,6 +2,7 @@
 //! first and closed again around what has been changed: else nothing would pass it.
 
 use crate::corpus::{Corpus, files, inflated, zipped};
+use crate::{command_lines, consoles};
 use gs2e::event::{self, EventSource, text};
 use gs2e::frames::array::FullScale;
 use gs2e::frames::{Frames as _, folder, npy};
@@ -11,6 +12,7 @@ use gs2e::scene::{ply, sog, splat, spz};
 use gs2e::source::{colmap, nerfstudio};
 use std::io::{Cursor, Write as _};
 use std::path::Path;
+use std::time::Duration;
 use zip::CompressionMethod;
 use zip::write::SimpleFileOptions;
 
@@ -60,7 +62,7 @@ const ARRAYS: [&str; 3] =
 const SOG: &str = "tests/golden/scenes/flat.sog";
 const PALETTE: &str = "tests/golden/scenes/palette.sog";
 
-pub(crate) const READERS: [Reader; 20] = [
+pub(crate) const READERS: [Reader; 22] = [
     Reader { name: "ply", corpus: || files(&PLY), read: |file| ply::read_ply(file).is_ok() },
     Reader { name: "packed", corpus: || files(&PACKED), read: |file| ply::read_ply(file).is_ok() },
     Reader {
@@ -135,7 +137,17 @@ pub(crate) const READERS: [Reader; 20] = [
             on_disk(file, folder::INFO, |path| folder::Listing::read(path.parent().unwrap()).is_ok())
         },
     },
+    Reader { name: "command-lines", corpus: command_lines::corpus, read: command_lines::read },
+    Reader { name: "consoles", corpus: consoles::corpus, read: consoles::read },
 ];
+
+impl Reader {
+    /// The longest that a run may take.
+    pub(crate) fn longest(&self) -> Duration {
+        // Processes are started, several in a run.
+        Duration::from_secs(if self.name == "consoles" { 60 } else { 1 })
+    }
+}
 
 /// Reads the file as either kind of image, for its luminance and for its colours.
 fn read_image(file: &[u8]) -> bool {

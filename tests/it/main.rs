@@ -24,6 +24,7 @@ mod front_ends;
 mod gc;
 mod glance;
 mod golden_digests;
+mod hostile_console;
 mod index;
 mod init;
 mod interruption;
