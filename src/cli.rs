@@ -1,7 +1,7 @@
 //! The command line: what the user types, what they read, and how the program ends.
 //!
-//! The only room that prints, reads the environment, or looks at a clock for people. Text for people goes to
-//! stderr, results for programs to stdout.
+//! The only room that prints, reads the environment, or looks at a clock for people. Results go to stdout, all other
+//! text to stderr; `docs/command-line.md` says what programs may rely on.
 
 mod audit;
 mod build;
@@ -33,10 +33,10 @@ mod takedown;
 mod trajectory;
 mod why;
 
+use crate::escape;
 use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, Device, GpuError};
-use crate::escape;
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;

@@ -92,7 +92,11 @@ pub fn quoted(text: &str) -> String {
 }
 
 /// The text with `instead` of each character that `is_special`.
-fn replaced(text: &str, is_special: impl Fn(char) -> bool, instead: impl Fn(char, &mut String)) -> Cow<'_, str> {
+fn replaced(
+    text: &str,
+    is_special: impl Fn(char) -> bool,
+    instead: impl Fn(char, &mut String),
+) -> Cow<'_, str> {
     if !text.contains(&is_special) {
         return Cow::Borrowed(text);
     }

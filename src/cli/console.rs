@@ -106,7 +106,8 @@ impl Console {
 
     /// A result of many parts, without a value of the whole.
     pub(super) fn large_result(&self, value: &impl serde::Serialize) {
-        let text = serde_json::to_string(value).expect("results hold no paths, and all else has a form in JSON");
+        let text =
+            serde_json::to_string(value).expect("results hold no paths, and all else has a form in JSON");
         self.print(&escape::json(&text));
     }
 
@@ -151,7 +152,7 @@ impl Console {
     pub(super) fn finish(&self, exit: Exit) -> Exit {
         let lost = {
             let mut writing = self.writing();
-            writing.results(Write::flush);
+            writing.results(|out| out.flush());
             writing.lost.take()
         };
         match lost {
@@ -254,7 +255,11 @@ mod tests {
         for exit in [Exit::Done, Exit::Fault] {
             assert_eq!(ended(io::ErrorKind::BrokenPipe, exit), (exit, String::new()));
             let (end, said) = ended(io::ErrorKind::StorageFull, exit);
-            assert_eq!((end, said.matches("error: failed to write results").count()), (Exit::Failed, 1), "{said}");
+            assert_eq!(
+                (end, said.matches("error: failed to write results").count()),
+                (Exit::Failed, 1),
+                "{said}"
+            );
         }
         assert_eq!(ended(io::ErrorKind::StorageFull, Exit::Interrupted).0, Exit::Interrupted);
     }

@@ -212,7 +212,8 @@ impl Init {
                 }
             }
         }
-        let scenes: Vec<(&str, &str)> = sound.iter().map(|(s, name, ..)| (s.as_str(), name.as_str())).collect();
+        let scenes: Vec<(&str, &str)> =
+            sound.iter().map(|(s, name, ..)| (s.as_str(), name.as_str())).collect();
         let files = names::assign(&self.to, &scenes);
         let candidate = |((scene, _, path, mut told), file): (_, FileName)| {
             let FileName { path: recipe, because } = file;
@@ -312,7 +313,8 @@ impl Outcome {
         let rejected = self.rejected.iter().map(|(scene, folder, code, because)| {
             json!({ "scene": scene, "path": path(folder), "code": code, "because": because })
         });
-        let written = self.written.iter().map(|(scene, recipe)| json!({ "scene": scene, "recipe": path(recipe) }));
+        let written =
+            self.written.iter().map(|(scene, recipe)| json!({ "scene": scene, "recipe": path(recipe) }));
         let told = self.told.iter().map(|(scene, told)| json!({ "scene": scene, "because": told }));
         json!({
             "written": written.collect::<Vec<_>>(),

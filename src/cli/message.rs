@@ -115,7 +115,13 @@ impl Message {
         let other = self.path.as_ref().filter(|_| at.is_some());
         let message = std::iter::once(&self.what).chain(other).chain(&self.details).chain(&self.why);
         let message = message.fold(String::new(), |mut all, part| {
-            let joint = if all.is_empty() { "" } else if part.starts_with(' ') { "\n" } else { ": " };
+            let joint = if all.is_empty() {
+                ""
+            } else if part.starts_with(' ') {
+                "\n"
+            } else {
+                ": "
+            };
             all.extend([joint, part]);
             all
         });

@@ -12,7 +12,6 @@ use crate::store::record::Output;
 use crate::store::{Access, Digest, Key, Opening, Store};
 use serde::Serialize;
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]

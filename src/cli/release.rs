@@ -71,7 +71,9 @@ impl Release {
         let [mb, files] = [written.bytes as f64 * 1e-6, written.files as f64];
         console.say(&format!("released {} scene(s) to {to}: {files} files, {mb:.1} MB", written.scenes));
         if console.json {
-            console.result(&json!({ "release": path(&self.to), "files": written.files, "bytes": written.bytes }));
+            console.result(
+                &json!({ "release": path(&self.to), "files": written.files, "bytes": written.bytes }),
+            );
         }
         Ok(Exit::Done)
     }

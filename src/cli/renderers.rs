@@ -183,7 +183,7 @@ mod tests {
         let store = dir.join("store").display().to_string();
         let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
         let auto = Auto { gpu: RefCell::new(Some(Ok(device))), ..Auto::new(Choice::Any) };
-        let (console, care) = (Console::new(false, true), Care::default());
+        let (console, care) = (Console::new(crate::cli::Streams::of_process(), false, true), Care::default());
         let chosen = Chosen::new(By::Auto(auto), Omit::default());
         let targets = Targets { recipes: vec![recipe] };
         let store = open(&common, &care, &console).unwrap();

@@ -16,7 +16,8 @@ pub(super) struct Form {
 /// A version.
 pub(super) const VERSION: Form = Form { holds: is_version, wanted: "a version such as 1.2.0" };
 /// An address.
-pub(super) const URL: Form = Form { holds: is_url, wanted: "an address (http, https or doi) such as https://example.org/data" };
+pub(super) const URL: Form =
+    Form { holds: is_url, wanted: "an address (http, https or doi) such as https://example.org/data" };
 /// A day.
 pub(super) const DAY: Form = Form { holds: is_date, wanted: "a day such as 2025-05-21" };
 
@@ -55,9 +56,9 @@ fn is_version(text: &str) -> bool {
 /// (RFC 3986, appendix A: of ASCII, these alone may stand in an address).
 fn is_url(text: &str) -> bool {
     let leads = match text.split_once(':') {
-        Some(("http" | "https", rest)) => rest.strip_prefix("//").is_some_and(|rest| {
-            rest.starts_with(|c: char| c.is_alphanumeric() || c == '[')
-        }),
+        Some(("http" | "https", rest)) => rest
+            .strip_prefix("//")
+            .is_some_and(|rest| rest.starts_with(|c: char| c.is_alphanumeric() || c == '[')),
         Some(("doi", rest)) => rest.starts_with("10."),
         _ => false,
     };

@@ -100,7 +100,8 @@ pub(crate) fn read(line: &[u8]) -> bool {
     }
     let (results, notes) = (Kept::default(), Kept::default());
     let name = OsString::from("gs2e");
-    let exit = run_on(Streams::of(results.clone(), notes.clone()), std::iter::once(name).chain(words.clone()));
+    let exit =
+        run_on(Streams::of(results.clone(), notes.clone()), std::iter::once(name).chain(words.clone()));
     judge(&words, exit, &results.text(), &notes.text());
     exit == Exit::Done
 }
@@ -147,7 +148,9 @@ fn takes_long(words: &[OsString]) -> bool {
     let helps = words.iter().any(|word| word == "--help");
     words.iter().any(|word| {
         let word = word.as_bytes();
-        !helps && (word == b"stress" || word == b"study") || word.starts_with(b"-j") || word.starts_with(b"--job")
+        !helps && (word == b"stress" || word == b"study")
+            || word.starts_with(b"-j")
+            || word.starts_with(b"--job")
     })
 }
 
@@ -172,8 +175,7 @@ outputs: [events]
 licence: { expression: CC0-1.0, holder: Example Lab }
 ";
 
-const VIEW: &str =
-    r#"{"W":8,"H":8,"fx":8,"fy":8,"cx":4,"cy":4,"R":[[1,0,0],[0,1,0],[0,0,1]],"t":[0,0,4]}"#;
+const VIEW: &str = r#"{"W":8,"H":8,"fx":8,"fy":8,"cx":4,"cy":4,"R":[[1,0,0],[0,1,0],[0,0,1]],"t":[0,0,4]}"#;
 
 /// Empties the folder, and puts the files there that sound lines read.
 fn furnish(home: &Path) {

@@ -35,13 +35,13 @@ const NAMES: [&str; 18] = [
 
 /// The names, for each place and stream: the first two bytes choose them.
 pub(crate) fn corpus() -> Corpus {
-    let of = |(i, name): (usize, &&str)| {
+    let of = |(i, name): (usize, &'static str)| {
         (0..PLACES.len()).map(move |place| {
             let choice = [u8::try_from(place).unwrap(), u8::try_from(i % 2).unwrap()];
             (format!("{} {name:?}", PLACES[place].0), [&choice[..], name.as_bytes()].concat())
         })
     };
-    NAMES.iter().enumerate().flat_map(of).collect()
+    NAMES.into_iter().enumerate().flat_map(of).collect()
 }
 
 /// Shows a name; always sound, as the exit code is the name's own matter.
@@ -55,7 +55,9 @@ pub(crate) fn read(bytes: &[u8]) -> bool {
         command.args(&words).current_dir(&stage.folder).stdin(Stdio::null());
         // The environment is a stranger's as well.
         command.env("TERM", if stream & 2 == 0 { "xterm" } else { "dumb" });
-        for (k, name) in ["LANG", "NO_COLOR", "CLICOLOR_FORCE", "COLUMNS", "RUST_LOG", "XDG_CACHE_HOME"].iter().enumerate() {
+        for (k, name) in
+            ["LANG", "NO_COLOR", "CLICOLOR_FORCE", "COLUMNS", "RUST_LOG", "XDG_CACHE_HOME"].iter().enumerate()
+        {
             if stream >> (k + 2) & 1 == 1 {
                 command.env(name, &text);
             }
@@ -123,11 +125,18 @@ impl Stage {
         if !made.exists() {
             self.write("tiny.yaml", TINY);
             let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
-            command.args(["release", "-q", "--copy", "--to", "../made", "tiny.yaml"]).current_dir(&self.folder);
+            command
+                .args(["release", "-q", "--copy", "--to", "../made", "tiny.yaml"])
+                .current_dir(&self.folder);
             assert!(command.status().unwrap().success());
         }
-        for entry in walkdir::WalkDir::new(&made).into_iter().map(Result::unwrap).filter(|e| e.file_type().is_file()) {
-            self.write(Path::new(to).join(entry.path().strip_prefix(&made).unwrap()), fs::read(entry.path()).unwrap());
+        for entry in
+            walkdir::WalkDir::new(&made).into_iter().map(Result::unwrap).filter(|e| e.file_type().is_file())
+        {
+            self.write(
+                Path::new(to).join(entry.path().strip_prefix(&made).unwrap()),
+                fs::read(entry.path()).unwrap(),
+            );
         }
     }
 
@@ -180,7 +189,11 @@ const PLACES: [(&str, Put); 9] = [
         lines
     }),
     ("word", |_, name| {
-        vec![vec![name.into()], vec!["build".into(), format!("--{name}").into()], vec!["why".into(), "--json".into(), name.into()]]
+        vec![
+            vec![name.into()],
+            vec!["build".into(), format!("--{name}").into()],
+            vec!["why".into(), "--json".into(), name.into()],
+        ]
     }),
     ("photo", |stage, name| {
         let frames = serde_json::json!({ "w": 16, "h": 12, "fl_x": 9, "fl_y": 9, "cx": 8, "cy": 6, "frames": [
@@ -188,7 +201,11 @@ const PLACES: [(&str, Put); 9] = [
             { "file_path": name, "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }
         ] });
         stage.write("data/t/transforms.json", frames.to_string());
-        lines(&["init nerfstudio data --to r", "init --json nerfstudio data --to q --min-views 1 --min-side 1", "build r"])
+        lines(&[
+            "init nerfstudio data --to r",
+            "init --json nerfstudio data --to q --min-views 1 --min-side 1",
+            "build r",
+        ])
     }),
     ("tree", |stage, name| {
         stage.release("out");

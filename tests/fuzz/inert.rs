@@ -8,11 +8,15 @@ pub(crate) fn judge(text: &str) {
     if let Some(c) = text.chars().find(|c| acts(*c) && *c != '\n') {
         panic!("{c:?} in {text:?}");
     }
-    assert!(!text.lines().any(|line| line.starts_with("error: FAKE")), "a line of somebody else's in {text:?}");
+    assert!(
+        !text.lines().any(|line| line.starts_with("error: FAKE")),
+        "a line of somebody else's in {text:?}"
+    );
 }
 
 fn acts(c: char) -> bool {
-    let bidi = "\u{61c}\u{200e}\u{200f}\u{202a}\u{202b}\u{202c}\u{202d}\u{202e}\u{2066}\u{2067}\u{2068}\u{2069}";
+    let bidi =
+        "\u{61c}\u{200e}\u{200f}\u{202a}\u{202b}\u{202c}\u{202d}\u{202e}\u{2066}\u{2067}\u{2068}\u{2069}";
     c.is_control() || bidi.contains(c) || "\u{2028}\u{2029}".contains(c)
 }
 
@@ -51,7 +55,8 @@ impl Perform for Terminal {
         let numbers: Vec<String> = params.iter().map(|part| part[0].to_string()).collect();
         let private = String::from_utf8_lossy(intermediates);
         let sequence = format!("{private}{}{action}", numbers.join(";"));
-        let up = private.is_empty() && numbers.len() == 1 && action == 'A' && params.iter().all(|p| p[0] <= 20);
+        let up =
+            private.is_empty() && numbers.len() == 1 && action == 'A' && params.iter().all(|p| p[0] <= 20);
         let known = BARS.contains(&sequence.as_str()) || BARS.contains(&sequence.trim_start_matches('0'));
         if !up && !known {
             self.faults.push(format!("CSI {sequence}"));

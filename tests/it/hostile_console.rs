@@ -33,7 +33,11 @@ fn inert(place: &Workspace, arguments: &str) -> Ended {
 
 /// The objects that were printed.
 fn objects(ended: &Ended) -> Vec<Value> {
-    ended.stdout.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {line}"))).collect()
+    ended
+        .stdout
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {line}")))
+        .collect()
 }
 
 /// A release of [`TINY`] in `out`, whose files the test may change.
@@ -50,14 +54,24 @@ fn paths_and_texts_of_recipes_are_shown_and_do_not_act() {
     let edited = given::GIVEN.replace("path: scene.ply", &format!("path: {quoted}"));
     place.write("recipe.yaml", &edited);
     for verb in ["plan", "plan --json", "build", "build --json", "why given", "release --to out"] {
-        let ended = inert(&place, &format!("{verb} {}", if verb.starts_with("why") { "--recipes recipe.yaml" } else { "recipe.yaml" }));
+        let ended = inert(
+            &place,
+            &format!(
+                "{verb} {}",
+                if verb.starts_with("why") { "--recipes recipe.yaml" } else { "recipe.yaml" }
+            ),
+        );
         assert_eq!(ended.code, 2, "{verb}: {}", ended.stderr);
         assert!(ended.stderr.contains(r"\u{1b}[31m"), "the name is shown: {}", ended.stderr);
     }
     // What programs get is the name itself.
     let told = objects(&inert(&place, "plan --json recipe.yaml"));
     assert!(told.iter().any(|fault| fault.to_string().contains("PWN")), "{told:?}");
-    for (from, to) in [("scene: given", "scene: WICKED"), ("preset: dvs346", "preset: WICKED"), ("name: base", "WICKED: base")] {
+    for (from, to) in [
+        ("scene: given", "scene: WICKED"),
+        ("preset: dvs346", "preset: WICKED"),
+        ("name: base", "WICKED: base"),
+    ] {
         place.write("recipe.yaml", given::GIVEN.replace(from, to).replace("WICKED", &quoted));
         assert_eq!(inert(&place, "plan recipe.yaml").code, 2, "{to}");
         assert!(!objects(&inert(&place, "plan --json recipe.yaml")).is_empty());
@@ -76,7 +90,13 @@ fn photos_files_and_recipes_may_have_any_name() {
     for kind in ["yaml", "csv", "ply"] {
         let file = format!("{WICKED}.{kind}");
         place.write(&format!("data/{file}"), "not what it says");
-        for before in [vec!["plan"], vec!["plan", "--json"], vec!["convert", "--json"], vec!["audit"], vec!["diff", "x"]] {
+        for before in [
+            vec!["plan"],
+            vec!["plan", "--json"],
+            vec!["convert", "--json"],
+            vec!["audit"],
+            vec!["diff", "x"],
+        ] {
             let after = if before[0] == "convert" { vec!["out.h5"] } else { Vec::new() };
             let mut command = place.command("");
             command.args(before).arg(place.path("data").join(&file)).args(after);
@@ -105,13 +125,18 @@ fn releases_of_strangers_are_shown_and_do_not_act() {
         let wicked = serde_json::Value::from(WICKED).to_string();
         fs::write(place.path("other").join(file), text.replace("\"tiny\"", &wicked)).unwrap();
     }
-    for verb in ["diff out other", "diff --json out other", "check --tree other", "audit other", "audit --json other"] {
+    for verb in
+        ["diff out other", "diff --json out other", "check --tree other", "audit other", "audit --json other"]
+    {
         inert(&place, verb);
     }
     // Texts of checks.
     let checks = place.path("out/tiny/base/checks.json");
     let text = fs::read_to_string(&checks).unwrap();
-    let because = serde_json::from_str::<Value>(&text).unwrap().to_string().replace("pass", &WICKED.escape_default().to_string());
+    let because = serde_json::from_str::<Value>(&text)
+        .unwrap()
+        .to_string()
+        .replace("pass", &WICKED.escape_default().to_string());
     fs::write(&checks, because).unwrap();
     for verb in ["check --tree out", "audit out"] {
         inert(&place, verb);
@@ -121,7 +146,13 @@ fn releases_of_strangers_are_shown_and_do_not_act() {
 #[test]
 fn words_of_the_command_line_do_not_act() {
     let place = Workspace::new();
-    for words in [vec![WICKED], vec!["build", "--WICKED"], vec!["build", "-j", WICKED], vec!["gc", "--min-age", WICKED], vec!["why", WICKED]] {
+    for words in [
+        vec![WICKED],
+        vec!["build", "--WICKED"],
+        vec!["build", "-j", WICKED],
+        vec!["gc", "--min-age", WICKED],
+        vec!["why", WICKED],
+    ] {
         for json in [false, true] {
             let mut command = place.command("");
             command.args(words.iter().map(|word| word.replace("WICKED", WICKED)));
@@ -144,15 +175,32 @@ fn the_card_is_markup_of_ours_alone() {
     place.ok("release -q --to plain tiny.yaml");
     let outline = |card: &str| -> Vec<String> {
         let marks = ["#", "~~~", "```", "---", "===", "|---"];
-        card.lines().filter(|line| marks.iter().any(|mark| line.starts_with(mark))).map(str::to_owned).collect()
+        card.lines()
+            .filter(|line| marks.iter().any(|mark| line.starts_with(mark)))
+            .map(str::to_owned)
+            .collect()
     };
     let usual = fs::read_to_string(place.path("plain/README.md")).unwrap();
-    for wicked in ["~~~", "```", "# X", "## Licence", "- x", "1. x", "=== x", "--- ", "<!--", "a\r# X\r\n# Y", "\u{1b}[31m\u{202e}\u{9b}x\u{7f}\u{2028}# Z"] {
+    for wicked in [
+        "~~~",
+        "```",
+        "# X",
+        "## Licence",
+        "- x",
+        "1. x",
+        "=== x",
+        "--- ",
+        "<!--",
+        "a\r# X\r\n# Y",
+        "\u{1b}[31m\u{202e}\u{9b}x\u{7f}\u{2028}# Z",
+    ] {
         let quoted = serde_json::Value::from(wicked).to_string();
         place.write("release.yaml", format!("description: {quoted}\ncite_as: {quoted}\nname: {quoted}\ncreator: {quoted}\ncontact: {quoted}\npurpose: {quoted}\n"));
         place.ok("release -q --to out tiny.yaml");
         place.ok("audit -q out");
-        for (name, text) in ["README.md", "DATASHEET.md", "REUSE.toml", "report.html"].map(|name| (name, fs::read_to_string(place.path("out").join(name)).unwrap())) {
+        for (name, text) in ["README.md", "DATASHEET.md", "REUSE.toml", "report.html"]
+            .map(|name| (name, fs::read_to_string(place.path("out").join(name)).unwrap()))
+        {
             let acting: String = text.chars().filter(|c| acts(*c)).collect();
             assert_eq!(acting, "", "{name} of {wicked:?}");
         }
@@ -171,7 +219,9 @@ fn the_card_is_markup_of_ours_alone() {
 #[test]
 fn addresses_lead_to_text() {
     let place = Workspace::with_tiny();
-    for url in ["javascript:alert(1)", "data:text/html,x", "https://a>b", "https://a\u{202e}b", "file:///etc/passwd"] {
+    for url in
+        ["javascript:alert(1)", "data:text/html,x", "https://a>b", "https://a\u{202e}b", "file:///etc/passwd"]
+    {
         place.write("release.yaml", format!("url: {}\n", serde_json::Value::from(url)));
         let ended = inert(&place, "release --to out tiny.yaml");
         assert_eq!(ended.code, 2, "{url}: {}", ended.stderr);
@@ -317,11 +367,39 @@ fn paths_that_are_no_text_work_in_every_verb() {
 fn programs_get_an_object_for_every_wrong_command_line() {
     let place = Workspace::with_tiny();
     let verbs = [
-        "build", "plan", "why", "check", "release", "audit", "diff", "convert", "init", "gc", "render", "simulate",
-        "stress", "study", "trajectory",
+        "build",
+        "plan",
+        "why",
+        "check",
+        "release",
+        "audit",
+        "diff",
+        "convert",
+        "init",
+        "gc",
+        "render",
+        "simulate",
+        "stress",
+        "study",
+        "trajectory",
     ];
     let mut lines: Vec<String> = verbs.iter().map(|verb| format!("{verb} --json --no-such-option")).collect();
-    lines.extend(["--json", "--json frobnicate", "build --json -j 0", "why --json", "check --json --tree nope", "audit --json nope", "diff --json nope nope", "plan --json nope", "gc --json nope", "build -C nope --json", "stress --json nope"].map(str::to_owned));
+    lines.extend(
+        [
+            "--json",
+            "--json frobnicate",
+            "build --json -j 0",
+            "why --json",
+            "check --json --tree nope",
+            "audit --json nope",
+            "diff --json nope nope",
+            "plan --json nope",
+            "gc --json nope",
+            "build -C nope --json",
+            "stress --json nope",
+        ]
+        .map(str::to_owned),
+    );
     for arguments in lines {
         let ended = inert(&place, &arguments);
         assert_eq!(ended.code, 2, "gs2e {arguments}: {}", ended.stderr);
@@ -361,10 +439,19 @@ fn numbers_are_short_and_a_sign_is_no_option() {
     place.write("tiny.yaml", TINY.replace("on: 1.0", "on: 1e300"));
     let ended = place.gs2e("plan tiny.yaml");
     assert!(ended.code == 2 && ended.stderr.contains(" is 1e300, wanted"), "{}", ended.stderr);
-    for (arguments, wanted) in [("build -j -1", "-1"), ("init colmap x --to y --limit -1", "-1"), ("simulate --exposure -1", "--frames"), ("plan -1", "-1")] {
+    for (arguments, wanted) in [
+        ("build -j -1", "-1"),
+        ("init colmap x --to y --limit -1", "-1"),
+        ("simulate --exposure -1", "--frames"),
+        ("plan -1", "-1"),
+    ] {
         let ended = place.gs2e(arguments);
         assert_eq!(ended.code, 2, "{}", ended.stderr);
-        assert!(ended.stderr.contains(wanted) && !ended.stderr.contains("use '--"), "gs2e {arguments}: {}", ended.stderr);
+        assert!(
+            ended.stderr.contains(wanted) && !ended.stderr.contains("use '--"),
+            "gs2e {arguments}: {}",
+            ended.stderr
+        );
     }
 }
 
@@ -379,13 +466,19 @@ fn init_writes_no_recipe_that_other_verbs_miss() {
     }
     let init = "init nerfstudio data --to recipes --min-views 1 --min-side 1 --json";
     let result: Value = serde_json::from_str(&place.ok(init).stdout).unwrap();
-    assert_eq!((result["written"].as_array().unwrap().len(), &result["rejected"]), (7, &Value::Array(Vec::new())));
+    assert_eq!(
+        (result["written"].as_array().unwrap().len(), &result["rejected"]),
+        (7, &Value::Array(Vec::new()))
+    );
     let noticed = result["noticed"].to_string();
     for name in [".hid", "defaults", "release", "sources", "a_b"] {
         assert!(noticed.contains(&format!("nerfstudio/{name}\"")), "{name} is said: {noticed}");
     }
-    let scenes: std::collections::BTreeSet<String> =
-        place.plan("recipes").into_iter().filter_map(|(step, _)| Some(step.strip_suffix("/capture")?.to_owned())).collect();
+    let scenes: std::collections::BTreeSet<String> = place
+        .plan("recipes")
+        .into_iter()
+        .filter_map(|(step, _)| Some(step.strip_suffix("/capture")?.to_owned()))
+        .collect();
     assert_eq!(scenes, names.map(|name| format!("nerfstudio/{name}")).into());
     let again: Value = serde_json::from_str(&place.ok(init).stdout).unwrap();
     assert_eq!((&again["kept"], again["written"].as_array().unwrap().len()), (&7.into(), 0));

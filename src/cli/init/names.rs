@@ -28,18 +28,19 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
     let mut files = vec![None; scenes.len()];
     for (stem, group) in &groups {
         let because = unsafe_because(stem);
-        let owners: Vec<usize> = match group.as_slice() {
-            _ if because.is_some() => Vec::new(),
-            [one] => vec![*one],
-            [first, ..] => {
-                let owners: Vec<usize> = group.iter().filter(names_it).copied().collect();
-                let is_free = group.iter().all(|i| !plain(*i).exists());
-                if owners.is_empty() && is_free { vec![*first] } else { owners }
-            }
+        let owners = if because.is_some() {
+            Vec::new()
+        } else if group.len() == 1 || group.iter().all(|i| !plain(*i).exists()) {
+            vec![group[0]]
+        } else {
+            group.iter().filter(names_it).copied().collect()
         };
         for i in group {
             let because = (!owners.contains(i)).then(|| {
-                because.map_or_else(|| format!("{stem}.yaml is another scene's"), |why| format!("{stem}.yaml {why}"))
+                because.map_or_else(
+                    || format!("{stem}.yaml is another scene's"),
+                    |why| format!("{stem}.yaml {why}"),
+                )
             });
             let path = if because.is_some() { marked(folder, scenes[*i]) } else { plain(*i) };
             files[*i] = Some(FileName { path, because });
