@@ -45,7 +45,7 @@ const SOUND: [&str; 34] = [
     "render --json --scene scene.ply --view view.json --out a.npy --channel depth --rules gsplat --order depth",
     "simulate --frames bytes.npy --fps 100 --sensor dvs346 --out e.h5 --seed 3 --origin 1,2 --full-scale 255",
     "simulate --json --frames bytes.npy --fps 1e3 --sensor dvs346 --out e.csv --law exact --gain log --between linear",
-    "trajectory --recipe tiny.yaml --name base --out poses.txt --report speed.json --svg path.svg",
+    "trajectory --capture data/one/transforms.json --recipe tiny.yaml --name base --out poses.txt --report speed.json --svg path.svg",
     "stress --help --area sensor",
     "study thresholds --help",
 ];
@@ -167,7 +167,7 @@ fn home() -> PathBuf {
 const TINY: &str = "\
 version: 1
 scene: tiny
-source: { procedural: { kind: still-life, gaussians: 40, views: 4, arc: 6, seed: 1 } }
+source: { procedural: { kind: still-life, gaussians: 100, views: 4, arc: 6, seed: 1 } }
 camera: { width: 16, height: 12 }
 trajectories: [{ name: base, refine: { window: 2, factor: 1, curve: cubic }, speed: { function: \"1\" } }]
 sensor: { voltmeter: { preset: dvs346 } }
@@ -188,7 +188,7 @@ fn furnish(home: &Path) {
     let write = |name: &str, content: &[u8]| fs::write(home.join(name), content).unwrap();
     write("tiny.yaml", TINY.as_bytes());
     write("view.json", VIEW.as_bytes());
-    write("takedown.txt", b"another\n");
+    write("takedown.txt", b"another 2025-06-01\n");
     for (from, to) in [
         ("tests/fuzz/corpus/few.csv", "few.csv"),
         ("tests/fuzz/corpus/ascii.ply", "scene.ply"),

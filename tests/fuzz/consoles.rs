@@ -33,23 +33,18 @@ const NAMES: [&str; 18] = [
     "\"'\\`$(x){y}",
 ];
 
-/// The names, for each place and stream: the first two bytes choose them.
+/// The names; where one is put, and what shows it, hangs on all of its bytes.
 pub(crate) fn corpus() -> Corpus {
-    let of = |(i, name): (usize, &'static str)| {
-        (0..PLACES.len()).map(move |place| {
-            let choice = [u8::try_from(place).unwrap(), u8::try_from(i % 2).unwrap()];
-            (format!("{} {name:?}", PLACES[place].0), [&choice[..], name.as_bytes()].concat())
-        })
-    };
-    NAMES.into_iter().enumerate().flat_map(of).collect()
+    NAMES.into_iter().map(|name| (format!("{name:?}"), name.as_bytes().to_vec())).collect()
 }
 
 /// Shows a name; always sound, as the exit code is the name's own matter.
-pub(crate) fn read(bytes: &[u8]) -> bool {
-    let [place, stream, name @ ..] = bytes else { return true };
+pub(crate) fn read(name: &[u8]) -> bool {
     let text = String::from_utf8_lossy(name).replace('\0', "");
+    let sum = name.iter().fold(7_usize, |sum, byte| sum.wrapping_mul(31).wrapping_add(usize::from(*byte)));
+    let (place, stream) = (sum % PLACES.len(), sum / PLACES.len());
     let stage = Stage::new();
-    let lines = (PLACES[usize::from(*place) % PLACES.len()].1)(&stage, &text);
+    let lines = PLACES[place](&stage, &text);
     for words in lines {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
         command.args(&words).current_dir(&stage.folder).stdin(Stdio::null());
@@ -150,7 +145,7 @@ impl Stage {
 const TINY: &str = "\
 version: 1
 scene: tiny
-source: { procedural: { kind: still-life, gaussians: 40, views: 4, arc: 6, seed: 1 } }
+source: { procedural: { kind: still-life, gaussians: 100, views: 4, arc: 6, seed: 1 } }
 camera: { width: 16, height: 12 }
 trajectories: [{ name: base, refine: { window: 2, factor: 1, curve: cubic }, speed: { function: \"1\" } }]
 sensor: { voltmeter: { preset: dvs346 } }
@@ -162,40 +157,47 @@ licence: { expression: CC0-1.0, holder: Example Lab }
 type Put = fn(&Stage, &str) -> Vec<Vec<OsString>>;
 
 /// Where a stranger's text comes in.
-const PLACES: [(&str, Put); 9] = [
-    ("path", |stage, name| {
+const PLACES: [Put; 9] = [
+    // A path of a recipe.
+    |stage, name| {
         let source = format!("source: {{ nerfstudio: {{ path: {} }} }}", quoted(name));
         stage.write("r.yaml", with(TINY, "source:", &source) + "reconstruct: { given: { path: x.ply } }\n");
         lines(&["build r.yaml", "plan --json r.yaml"])
-    }),
-    ("id", |stage, name| {
+    },
+    // A scene's id.
+    |stage, name| {
         stage.write("r.yaml", with(TINY, "scene:", &format!("scene: {}", quoted(name))));
         lines(&["plan r.yaml", "plan --json r.yaml"])
-    }),
-    ("key", |stage, name| {
+    },
+    // A key.
+    |stage, name| {
         stage.write("r.yaml", format!("{TINY}{}: 1\n", quoted(name)));
         lines(&["build r.yaml", "build --json r.yaml"])
-    }),
-    ("raw", |stage, name| {
+    },
+    // The text of a recipe, as it is.
+    |stage, name| {
         stage.write("r.yaml", format!("{TINY}note: {name}\n"));
         lines(&["plan r.yaml"])
-    }),
-    ("file", |stage, name| {
+    },
+    // The name of a file that is read.
+    |stage, name| {
         let name = file_name(name);
         stage.write(format!("data/{name}.yaml"), "nothing");
         stage.write(format!("data/{name}.csv"), "nothing");
         let mut lines = lines(&["plan data", "plan --json data", "convert --json"]);
         lines[2].extend([format!("data/{name}.csv").into(), "x.h5".into()]);
         lines
-    }),
-    ("word", |_, name| {
+    },
+    // A word of the command line.
+    |_, name| {
         vec![
             vec![name.into()],
             vec!["build".into(), format!("--{name}").into()],
             vec!["why".into(), "--json".into(), name.into()],
         ]
-    }),
-    ("photo", |stage, name| {
+    },
+    // The name of a photo.
+    |stage, name| {
         let frames = serde_json::json!({ "w": 16, "h": 12, "fl_x": 9, "fl_y": 9, "cx": 8, "cy": 6, "frames": [
             { "file_path": name, "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] },
             { "file_path": name, "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }
@@ -206,29 +208,33 @@ const PLACES: [(&str, Put); 9] = [
             "init --json nerfstudio data --to q --min-views 1 --min-side 1",
             "build r",
         ])
-    }),
-    ("tree", |stage, name| {
+    },
+    // The name of a file in a release.
+    |stage, name| {
         stage.release("out");
         stage.write(format!("out/{}", file_name(name)), "nothing");
         lines(&["audit out", "audit --json out"])
-    }),
-    ("manifest", |stage, name| {
+    },
+    // Ids and verdicts of a release.
+    |stage, name| {
         stage.release("out");
         stage.release("other");
         for file in ["manifest.json", "tiny/scene.json", "tiny/base/checks.json"] {
-            stage.edit(&format!("other/{file}"), "\"tiny\"", &quoted(name));
-            stage.edit(&format!("other/{file}"), "\"pass\"", &quoted(name));
+            let name = serde_json::Value::from(name).to_string();
+            stage.edit(&format!("other/{file}"), "\"tiny\"", &name);
+            stage.edit(&format!("other/{file}"), "\"pass\"", &name);
         }
         lines(&["diff out other", "diff --json out other", "check --tree other", "audit other"])
-    }),
+    },
 ];
 
 fn lines(lines: &[&str]) -> Vec<Vec<OsString>> {
     lines.iter().map(|line| line.split(' ').map(OsString::from).collect()).collect()
 }
 
+/// A text as YAML holds it.
 fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
+    gs2e::escape::quoted(text)
 }
 
 /// The recipe with another line in the place of the one that begins so.
