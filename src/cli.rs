@@ -1,7 +1,7 @@
 //! The command line: what the user types, what they read, and how the program ends.
 //!
-//! The only room that prints, reads the environment, or looks at a clock for people. Text for people goes to
-//! stderr, results for programs to stdout.
+//! The only room that prints, reads the environment, or looks at a clock for people. Results go to stdout, all other
+//! text to stderr; `docs/command-line.md` says what programs may rely on.
 
 mod audit;
 mod build;
@@ -34,13 +34,17 @@ mod takedown;
 mod trajectory;
 mod why;
 
+use crate::escape;
 use crate::programs::{Programs, SUPERVISE};
 use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, Device, GpuError};
-use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;
-use problem::{Exit, Problem};
+pub use console::Streams;
+pub use problem::Exit;
+use problem::Problem;
 use renderers::{Auto, By, Chosen};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::ffi::OsString;
@@ -51,7 +55,7 @@ use std::sync::atomic::AtomicBool;
 
 /// Builds datasets of synthetic event-camera streams from 3D Gaussian splats, and proves them.
 #[derive(Debug, Parser)]
-#[command(name = "gs2e", version, about, max_term_width = 100)]
+#[command(name = "gs2e", bin_name = "gs2e", version, about, max_term_width = 100)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -235,37 +239,92 @@ pub fn command_line() -> clap::Command {
     Cli::command()
 }
 
-/// Runs the program with these arguments, the first being its own name.
+/// Runs the program with these arguments, the first being its own name, on the streams of the process.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     if arguments.get(1).is_some_and(|verb| verb == SUPERVISE) {
         return supervise::run(arguments.into_iter().skip(2).collect());
     }
-    let command = command(&arguments);
-    let cli = match Cli::try_parse_from(arguments) {
-        Ok(Cli { verb, common }) => Cli { verb, common: Common { command, ..common } },
-        Err(error) => {
-            // Where the terminal is gone there is nobody left to tell.
-            let _ = error.print();
-            return Exit::from_clap(&error).into();
-        }
-    };
-    let console = Console::new(cli.common.json, cli.common.quiet);
-    let mut cli = cli;
-    cli.common.clamp_jobs(&console);
-    match dispatch(cli, &console) {
-        Ok(exit) => exit.into(),
-        Err(problem) => {
-            console.problem(&problem);
-            problem.exit.into()
-        }
-    }
+    run_on(Streams::of_process(), arguments).into()
 }
 
-/// A command as it was typed, but for quotes and the path of the program.
+/// Runs the program with these arguments, the first being its own name. Only the bars of a run on a terminal are
+/// written past `streams`, and results for which the user names `-` as the output.
+#[must_use]
+pub fn run_on(streams: Streams, arguments: impl IntoIterator<Item = OsString>) -> Exit {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let (console, ended) = match parse(&arguments) {
+        Ok(mut cli) => {
+            let console = Console::new(streams, cli.common.json, cli.common.quiet);
+            cli.common.clamp_jobs(&console);
+            let ended = dispatch(cli, &console);
+            (console, ended)
+        }
+        Err(error) => {
+            let console = Console::new(streams, wants_json(&arguments), false);
+            let ended = if error.use_stderr() {
+                Err(misread(&arguments, error))
+            } else {
+                console.help(&error);
+                Ok(Exit::Done)
+            };
+            (console, ended)
+        }
+    };
+    let exit = ended.unwrap_or_else(|problem| {
+        console.problem(&problem);
+        problem.exit
+    });
+    console.finish(exit)
+}
+
+fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
+    let mut known = with_negative_numbers(Cli::command());
+    let mut matches = known.try_get_matches_from_mut(arguments)?;
+    let mut cli = Cli::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut known))?;
+    cli.common.command = command(arguments);
+    Ok(cli)
+}
+
+/// Has `-1` be a value where one is wanted: what the field says of it is more help than that no option has this name.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes = |arg: clap::Arg| {
+        if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg }
+    };
+    command.mut_args(takes).mut_subcommands(with_negative_numbers)
+}
+
+/// Whether the command line asks for results for programs, although it cannot be read as a whole.
+fn wants_json(arguments: &[OsString]) -> bool {
+    arguments.iter().skip(1).take_while(|word| *word != "--").any(|word| word == "--json")
+}
+
+/// What is said of a command line that cannot be read.
+fn misread(arguments: &[OsString], error: clap::Error) -> Problem {
+    // The parser repeats words as they are; so it reads them again in their visible form.
+    let shown = arguments.iter().map(|word| OsString::from(visible(word)));
+    let again = with_negative_numbers(Cli::command()).try_get_matches_from(shown).err();
+    let error = again.filter(|again| again.kind() == error.kind()).unwrap_or(error);
+    let what = match error.kind() {
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "no verb is named".to_owned(),
+        _ => {
+            let text = error.render().to_string();
+            let first = text.split("\n\n").next().unwrap_or_default().trim_end();
+            first.strip_prefix("error: ").unwrap_or(first).to_owned()
+        }
+    };
+    Problem::misread(what, error.render().to_string().trim_end().lines().map(str::to_owned).collect())
+}
+
+/// A word of the command line on one line.
+fn visible(word: &OsString) -> String {
+    escape::line(&console::path(word)).into_owned()
+}
+
+/// A command as it was typed, but for quotes, hidden characters and the path of the program.
 fn command(arguments: &[OsString]) -> String {
-    let mut words: Vec<String> = arguments.iter().map(|word| word.to_string_lossy().into_owned()).collect();
+    let mut words: Vec<String> = arguments.iter().map(visible).collect();
     if let Some(program) = words.first_mut() {
         *program = program.rsplit(std::path::MAIN_SEPARATOR).next().unwrap_or_default().to_owned();
     }

@@ -22,7 +22,7 @@
 //!
 //! | room | what lives there |
 //! |---|---|
-//! | [`units`] [`files`] [`programs`] [`budget`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values, budgets, and the doors for files and for other people's programs |
+//! | [`units`] [`escape`] [`files`] [`programs`] [`budget`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values, visible text, budgets, and the doors for files and for programs of others |
 //! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`reconstruct`] [`foreign`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
 //! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
 //! | [`artifact`] | the one seam between domain formats and the store |
@@ -60,6 +60,7 @@ pub mod camera;
 pub mod check;
 pub mod cli;
 pub(crate) mod elementary;
+pub mod escape;
 pub mod event;
 pub mod files;
 pub mod foreign;

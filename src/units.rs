@@ -52,8 +52,15 @@ pub fn amount(n: u64, unit: &str) -> String {
     format!("{scaled:.1} {}{unit}", PREFIXES[prefix])
 }
 
-/// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without floating point, in
-/// which `ceil(1.1 * 50)` is 56.
+/// A real for people, by value: `0.25`, `150`, and with an exponent where it would be long, `1e300`.
+#[must_use]
+pub fn brief(value: f64) -> String {
+    let usual = value == 0.0 || !value.is_finite() || (1e-5..1e16).contains(&value.abs());
+    if usual { value.to_string() } else { format!("{value:e}") }
+}
+
+/// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without passing through floating point:
+/// in floats `ceil(1.1 * 50)` is 56.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,
@@ -185,6 +192,18 @@ impl Hertz {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn reals_are_short_whatever_their_size() {
+        let t = |value: f64, wanted: &str| assert_eq!(brief(value), wanted);
+        t(0.0, "0");
+        t(150.0, "150");
+        t(-0.25, "-0.25");
+        t(1e300, "1e300");
+        t(-1.5e-7, "-1.5e-7");
+        t(9_007_199_254_740_992.0, "9007199254740992");
+        t(f64::INFINITY, "inf");
+    }
 
     #[test]
     fn ratios_are_read_exactly() {

@@ -43,7 +43,7 @@ impl Audit {
             if console.json {
                 console.result(&to_json(fault));
             }
-            console.insist(&message(fault).to_text());
+            console.show(&message(fault));
         }
         let (files, mb) = (report.files, report.bytes as f64 * 1e-6);
         let count = report.faults.len();

@@ -230,7 +230,7 @@ impl Building<'_> {
         let Told { failed, left_out } = progress.close();
         left_out::tell(&left_out, console);
         if common.keep_going && !failed.is_empty() {
-            console.say(&failure::again(&failed, &self.to_find()));
+            failure::again(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
         }
         let summary = summary?;
         match run::settle(plan, &summary, store, &tag(self.chosen)) {

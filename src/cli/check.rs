@@ -1,7 +1,7 @@
 //! `gs2e check`: the verdicts of the validation passes over what is built, or over a release tree.
 
 use super::build::opening;
-use super::console::Console;
+use super::console::{Console, path};
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
 use crate::artifact::{Artifact, Files, Verdicts};
@@ -34,15 +34,31 @@ pub(super) struct Check {
 impl Check {
     pub(super) fn run(self, common: &Common, console: &Console) -> Result<Exit, Problem> {
         let findings = match &self.tree {
+            Some(tree) if !tree.is_dir() => {
+                let what = format!("{} is no folder", path(tree));
+                return Err(Problem::usage("input-missing", what));
+            }
             Some(tree) => recheck(tree, &self.scenes).map_err(|error| of_tree(&error))?,
             None => self.of_built(common, console)?,
         };
         show(&findings, console);
-        let missed =
-            |finding: &Finding| finding.verdict == Verdict::NotRun && self.require.contains(&finding.check);
-        let absent = self.require.iter().filter(|name| findings.iter().all(|f| f.check != **name)).count();
-        let failed = findings.iter().filter(|f| f.verdict == Verdict::Fail || missed(f)).count() + absent;
-        Ok(if failed == 0 { Exit::Done } else { Exit::Fault })
+        let failed = self.failed(&findings);
+        for line in &failed {
+            console.insist(&format!("error: {line}"));
+        }
+        Ok(if failed.is_empty() { Exit::Done } else { Exit::Fault })
+    }
+
+    /// Each check that failed, was not run though required, or is required and not among the findings.
+    fn failed(&self, findings: &[Finding]) -> Vec<String> {
+        let required = |finding: &Finding| self.require.contains(&finding.check);
+        let found = findings.iter().filter_map(|f| match f.verdict {
+            Verdict::Fail => Some(format!("{}: {} failed", f.subject, f.check)),
+            Verdict::NotRun if required(f) => Some(format!("{}: {} was not run", f.subject, f.check)),
+            _ => None,
+        });
+        let absent = self.require.iter().filter(|name| findings.iter().all(|f| f.check != **name));
+        found.chain(absent.map(|name| format!("{name} was not run on anything"))).collect()
     }
 
     fn of_built(&self, common: &Common, console: &Console) -> Result<Vec<Finding>, Problem> {
@@ -89,14 +105,39 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
     Ok(findings)
 }
 
-/// Prints findings: to programs as records, to people as a table with the faults first.
-pub(super) fn show(findings: &[Finding], console: &Console) {
+/// Prints findings as the result: one record each for programs, else a table with the faults first.
+fn show(findings: &[Finding], console: &Console) {
     if console.json {
-        for finding in findings {
-            console.result(&serde_json::to_value(finding).expect("a finding is plain data"));
-        }
-        return;
+        return records(findings, console);
     }
+    table(findings).iter().for_each(|line| console.print(line));
+    let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
+    console.say(&format!(
+        "{} pass, {} warn, {} fail, {} waived, {} not run",
+        count(Verdict::Pass),
+        count(Verdict::Warn),
+        count(Verdict::Fail),
+        count(Verdict::Waived),
+        count(Verdict::NotRun)
+    ));
+}
+
+/// Says which findings keep something from being done; programs get a record of each.
+pub(super) fn show_failed(findings: &[Finding], console: &Console) {
+    if console.json {
+        records(findings, console);
+    }
+    table(findings).iter().for_each(|line| console.insist(line));
+}
+
+fn records(findings: &[Finding], console: &Console) {
+    for finding in findings {
+        console.result(&serde_json::to_value(finding).expect("a finding is plain data"));
+    }
+}
+
+/// A line for each finding, the faults first.
+fn table(findings: &[Finding]) -> Vec<String> {
     let mut sorted: Vec<&Finding> = findings.iter().collect();
     let rank = |verdict| match verdict {
         Verdict::Fail => 0,
@@ -106,7 +147,7 @@ pub(super) fn show(findings: &[Finding], console: &Console) {
         Verdict::Pass => 4,
     };
     sorted.sort_by_key(|f| rank(f.verdict));
-    for f in &sorted {
+    let line = |f: &&Finding| {
         let verdict = match f.verdict {
             Verdict::Fail => "FAIL",
             Verdict::Waived => "waived",
@@ -114,15 +155,7 @@ pub(super) fn show(findings: &[Finding], console: &Console) {
             Verdict::NotRun => "not run",
             Verdict::Pass => "pass",
         };
-        console.print(&format!("{verdict:7}  {:15}  {}: {}", f.check, f.subject, f.because));
-    }
-    let count = |verdict| sorted.iter().filter(|f| f.verdict == verdict).count();
-    console.say(&format!(
-        "{} pass, {} warn, {} fail, {} waived, {} not run",
-        count(Verdict::Pass),
-        count(Verdict::Warn),
-        count(Verdict::Fail),
-        count(Verdict::Waived),
-        count(Verdict::NotRun)
-    ));
+        format!("{verdict:7}  {:15}  {}: {}", f.check, f.subject, f.because)
+    };
+    sorted.iter().map(line).collect()
 }

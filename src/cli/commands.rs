@@ -80,7 +80,7 @@ mod tests {
         let names: Vec<String> = (0..30).map(|n| format!("s{n}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let told = |scenes: &[(usize, &[&str])]| {
-            refused(&scenes.iter().map(|(n, of)| (command(*n), of.to_vec())).collect()).to_text()
+            refused(&scenes.iter().map(|(n, of)| (command(*n), of.to_vec())).collect()).to_lines().join("\n")
         };
         let wanted = "error: s0/reconstruct would run a program that the recipe names; nothing was run\n   trainer \
                       --version 07\n   trainer 07\nhelp: if you trust it, run the same command with --allow-commands";

@@ -3,7 +3,7 @@
 pub(super) mod events;
 mod picture;
 
-use super::console::Console;
+use super::console::{Console, path};
 use super::message::{Level, Message};
 use super::output::{self, write_beside};
 use super::problem::{Exit, Problem};
@@ -138,7 +138,7 @@ impl Convert {
         losses.iter().for_each(|loss| console.say(&format!("{}: {}", loss.field, loss.what)));
         if console.json {
             console.result(&json!({
-                "input": self.input, "output": self.output, "read": screening.read,
+                "input": path(&self.input), "output": path(&self.output), "read": screening.read,
                 "dropped": screening.non_finite, "written": written, "bytes": bytes, "lost": losses,
             }));
         }

@@ -56,7 +56,7 @@ fn command_failed(scene: &str, step: &str, error: &Failed) -> Message {
     let message = message.detail(format!("command: {command}"));
     let message = match last.as_slice() {
         [] => message.detail("it said nothing"),
-        last => message.detail(format!("it said last:\n   {}", last.join("\n   "))),
+        last => last.iter().fold(message.detail("it said last:"), |m, line| m.detail(format!("  {line}"))),
     };
     message.help("all that it said is in the file named first; what is finished is kept")
 }
@@ -93,11 +93,11 @@ fn unlike(message: Message, sides: &Unlike) -> Message {
 
 /// The steps that failed once more, by scene, each with the command that looks closer. `failed` holds scene, step and
 /// message; `options` is what the command needs to find them.
-pub(super) fn again(failed: &[(String, String, Message)], options: &str) -> String {
+pub(super) fn again(failed: &[(String, String, Message)], options: &str) -> Vec<String> {
     let mut sorted: Vec<&(String, String, Message)> = failed.iter().collect();
     // Steps of one scene keep the order in which they failed.
     sorted.sort_by(|a, b| a.0.cmp(&b.0));
-    let mut lines = vec![format!("failed:")];
+    let mut lines = vec!["failed:".to_owned()];
     let mut last = None;
     for (scene, step, message) in sorted {
         if last != Some(scene) {
@@ -107,7 +107,7 @@ pub(super) fn again(failed: &[(String, String, Message)], options: &str) -> Stri
         lines.push(format!("  {}", message.what()));
         lines.push(format!("  look closer: gs2e why {scene}/{step}{options}"));
     }
-    lines.join("\n")
+    lines
 }
 
 #[cfg(test)]
@@ -147,7 +147,7 @@ mod tests {
              from"
         );
         let error = StepError::Store(StoreError::Nondeterministic(Box::new(sides)));
-        assert_eq!(failed(at, &error).to_text(), wanted);
+        assert_eq!(failed(at, &error).to_lines().join("\n"), wanted);
     }
 
     #[test]
@@ -160,6 +160,6 @@ mod tests {
         let wanted = "failed:\n a\n  a/y: failed to please\n  look closer: gs2e why a/y -q\n b\n  b/x: failed \
                       to please\n  look closer: gs2e why b/x -q\n  b/w: failed to please\n  look closer: gs2e \
                       why b/w -q";
-        assert_eq!(again(&failed, " -q"), wanted);
+        assert_eq!(again(&failed, " -q").join("\n"), wanted);
     }
 }

@@ -1,20 +1,22 @@
 //! `gs2e init`: one recipe for each scene of a dataset on disk. What has a recipe keeps it as it is.
 
+mod names;
 mod sample;
 mod write;
 
-use super::console::Console;
+use super::console::{Console, path};
 use super::message::{Level, Message};
 use super::problem::{Exit, Problem};
 use super::{Common, input};
 use crate::files::is_there;
 use crate::recipe::draft::{self, Draft, Pace};
-use crate::source::inventory::{self, Entry, Rejection, Rules};
+use crate::source::inventory::{self, Entry, Rules};
 use crate::source::kind::Kind;
 use crate::source::{Captured, Selection, Warning, mvimgnet, pattern};
 use clap::ValueEnum;
+use names::FileName;
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `init`.
@@ -196,29 +198,31 @@ impl Init {
     /// The scenes that may be used; the others are rejected.
     fn candidates(&self, entries: Vec<Entry>, outcome: &mut Outcome) -> Vec<Candidate> {
         let prefix = self.prefix.as_deref().unwrap_or(Kind::from(self.format).name());
-        let mut candidates = Vec::new();
-        let mut taken: BTreeMap<PathBuf, String> = BTreeMap::new();
+        let mut sound = Vec::new();
         for Entry { name, path, verdict } in entries {
             let scene = format!("{prefix}/{name}");
-            // In one folder, so that the defaults there are those of each, however it is named to `build`.
-            let recipe = self.to.join(format!("{}.yaml", name.replace('/', "_")));
-            let named = draft::screen(&scene, &[&path]).and_then(|()| {
-                let other = taken.get(&recipe);
-                other.map_or(Ok(()), |other| Err(format!("its recipe would be that of {other}")))
-            });
-            match (verdict, named) {
+            match (verdict, draft::screen(&scene, &[&path])) {
                 (Ok(warnings), Ok(())) => {
-                    taken.insert(recipe.clone(), scene.clone());
-                    let told = warnings.iter().filter(|w| is_odd(w)).map(ToString::to_string).collect();
-                    candidates.push(Candidate { scene, recipe, path, told });
+                    let told: Vec<String> =
+                        warnings.iter().filter(|w| is_odd(w)).map(ToString::to_string).collect();
+                    sound.push((scene, name, path, told));
                 }
                 (Ok(_), Err(because)) => outcome.rejected.push((scene, path, "name", because)),
                 (Err(rejection), _) => {
-                    outcome.rejected.push((scene, path, rejection.code(), words(&rejection)));
+                    outcome.rejected.push((scene, path, rejection.code(), rejection.to_string()));
                 }
             }
         }
-        candidates
+        let scenes: Vec<(&str, &str)> =
+            sound.iter().map(|(s, name, ..)| (s.as_str(), name.as_str())).collect();
+        let files = names::assign(&self.to, &scenes);
+        let candidate = |((scene, _, path, mut told), file): (_, FileName)| {
+            let FileName { path: recipe, because } = file;
+            let named = because.map(|why| format!("its recipe is {}, since {why}", recipe.display()));
+            Vec::extend(&mut told, named);
+            Candidate { scene, recipe, path, told }
+        };
+        sound.into_iter().zip(files).map(candidate).collect()
     }
 
     /// Those that get a recipe now.
@@ -275,11 +279,6 @@ fn is_odd(warning: &Warning) -> bool {
     !matches!(warning, Warning::DistortionIgnored { .. } | Warning::FewViews { .. })
 }
 
-/// A rejection on one line.
-fn words(rejection: &Rejection) -> String {
-    rejection.to_string().replace(|c: char| c.is_control(), " ")
-}
-
 impl Outcome {
     fn tell(&self, init: &Init, console: &Console) {
         for (scene, told) in &self.told {
@@ -312,10 +311,11 @@ impl Outcome {
     }
 
     fn to_json(&self) -> Value {
-        let rejected = self.rejected.iter().map(|(scene, path, code, because)| {
-            json!({ "scene": scene, "path": path, "code": code, "because": because })
+        let rejected = self.rejected.iter().map(|(scene, folder, code, because)| {
+            json!({ "scene": scene, "path": path(folder), "code": code, "because": because })
         });
-        let written = self.written.iter().map(|(scene, path)| json!({ "scene": scene, "recipe": path }));
+        let written =
+            self.written.iter().map(|(scene, recipe)| json!({ "scene": scene, "recipe": path(recipe) }));
         let told = self.told.iter().map(|(scene, told)| json!({ "scene": scene, "because": told }));
         json!({
             "written": written.collect::<Vec<_>>(),
@@ -323,7 +323,7 @@ impl Outcome {
             "left": self.left,
             "rejected": rejected.collect::<Vec<_>>(),
             "noticed": told.collect::<Vec<_>>(),
-            "without_scene": self.without_scene,
+            "without_scene": self.without_scene.iter().map(path).collect::<Vec<_>>(),
         })
     }
 }

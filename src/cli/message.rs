@@ -1,5 +1,6 @@
 //! One message in four parts: what failed, where, why, and what to do.
 
+use crate::escape;
 use crate::recipe::Position;
 use serde_json::json;
 use std::path::Path;
@@ -52,7 +53,7 @@ impl Message {
 
     /// About a file.
     pub(super) fn path(self, path: &Path) -> Self {
-        Self { path: Some(path.display().to_string()), ..self }
+        Self { path: Some(escape::path(path)), ..self }
     }
 
     /// Named at a place of a recipe.
@@ -60,7 +61,7 @@ impl Message {
         Self { named_at: at, ..self }
     }
 
-    /// One more line on where or what.
+    /// One more line on where or what. One that begins with a space continues the line before it.
     pub(super) fn detail(mut self, line: impl Into<String>) -> Self {
         self.details.push(line.into());
         self
@@ -83,7 +84,7 @@ impl Message {
     }
 
     /// For people.
-    pub(super) fn to_text(&self) -> String {
+    pub(super) fn to_lines(&self) -> Vec<String> {
         let word = match self.level {
             Level::Error => "error",
             Level::Warning => "warning",
@@ -94,7 +95,7 @@ impl Message {
         lines.extend(self.details.iter().map(|line| format!(" {line}")));
         lines.extend(self.why.iter().map(|why| format!(" because {why}")));
         lines.extend(self.help.iter().map(|help| format!("help: {help}")));
-        lines.join("\n")
+        lines
     }
 
     fn place(&self) -> Option<String> {
@@ -113,9 +114,19 @@ impl Message {
         // `path` is then the recipe's.
         let other = self.path.as_ref().filter(|_| at.is_some());
         let message = std::iter::once(&self.what).chain(other).chain(&self.details).chain(&self.why);
-        let message: Vec<&str> = message.map(String::as_str).collect();
+        let message = message.fold(String::new(), |mut all, part| {
+            let joint = if all.is_empty() {
+                ""
+            } else if part.starts_with(' ') {
+                "\n"
+            } else {
+                ": "
+            };
+            all.extend([joint, part]);
+            all
+        });
         json!({
-            "level": level, "code": self.code, "message": message.join(": "),
+            "level": level, "code": self.code, "message": message,
             "scene": self.scene, "step": self.step,
             "path": at.map(|at| &at.file).or(self.path.as_ref()),
             "line": at.map(|at| at.line), "column": at.map(|at| at.column),
@@ -142,8 +153,8 @@ mod tests {
     fn four_parts_stand_below_one_another() {
         let wanted = "error: a/b: the source is not there\n data/b, named at recipes/a.yaml:5:22\n \
                       because open data/b: no such file\nhelp: a path is relative to the recipe's folder";
-        assert_eq!(whole().to_text(), wanted);
-        assert_eq!(Message::new(Level::Waiting, "locked", "x").to_text(), "waiting: x");
+        assert_eq!(whole().to_lines().join("\n"), wanted);
+        assert_eq!(Message::new(Level::Waiting, "locked", "x").to_lines(), ["waiting: x"]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `gs2e plan`: what `build` would run, may run and leave alone, each with its reason.
 
 use super::build::{opening, tag};
-use super::console::Console;
+use super::console::{Console, path};
 use super::problem::{Exit, Problem};
 use super::{Common, Targets};
 use crate::plan::Plan;
@@ -12,7 +12,6 @@ use crate::store::record::Output;
 use crate::store::{Access, Digest, Key, Opening, Store};
 use serde::Serialize;
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
@@ -43,7 +42,7 @@ struct Row<'a> {
 pub(super) struct File<'a> {
     role: &'a str,
     digest: Digest,
-    path: PathBuf,
+    path: String,
 }
 
 impl Show {
@@ -104,7 +103,7 @@ fn rows<'a>(
 
 /// Files of a step as programs are told of them.
 pub(super) fn outputs<'a>(store: &Store, outputs: &'a [Output]) -> Vec<File<'a>> {
-    let file = |o: &'a Output| File { role: &o.name, digest: o.digest, path: store.path_of(&o.digest) };
+    let file = |o: &'a Output| File { role: &o.name, digest: o.digest, path: path(store.path_of(&o.digest)) };
     outputs.iter().map(file).collect()
 }
 
@@ -117,7 +116,7 @@ fn show(rows: &[Row<'_>], console: &Console) {
         };
         format!("{action:7}  {}/{}  {}", row.scene, row.step, words(row.reason))
     };
-    console.print(&rows.iter().map(line).collect::<Vec<_>>().join("\n"));
+    rows.iter().for_each(|row| console.print(&line(row)));
     let count = |action| rows.iter().filter(|row| row.action == action).count();
     let [run, may, keep] = [Action::Run, Action::MayRun, Action::Keep].map(count);
     console.say(&format!("{run} to run, {may} may run, {keep} up to date"));

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 /// How the program ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Exit {
+pub enum Exit {
     /// Done.
     Done,
     /// A step failed.
@@ -24,21 +24,22 @@ pub(super) enum Exit {
 }
 
 impl Exit {
-    /// Help and version end well, everything else that clap says is about the command line.
-    pub(super) fn from_clap(error: &clap::Error) -> Self {
-        if error.use_stderr() { Self::Usage } else { Self::Done }
+    /// The exit code of the process.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Failed => 1,
+            Self::Usage => 2,
+            Self::Fault => 3,
+            Self::Interrupted => 130,
+        }
     }
 }
 
 impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
-        Self::from(match exit {
-            Exit::Done => 0,
-            Exit::Failed => 1,
-            Exit::Usage => 2,
-            Exit::Fault => 3,
-            Exit::Interrupted => 130,
-        })
+        Self::from(exit.code())
     }
 }
 
@@ -54,6 +55,8 @@ enum Said {
     Message(Box<Message>),
     /// The faults of recipes, which bring their own places.
     Faults(Box<Faults>),
+    /// A command line that cannot be read, and the parser's own lines for people.
+    Misread(Box<Message>, Vec<String>),
 }
 
 impl Problem {
@@ -69,6 +72,12 @@ impl Problem {
     /// The command line or the input is wrong: nothing ran.
     pub(super) fn usage(code: &'static str, what: String) -> Self {
         Self::new(Exit::Usage, code, what)
+    }
+
+    /// The command line cannot be read: what is wrong, and the lines for people, which say more.
+    pub(super) fn misread(what: String, lines: Vec<String>) -> Self {
+        let message = Message::new(Level::Error, "usage", what).help("gs2e --help");
+        Self { exit: Exit::Usage, said: Said::Misread(Box::new(message), lines) }
     }
 
     /// Something could not be done.
@@ -94,25 +103,28 @@ impl Problem {
     fn with(self, change: impl FnOnce(Message) -> Message) -> Self {
         let said = match self.said {
             Said::Message(message) => Said::Message(Box::new(change(*message))),
-            faults @ Said::Faults(_) => faults,
+            other => other,
         };
         Self { said, ..self }
     }
 
     /// For people.
-    pub(super) fn to_text(&self) -> String {
+    pub(super) fn to_lines(&self) -> Vec<String> {
         match &self.said {
-            Said::Message(message) => message.to_text(),
-            Said::Faults(faults) => faults.render_text(),
+            Said::Message(message) => message.to_lines(),
+            Said::Faults(faults) => faults.render_lines(),
+            Said::Misread(_, lines) => lines.clone(),
         }
     }
 
-    /// For programs, an object a fault.
+    /// For programs: one object for each fault, with the exit code of the program in `exit`.
     pub(super) fn to_json(&self) -> Vec<serde_json::Value> {
-        match &self.said {
-            Said::Message(message) => vec![message.to_json()],
+        let mut objects = match &self.said {
+            Said::Message(message) | Said::Misread(message, _) => vec![message.to_json()],
             Said::Faults(faults) => faults.to_json(),
-        }
+        };
+        objects.iter_mut().for_each(|object| object["exit"] = self.exit.code().into());
+        objects
     }
 }
 

@@ -1,7 +1,7 @@
 //! `gs2e release`: the whole job, from recipes to the tree that people download.
 
 use super::build::{Building, Care, exit, open, tell_end};
-use super::console::Console;
+use super::console::{Console, path};
 use super::problem::{Exit, FULL, Problem};
 use super::{Common, Targets, check};
 use crate::plan::Plan;
@@ -71,7 +71,9 @@ impl Release {
         let [mb, files] = [written.bytes as f64 * 1e-6, written.files as f64];
         console.say(&format!("released {} scene(s) to {to}: {files} files, {mb:.1} MB", written.scenes));
         if console.json {
-            console.result(&json!({ "release": self.to, "files": written.files, "bytes": written.bytes }));
+            console.result(
+                &json!({ "release": path(&self.to), "files": written.files, "bytes": written.bytes }),
+            );
         }
         Ok(Exit::Done)
     }
@@ -124,7 +126,7 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
     let message = error.to_string();
     match error {
         ReleaseError::Checks(findings) => {
-            check::show(&findings, console);
+            check::show_failed(&findings, console);
             Problem::fault("check-failed", format!("{message}; nothing was released"))
                 .help("mend it, or accept it in the recipe: checks: { waive: [{ check, because }] }")
         }

@@ -4,7 +4,7 @@ mod account;
 mod numbers;
 mod picture;
 
-use super::console::Console;
+use super::console::{Console, path};
 use super::message::{Level, Message};
 use super::output::{self, Output};
 use super::problem::{Exit, Problem};
@@ -141,7 +141,7 @@ impl Render {
         account.tell(console);
         if console.json {
             let mut value = account.to_json();
-            value["file"] = json!(self.out);
+            value["file"] = json!(path(&self.out));
             value["style"] = json!(style);
             console.result(&value);
         }

@@ -208,7 +208,8 @@ mod tests {
         let store = dir.join("store").display().to_string();
         let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
         let auto = Auto { gpu: RefCell::new(Some(Ok(device))), ..Auto::new(Choice::Any) };
-        let (console, care) = (Console::new(false, true), Care::default());
+        let console = Console::new(crate::cli::Streams::of_process(), false, true);
+        let care = Care::default();
         let chosen = Chosen::new(By::Auto(auto), Omit::default(), Programs::default());
         let targets = Targets { recipes: vec![recipe] };
         let store = open(&common, &care, &console).unwrap();

@@ -4,6 +4,7 @@
 use super::find::DEFAULTS;
 use super::load::Parts;
 use super::{Faults, names};
+use crate::escape::{is_hidden, quoted};
 use crate::files::is_there;
 use crate::source::Captured;
 use std::fmt::Write as _;
@@ -53,8 +54,8 @@ pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
     names::scene_id(scene).map_err(|because| format!("its id would be `{scene}`, {because}"))?;
     for path in paths {
         let text = path.to_str().ok_or_else(|| format!("the path {} is no text", path.display()))?;
-        if text.contains(|c: char| c.is_control() || c == '\\') || !is_nfc(text) {
-            let wanted = "wanted no control character, no backslash, and letters composed (Unicode NFC)";
+        if text.contains(|c| is_hidden(c) || c == '\\') || !is_nfc(text) {
+            let wanted = "wanted no hidden character, no backslash, and letters composed (Unicode NFC)";
             return Err(format!("the path {text:?} cannot stand in a recipe: {wanted}"));
         }
     }
@@ -62,10 +63,9 @@ pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
 }
 
 impl Draft<'_> {
-    /// Returns the recipe. Texts are quoted as in JSON, which YAML also reads.
+    /// The recipe, every text of it in quotes.
     #[must_use]
     pub fn text(&self) -> String {
-        let quoted = |text: &str| serde_json::Value::from(text).to_string();
         let path = |path: &Path| quoted(&path.to_string_lossy());
         let Captured { kind, path: place, selection } = self.captured;
         let mut fields = format!("path: {}", path(place));
@@ -123,7 +123,13 @@ pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
     read.or_else(|faults| Faults::or(None, faults))
 }
 
-/// Returns the path of the defaults of a folder of recipes.
+/// The scene that a recipe names; `None` where it cannot be read, or names none.
+#[must_use]
+pub fn scene_of(recipe: &Path) -> Option<String> {
+    Parts::alone(recipe).ok()?.text("scene").map(str::to_owned)
+}
+
+/// Where the defaults of a folder of recipes are.
 #[must_use]
 pub fn defaults_in(folder: &Path) -> PathBuf {
     folder.join(DEFAULTS)

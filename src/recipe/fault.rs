@@ -1,6 +1,7 @@
 //! Faults of a recipe with their places: the four-part message of the command line.
 
 use super::text::{Place, Text};
+use crate::escape;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;
@@ -65,17 +66,13 @@ impl Fault {
         self.span.map(|(start, _)| self.text.position(start))
     }
 
-    /// Returns the message in its four parts, without colours. It ends with a line break.
+    /// The message in its four parts, without colours. Nothing in a line is hidden, nor breaks it.
     #[must_use]
-    pub fn render_text(&self) -> String {
-        let mut out = format!("error: {}\n {}\n", self.message, self.location());
-        if let Some(excerpt) = self.excerpt() {
-            out.push_str(&excerpt);
-        }
-        if let Some(help) = &self.help {
-            out.push_str(&format!("help: {help}\n"));
-        }
-        out
+    pub fn render_lines(&self) -> Vec<String> {
+        let mut lines = vec![format!("error: {}", self.message), format!(" {}", self.location())];
+        lines.extend(self.excerpt().into_iter().flatten());
+        lines.extend(self.help.iter().map(|help| format!("help: {help}")));
+        lines.iter().map(|line| escape::line(line).into_owned()).collect()
     }
 
     /// Returns the message as one JSON object:
@@ -103,7 +100,7 @@ impl Fault {
         self.position().map_or_else(|| file.clone(), |(line, column)| format!("{file}:{line}:{column}"))
     }
 
-    fn excerpt(&self) -> Option<String> {
+    fn excerpt(&self) -> Option<[String; 2]> {
         let (start, end) = self.span?;
         let (number, column) = self.text.position(start);
         let line: Vec<char> = self.text.line(start).chars().map(printable).collect();
@@ -115,7 +112,7 @@ impl Fault {
         let width = width.clamp(1, (EXCERPT - caret.min(EXCERPT - 1)).max(1));
         let gutter = number.to_string().len();
         let (indent, carets) = (" ".repeat(caret), "^".repeat(width));
-        Some(format!("{number} │ {}\n{:gutter$} │ {indent}{carets}\n", cut.trim_end(), ""))
+        Some([format!("{number} │ {}", cut.trim_end()), format!("{:gutter$} │ {indent}{carets}", "")])
     }
 }
 
@@ -123,18 +120,18 @@ fn chars(text: &str) -> usize {
     text.chars().count()
 }
 
-/// Control characters would move the cursor of the terminal that shows them.
+/// One character for each, so that the carets stand below their text.
 fn printable(c: char) -> char {
     match c {
         '\t' => '→',
-        c if c.is_control() => '\u{fffd}',
+        c if escape::is_hidden(c) => '\u{fffd}',
         c => c,
     }
 }
 
-/// Returns a path with `/` between its parts on every system.
+/// A path, with bytes that are no text in their visible form.
 pub(super) fn shown(path: &Path) -> String {
-    path.display().to_string().replace('\\', "/")
+    escape::path(path)
 }
 
 impl fmt::Display for Fault {
@@ -217,12 +214,18 @@ impl Faults {
 
     /// Returns all messages, separated by empty lines, and the number of faults that are not shown.
     #[must_use]
-    pub fn render_text(&self) -> String {
-        let mut parts: Vec<String> = self.listed.iter().map(Fault::render_text).collect();
+    pub fn render_lines(&self) -> Vec<String> {
+        let mut parts: Vec<Vec<String>> = self.listed.iter().map(Fault::render_lines).collect();
         if self.more > 0 {
-            parts.push(format!("and {} more\n", self.more));
+            parts.push(vec![format!("and {} more", self.more)]);
         }
-        parts.join("\n")
+        parts.join(&String::new())
+    }
+
+    /// The same as one text that ends in a line break.
+    #[must_use]
+    pub fn render_text(&self) -> String {
+        self.render_lines().join("\n") + "\n"
     }
 
     /// Returns one object per listed fault.

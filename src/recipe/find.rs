@@ -5,6 +5,7 @@ use super::Recipe;
 use super::clash::clashes;
 use super::fault::{Fault, Faults};
 use super::load::{Library, words};
+use crate::escape;
 use crate::files::{Walk, is_there};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -35,7 +36,7 @@ impl RecipeFile {
     #[must_use]
     pub fn name(&self) -> String {
         let defaults = self.defaults.as_deref().unwrap_or(Path::new(""));
-        format!("{}\0{}", self.path.display(), defaults.display())
+        format!("{}\0{}", escape::path(&self.path), escape::path(defaults))
     }
 }
 

@@ -3,6 +3,7 @@
 use super::field::Field;
 use super::problem::{Problem, quoted};
 use super::resolve::Resolver;
+use crate::escape::is_hidden;
 
 /// A text format.
 #[derive(Debug, Clone, Copy)]
@@ -15,7 +16,8 @@ pub(super) struct Form {
 /// A version.
 pub(super) const VERSION: Form = Form { holds: is_version, wanted: "a version such as 1.2.0" };
 /// An address.
-pub(super) const URL: Form = Form { holds: is_url, wanted: "an address such as https://example.org/data" };
+pub(super) const URL: Form =
+    Form { holds: is_url, wanted: "an address (http, https or doi) such as https://example.org/data" };
 /// A day.
 pub(super) const DAY: Form = Form { holds: is_date, wanted: "a day such as 2025-05-21" };
 
@@ -51,13 +53,21 @@ fn is_version(text: &str) -> bool {
     core.split('.').count() == 3 && core.split('.').all(number) && identifiers
 }
 
+/// An address that leads to text and not to a program. It holds no character that would end it where pages show it
+/// (RFC 3986, appendix A: of ASCII, these alone may stand in an address).
 fn is_url(text: &str) -> bool {
-    let Some((scheme, rest)) = text.split_once(':') else { return false };
-    let named = scheme.starts_with(|c: char| c.is_ascii_lowercase())
-        && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b"+.-".contains(&b));
-    named
-        && !rest.trim_matches('/').is_empty()
-        && !text.contains(|c: char| c.is_whitespace() || c.is_control())
+    let leads = match text.split_once(':') {
+        Some(("http" | "https", rest)) => rest
+            .strip_prefix("//")
+            .is_some_and(|rest| rest.starts_with(|c: char| c.is_alphanumeric() || c == '[')),
+        Some(("doi", rest)) => rest.starts_with("10."),
+        _ => false,
+    };
+    let lawful = |c: char| match c {
+        c if c.is_ascii() => c.is_ascii_alphanumeric() || "-._~:/?#[]@!$&'()*+,;=%".contains(c),
+        c => !c.is_whitespace() && !is_hidden(c),
+    };
+    leads && text.chars().all(lawful)
 }
 
 /// Checks a day of the Gregorian calendar.
@@ -101,8 +111,22 @@ mod tests {
         );
         check(
             is_url,
-            &["https://a.org", "doi:10.5281/zenodo.1"],
-            &["", "a.org", "https://", "https://a b", "1x:y"],
+            &["https://a.org", "http://[::1]:80/x?y=1#z", "https://例え.jp/é", "doi:10.5281/zenodo.1"],
+            &[
+                "",
+                "a.org",
+                "https://",
+                "https:///x",
+                "https://a b",
+                "https://a\u{202e}b",
+                "https://a>b",
+                "https://a|b",
+                "1x:y",
+                "javascript:alert(1)",
+                "data:text/html,x",
+                "file:///etc/passwd",
+                "doi:x",
+            ],
         );
         check(
             is_date,

@@ -107,7 +107,16 @@ impl Parts {
         matches!(&self.tree.kind, Kind::Map(entries) if entries.iter().any(|entry| entry.key == key))
     }
 
-    /// Wraps the whole tree as the value of one key.
+    /// The text of a key at the top, if it has one.
+    pub(super) fn text(&self, key: &str) -> Option<&str> {
+        let Kind::Map(entries) = &self.tree.kind else { return None };
+        entries.iter().find(|entry| entry.key == key).and_then(|entry| match &entry.value.kind {
+            Kind::Scalar { text, .. } => Some(text.as_str()),
+            _ => None,
+        })
+    }
+
+    /// The same with the whole tree as the value of one key.
     pub(super) fn under(mut self, key: &str) -> Self {
         let place = self.tree.place;
         let entry = Entry { key: key.to_owned(), place, value: self.tree };

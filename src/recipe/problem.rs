@@ -4,6 +4,7 @@ use super::fault::Fault;
 use super::nearest::nearest;
 use super::text::{Place, Texts};
 use super::tree::Node;
+use crate::escape::is_hidden;
 use serde::de;
 use std::fmt;
 
@@ -113,7 +114,7 @@ impl Problem {
     }
 }
 
-/// Formats a text of a recipe for a message: quoted, short, and without control characters.
+/// A text of a recipe in a message: quoted, short, and without hidden characters.
 pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", bare(text))
 }
@@ -123,7 +124,7 @@ pub(super) fn bare(text: &str) -> String {
     const SHOWN: usize = 60;
     let mut short = String::new();
     for c in text.chars().take(SHOWN) {
-        if c.is_control() || c == '"' { short.extend(c.escape_debug()) } else { short.push(c) }
+        if is_hidden(c) || c == '"' { short.extend(c.escape_debug()) } else { short.push(c) }
     }
     if text.chars().nth(SHOWN).is_some() {
         short.push('…');

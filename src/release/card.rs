@@ -1,10 +1,11 @@
 //! `README.md` of a release, the dataset card: what it is, how to read it, how it was made, under which terms. Every
 //! number in it is computed.
 
-use super::facts::{Counts, Facts, plain};
+use super::facts::{Counts, Facts, breaks_line, plain};
 use super::published::PublishedScene;
 use super::scene::{Statistics, TrajectoryPart};
 use crate::check::Verdict;
+use crate::escape::{self, quoted};
 use crate::image::Size;
 use crate::licence::{Obligation, Passing};
 use crate::recipe::{By, ReleaseInfo};
@@ -45,7 +46,6 @@ fn trajectories(scenes: &[PublishedScene]) -> impl Iterator<Item = (&PublishedSc
 fn head(facts: &Facts<'_>) -> String {
     let (info, licence) = (facts.info, facts.licence);
     let mut text = String::from("---\nlanguage: en\n");
-    let quoted = |s: &str| serde_json::Value::from(s).to_string();
     // A hub knows few licences by name; an expression is told as another licence with a link.
     let _ = writeln!(
         text,
@@ -314,11 +314,9 @@ fn checks(scenes: &[PublishedScene]) -> String {
         count(Verdict::NotRun)
     );
     for finding in findings.iter().filter(|f| f.verdict != Verdict::Pass) {
-        // Why a fault is accepted is a user's text.
-        let waived = finding.verdict == Verdict::Waived;
-        let because = if waived { plain(&finding.because) } else { finding.because.clone() };
-        let _ =
-            writeln!(text, "- {} `{}` {}: {because}", finding.verdict.name(), finding.check, finding.subject);
+        // Photos are named by whoever took them, and faults are accepted in a user's words.
+        let [subject, because] = [&finding.subject, &finding.because].map(|text| plain(text));
+        let _ = writeln!(text, "- {} `{}` {subject}: {because}", finding.verdict.name(), finding.check);
     }
     if findings.iter().all(|f| f.verdict == Verdict::Pass) {
         text.push_str("- nothing\n");
@@ -387,8 +385,8 @@ fn citation(info: &ReleaseInfo) -> String {
     let mut text = String::from("## Citation\n\n");
     if !info.cite_as.is_empty() {
         // As code: nothing in it is markup.
-        for line in info.cite_as.lines() {
-            let _ = writeln!(text, "    {}", line.trim_end());
+        for line in info.cite_as.trim_end().replace("\r\n", "\n").split(breaks_line) {
+            let _ = writeln!(text, "    {}", escape::line(&line.trim_end().replace('\t', "    ")));
         }
         text.push('\n');
     }

@@ -3,6 +3,7 @@
 use super::published::PublishedScene;
 use super::scene::{Statistics, TrajectoryPart};
 use crate::check::Verdict;
+use crate::escape;
 use crate::licence::{Asset, Composed, Obligation, Part, ledger};
 use crate::recipe::{Reconstruct, ReleaseInfo, Source};
 use crate::sensor::Sensor;
@@ -200,7 +201,8 @@ impl Facts<'_> {
                     grant.expression,
                     plain(&grant.granted_by),
                     grant.date,
-                    plain(&grant.url)
+                    // Nothing is escaped between angle brackets; the form of addresses leaves no markup.
+                    grant.url
                 )
             })
         });
@@ -215,17 +217,38 @@ fn tally<'t>(names: impl Iterator<Item = &'t str>) -> BTreeMap<&'t str, usize> {
     })
 }
 
-/// A text of a user as it stands, on one line of Markdown: nothing in it is markup.
+/// A text of a user as it stands, on one line of Markdown: nothing in it is markup or hidden, wherever it is put.
 pub(super) fn plain(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.trim().chars() {
         match c {
-            c if c.is_control() => out.push(' '),
-            '\\' | '`' | '*' | '<' | '>' | '[' | ']' | '|' => out.extend(['\\', c]),
+            c if breaks_line(c) || c == '\t' => out.push(' '),
+            c if escape::is_hidden(c) => out.push_str(&format!("\\{}", c.escape_unicode())),
+            '\\' | '`' | '*' | '_' | '<' | '>' | '[' | ']' | '|' | '~' | '&' | '$' => out.extend(['\\', c]),
             c => out.push(c),
         }
     }
+    if let Some(at) = opens_block(&out) {
+        out.insert(at, '\\');
+    }
     out
+}
+
+/// Whether a reader of text takes the character for the end of a line (Unicode UAX 14: mandatory breaks).
+pub(super) fn breaks_line(c: char) -> bool {
+    matches!(c, '\n' | '\r' | '\u{b}' | '\u{c}' | '\u{85}' | '\u{2028}' | '\u{2029}')
+}
+
+/// Where a backslash keeps a line from opening a block: before the sign of a heading, a list, a rule or an underline, or
+/// before the dot of `1. `.
+fn opens_block(line: &str) -> Option<usize> {
+    if line.starts_with(['#', '+', '-', '=']) {
+        return Some(0);
+    }
+    let digits = line.bytes().take_while(u8::is_ascii_digit).count();
+    let mut rest = line[digits..].chars();
+    let marks = digits > 0 && rest.next().is_some_and(|c| c == '.' || c == ')');
+    (marks && rest.next().is_none_or(char::is_whitespace)).then_some(digits)
 }
 
 #[cfg(test)]
@@ -238,5 +261,14 @@ mod tests {
         t("Example Lab, 2025", "Example Lab, 2025");
         t(" a|b\n## Licence ", "a\\|b ## Licence");
         t("<img src=x> [a](b) `c` **d**", "\\<img src=x\\> \\[a\\](b) \\`c\\` \\*\\*d\\*\\*");
+        t("~~~", "\\~\\~\\~");
+        t("# X", "\\# X");
+        t("- x", "\\- x");
+        t("1. x 2. y", "1\\. x 2. y");
+        t("12)", "12\\)");
+        t("1.2.0", "1.2.0");
+        t("===", "\\===");
+        t("_x_ &lt; $y$", "\\_x\\_ \\&lt; \\$y\\$");
+        t("a\r# X\u{2028}\u{1b}[31m\u{202e}", "a # X \\\\u{1b}\\[31m\\\\u{202e}");
     }
 }

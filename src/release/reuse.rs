@@ -3,6 +3,7 @@
 
 use super::loader;
 use super::scene::SceneFile;
+use crate::escape::quoted;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
@@ -48,18 +49,13 @@ fn annotate(text: &mut String, path: &str, holders: &BTreeSet<&str>, expression:
     );
 }
 
-/// A basic string of TOML: as JSON has it, but for one control character that JSON lets pass.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007F")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn texts_of_users_stay_texts() {
-        assert_eq!(quoted("a \"lab\"\n\u{7f}"), r#""a \"lab\"\n\u007F""#);
+        assert_eq!(quoted("a \"lab\"\n\u{7f}"), r#""a \"lab\"\n\u007f""#);
         let mut text = String::new();
         annotate(&mut text, "a/**", &BTreeSet::new(), "MIT");
         assert!(text.contains("SPDX-FileCopyrightText = [\"not stated\"]\n"), "{text}");

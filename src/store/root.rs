@@ -10,6 +10,7 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Root {
     /// Its folder, absolute.
+    #[serde(with = "folder")]
     pub release: PathBuf,
     /// The keys of its steps.
     pub keys: Vec<Key>,
@@ -24,7 +25,6 @@ impl Store {
     /// The root cannot be written.
     pub fn write_root(&self, root: &Root) -> Result<(), StoreError> {
         let path = self.path_of_root(root);
-        // A folder whose name is not UTF-8 cannot be stored in JSON.
         let bytes = serde_json::to_vec(root).map_err(|e| failed("writing", &path)(e.into()))?;
         self.disk.create_dir(&self.root.join(FOLDER))?;
         self.disk.write_atomically(&path, &self.blobs.fresh("tmp"), &bytes)
@@ -56,5 +56,52 @@ impl Store {
     fn path_of_root(&self, root: &Root) -> PathBuf {
         let name = Digest::of(root.release.as_os_str().as_encoded_bytes());
         self.root.join(FOLDER).join(format!("{name}.json"))
+    }
+}
+
+/// A folder in JSON: text, or a list of bytes where its name is not UTF-8.
+mod folder {
+    use serde::{Deserialize, Deserializer, Serialize as _, Serializer};
+    use std::ffi::OsString;
+    use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
+    use std::path::{Path, PathBuf};
+
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Text(String),
+        Bytes(Vec<u8>),
+    }
+
+    pub(super) fn serialize<S: Serializer>(folder: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+        match folder.to_str() {
+            Some(text) => text.serialize(serializer),
+            None => folder.as_os_str().as_bytes().serialize(serializer),
+        }
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PathBuf, D::Error> {
+        Ok(match Written::deserialize(deserializer)? {
+            Written::Text(text) => text.into(),
+            Written::Bytes(bytes) => OsString::from_vec(bytes).into(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    use std::path::Path;
+
+    #[test]
+    fn folders_keep_their_names_in_json() {
+        for (name, wanted) in [(&b"/a/b"[..], "\"/a/b\""), (b"/x\xff", "[47,120,255]")] {
+            let root = Root { release: Path::new(OsStr::from_bytes(name)).to_owned(), keys: Vec::new() };
+            let text = serde_json::to_string(&root).unwrap();
+            assert_eq!(text, format!("{{\"release\":{wanted},\"keys\":[]}}"));
+            assert_eq!(serde_json::from_str::<Root>(&text).unwrap(), root);
+        }
     }
 }

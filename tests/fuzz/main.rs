@@ -1,5 +1,6 @@
 //! The readers under fire: mutated files of a committed corpus, for a given time, and no reader may panic, die, take more
-//! than its share of memory or a second of time.
+//! than its share of memory or a second of time. The command line is one of them (`command-lines`), and so is whoever
+//! reads the program's output (`consoles`).
 //!
 //! `cargo xtask fuzz [--seconds N] [--only READER]... [--seed N] [--first N] [--runs N] [--jobs N]` runs it, every reader
 //! in a process of its own, one or `--jobs` of them at a time. A run is its reader, its seed and its number, so that a failure is repeated by what is printed
@@ -8,8 +9,11 @@
 
 mod arguments;
 mod child;
+mod command_lines;
+mod consoles;
 mod corpus;
 mod forging;
+mod inert;
 mod mutate;
 #[path = "../faults/random.rs"]
 #[expect(dead_code, reason = "the fault tests draw more kinds of numbers")]
@@ -84,6 +88,8 @@ fn fuzz(name: &str, arguments: &Arguments) -> Tally {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args([child::MARK, "--only", name, "--seed", &arguments.seed.to_string()]);
         command.args(["--first", &first.to_string(), "--seconds", &format!("{:.0}", left.ceil())]);
+        // No GPU is opened: it would take longer than a run may.
+        command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
         command.env("RUST_BACKTRACE", "0").current_dir(folder.path());
         if let Some(runs) = runs_left {
             command.args(["--runs", &runs.to_string()]);

@@ -2,6 +2,7 @@
 //! first and closed again around what has been changed: else nothing would pass it.
 
 use crate::corpus::{Corpus, files, inflated, zipped};
+use crate::{command_lines, consoles};
 use gs2e::event::{self, EventSource, text};
 use gs2e::frames::array::FullScale;
 use gs2e::frames::{Frames as _, folder, npy};
@@ -61,7 +62,7 @@ const ARRAYS: [&str; 3] =
 const SOG: &str = "tests/golden/scenes/flat.sog";
 const PALETTE: &str = "tests/golden/scenes/palette.sog";
 
-pub(crate) const READERS: [Reader; 21] = [
+pub(crate) const READERS: [Reader; 23] = [
     Reader { name: "release", corpus: crate::forging::corpus, read: crate::forging::read },
     Reader { name: "ply", corpus: || files(&PLY), read: |file| ply::read_ply(file).is_ok() },
     Reader { name: "packed", corpus: || files(&PACKED), read: |file| ply::read_ply(file).is_ok() },
@@ -137,12 +138,19 @@ pub(crate) const READERS: [Reader; 21] = [
             on_disk(file, folder::INFO, |path| folder::Listing::read(path.parent().unwrap()).is_ok())
         },
     },
+    Reader { name: "command-lines", corpus: command_lines::corpus, read: command_lines::read },
+    Reader { name: "consoles", corpus: consoles::corpus, read: consoles::read },
 ];
 
 impl Reader {
-    /// The longest that a run may take: an audit of a whole tree in a program that is not optimised takes its time.
+    /// The longest that a run may take: an audit of a whole tree in a program that is not optimised takes its time, and
+    /// several processes are started for one run of `consoles`.
     pub(crate) fn longest(&self) -> Duration {
-        Duration::from_secs(if self.name == "release" { 30 } else { 1 })
+        Duration::from_secs(match self.name {
+            "release" => 30,
+            "consoles" => 60,
+            _ => 1,
+        })
     }
 }
 

@@ -26,6 +26,7 @@ mod front_ends;
 mod gc;
 mod glance;
 mod golden_digests;
+mod hostile_console;
 mod hostile_files;
 mod hostile_programs;
 mod index;

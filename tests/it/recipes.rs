@@ -79,7 +79,7 @@ fn broken_files_beside_the_recipes_are_told_in_their_words() {
 fn each_example_of_the_specification_reads_as_it_says() {
     // The first row of the table of messages: position, caret, and help.
     let faults = read(&format!("{FIXTURES}/unknown-field.yaml")).unwrap_err();
-    let first = faults.listed()[0].render_text();
+    let first = faults.listed()[0].render_lines().join("\n");
     let wanted = "error: unknown field \"treshold\"\n tests/fixtures/recipes/unknown-field.yaml:14:5\n\
                   14 │     treshold: { on: 1.0 }\n   │     ^^^^^^^^\n\
                   help: did you mean \"threshold\"? fields here: preset, k, units, threshold";

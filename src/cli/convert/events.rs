@@ -1,6 +1,6 @@
 //! Events in another file format.
 
-use crate::cli::console::Console;
+use crate::cli::console::{Console, path};
 use crate::cli::message::{Level, Message};
 use crate::cli::output::{self, write_beside};
 use crate::cli::problem::{Exit, Problem};
@@ -209,7 +209,7 @@ impl Conversion<'_> {
         losses.iter().for_each(|loss| console.say(loss));
         if console.json {
             console.result(&json!({
-                "input": self.from.0, "output": output, "width": size.width, "height": size.height,
+                "input": path(self.from.0), "output": path(output), "width": size.width, "height": size.height,
                 "events": events, "on": on, "untimed": untimed, "bytes": bytes, "lost": losses,
             }));
         }

@@ -2,7 +2,7 @@
 
 use super::events::Options;
 use super::refuse;
-use crate::cli::console::Console;
+use crate::cli::console::{Console, path};
 use crate::cli::output::{self, Output};
 use crate::cli::problem::{Exit, Problem};
 use crate::event::file::Format;
@@ -119,7 +119,7 @@ impl Asked {
         if console.json {
             let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
             console.result(&json!({
-                "input": input, "output": output, "picture": kind, "events": events,
+                "input": path(input), "output": path(output), "picture": kind, "events": events,
                 "width": image.size().width, "height": image.size().height,
             }));
         }

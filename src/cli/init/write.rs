@@ -1,6 +1,7 @@
 //! Files that `init` writes: whole or not at all, and never over one that is there.
 
 use super::super::problem::Problem;
+use crate::escape;
 use crate::files::{self, is_there};
 use crate::recipe::draft;
 use std::fmt::Write as _;
@@ -48,7 +49,7 @@ pub(super) fn rejected_in(folder: &Path) -> PathBuf {
     folder.join(REJECTED)
 }
 
-/// Writes the list of what was rejected: scene, folder, code and reason; none where nothing was.
+/// Writes the list of what was rejected: scene, folder, code and reason in visible characters; none where nothing was.
 pub(super) fn rejected(
     folder: &Path,
     rejected: &[(String, PathBuf, &'static str, String)],
@@ -62,8 +63,9 @@ pub(super) fn rejected(
     }
     let mut text = String::from("scene\tfolder\tcode\tbecause\n");
     for (scene, folder, code, because) in rejected {
-        let folder = folder.to_string_lossy().replace(|c: char| c.is_control(), "\u{fffd}");
-        let _ = writeln!(text, "{scene}\t{folder}\t{code}\t{because}");
+        let folder = escape::path(folder);
+        let cells = [scene, &folder, *code, because].map(escape::line);
+        let _ = writeln!(text, "{}", cells.join("\t"));
     }
     if files::read_text(&path, files::MAX_DOCUMENT).is_ok_and(|known| known == text) {
         return Ok(());

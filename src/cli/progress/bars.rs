@@ -1,5 +1,6 @@
 //! The picture on a terminal: a bar with the remaining time, and the running steps below it.
 
+use crate::escape;
 use crate::plan::Plan;
 use crate::run::estimate::Estimate;
 use crate::stage::StepId;
@@ -70,7 +71,8 @@ impl Bars {
         if self.rows.len() < ROWS {
             let style = ProgressStyle::with_template("  {spinner} {wide_msg} {elapsed}");
             let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
-            let row = ProgressBar::new_spinner().with_style(style).with_message(name.to_owned());
+            let row =
+                ProgressBar::new_spinner().with_style(style).with_message(escape::line(name).into_owned());
             let row = self.all.add(row);
             row.enable_steady_tick(TICK);
             self.rows.insert(step, row);

@@ -2,7 +2,7 @@
 
 use super::Simulate;
 use super::sequence::Sequence;
-use crate::cli::console::Console;
+use crate::cli::console::{Console, path};
 use crate::cli::output::unwritable;
 use crate::cli::problem::Problem;
 use crate::frames::array::FullScale;
@@ -86,9 +86,9 @@ impl Report<'_> {
             FullScale::Grey255 => 255,
         };
         json!({
-            "output": asked.out, "bytes": bytes, "seed": asked.seed, "origin": asked.origin.0,
+            "output": path(&asked.out), "bytes": bytes, "seed": asked.seed, "origin": asked.origin.0,
             "frames": {
-                "input": asked.frames, "count": self.sequence.stamps_us.len(), "width": size.width,
+                "input": path(&asked.frames), "count": self.sequence.stamps_us.len(), "width": size.width,
                 "height": size.height, "first_us": first_us, "last_us": last_us, "full_scale": full_scale,
                 "full_scale_decided": self.sequence.decided,
             },

@@ -1,7 +1,7 @@
 //! What is told of a trajectory: how it was asked to move, how it does, and what that means in the picture.
 
 use crate::camera::Camera;
-use crate::cli::console::Console;
+use crate::cli::console::{Console, path};
 use crate::render::centre::centre_px;
 use crate::render::flow::Quantiles;
 use crate::source::kind::Kind;
@@ -99,7 +99,7 @@ impl<'a> Account<'a> {
             fields.retain(|key, _| !LONG.contains(&key.as_str()));
         }
         let files: serde_json::Map<String, Value> =
-            files.map(|(option, path)| (option.to_owned(), json!(path))).collect();
+            files.map(|(option, file)| (option.to_owned(), json!(path(file)))).collect();
         value["trajectory"] = json!(self.name);
         value["capture"] = json!(self.kind.map(Kind::name));
         value["duration_s"] = json!(self.seconds);

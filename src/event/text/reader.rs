@@ -13,9 +13,6 @@ use std::path::Path;
 /// Number of events in a chunk.
 const CHUNK: usize = 65_536;
 
-/// Longest line in bytes. An event takes less than 100.
-const MAX_LINE: u64 = 1 << 16;
-
 /// The mark that some programs put before UTF-8 text.
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 

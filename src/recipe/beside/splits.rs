@@ -11,6 +11,7 @@ use crate::recipe::names;
 use crate::recipe::problem::{Problem, quoted};
 use crate::recipe::resolve::Resolver;
 use crate::recipe::text::Place;
+use crate::units::brief;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
@@ -72,10 +73,10 @@ impl Splits {
         }
         if let Some((name, share)) = self.shares.iter().find(|(_, share)| !(**share > 0.0 && **share <= 1.0))
         {
-            return Some(format!("the share of {name} is {share}, wanted above 0 and at most 1"));
+            return Some(format!("the share of {name} is {}, wanted above 0 and at most 1", brief(*share)));
         }
         let sum: f64 = self.shares.values().sum();
-        ((sum - 1.0).abs() > TOLERANCE).then(|| format!("the shares are {sum} together, wanted 1"))
+        ((sum - 1.0).abs() > TOLERANCE).then(|| format!("the shares are {} together, wanted 1", brief(sum)))
     }
 }
 

@@ -4,7 +4,7 @@ use super::Resolver;
 use crate::recipe::field::{Field, Literal};
 use crate::recipe::problem::{Problem, bare};
 use crate::recipe::text::Place;
-use crate::units::Ratio;
+use crate::units::{Ratio, brief};
 use std::fmt;
 
 /// The accepted reals of a field.
@@ -35,10 +35,11 @@ impl Range {
 
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = [self.low, self.high].map(brief);
         if self.open {
-            write!(f, "a number above {} and at most {}", self.low, self.high)
+            write!(f, "a number above {low} and at most {high}")
         } else {
-            write!(f, "a number from {} to {}", self.low, self.high)
+            write!(f, "a number from {low} to {high}")
         }
     }
 }
@@ -61,7 +62,7 @@ impl Resolver<'_> {
     /// Resolves a real within its range.
     pub(super) fn real(&self, field: &Field<f64>, default: f64, range: Range) -> Option<f64> {
         let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
-        if range.holds(*value) { Some(*value) } else { self.out_of_range(value, &range, place) }
+        if range.holds(*value) { Some(*value) } else { self.out_of_range(&brief(*value), &range, place) }
     }
 
     /// Resolves a whole number within its range, whose upper end is below 2^32.

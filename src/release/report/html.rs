@@ -1,6 +1,7 @@
 //! HTML that is whole and inert by construction: elements are closed by whoever opens them, and every text and every
 //! value of an attribute passes one escape. What is written is XML as well, so that a strict reader can judge it.
 
+use crate::escape::{is_hidden, is_noncharacter};
 use std::fmt::Write as _;
 
 /// Names and values of attributes. Names are written in this program; values may come from anywhere.
@@ -82,7 +83,7 @@ const BLOCKS: [&str; 12] =
     ["head", "title", "style", "body", "section", "article", "details", "table", "tr", "p", "ul", "figure"];
 
 /// Writes text so that it can end no text and no quoted value. Characters that no page may hold become U+FFFD; those that
-/// would reorder the text around them are shown as what they are.
+/// would reorder the text around them, or be unseen in it, are shown by number.
 fn escape(words: &str, out: &mut String) {
     let mut plain = 0;
     for (at, character) in words.char_indices() {
@@ -93,8 +94,8 @@ fn escape(words: &str, out: &mut String) {
             '"' => "&quot;",
             '\'' => "&#39;",
             '\t' | '\n' => continue,
-            c if is_reordering(c) => "",
-            c if c.is_control() || is_no_character(c) => "\u{fffd}",
+            c if c.is_control() || is_noncharacter(c) => "\u{fffd}",
+            c if is_hidden(c) => "",
             _ => continue,
         };
         out.push_str(&words[plain..at]);
@@ -106,15 +107,6 @@ fn escape(words: &str, out: &mut String) {
         }
     }
     out.push_str(&words[plain..]);
-}
-
-/// Embeddings, overrides and isolates of writing directions.
-fn is_reordering(c: char) -> bool {
-    matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-}
-
-fn is_no_character(c: char) -> bool {
-    u32::from(c) & 0xfffe == 0xfffe
 }
 
 /// A path below the page's folder as an address: every byte that could mean anything there is percent-encoded.
@@ -140,7 +132,7 @@ mod tests {
         "' onmouseover='alert(1)",
         "a & b &amp; &#60;c",
         "]]> --> <!-- <![CDATA[ </style></p>",
-        "\u{202e}gnp.exe\u{2066}",
+        "\u{202e}gnp.exe\u{2066}\u{200f}\u{feff}",
         "nul \0 bell \u{7} escape \u{1b} next \u{85} end \u{ffff}",
         "two\nlines\tand a tab",
     ];
@@ -167,7 +159,7 @@ mod tests {
 
     #[test]
     fn what_reorders_is_shown_and_what_is_no_text_is_replaced() {
-        assert_eq!(read_back(WICKED[5])[0], "[U+202E]gnp.exe[U+2066]");
+        assert_eq!(read_back(WICKED[5])[0], "[U+202E]gnp.exe[U+2066][U+200F][U+FEFF]");
         let [text, value] = read_back(WICKED[6]);
         assert_eq!(text, "nul \u{fffd} bell \u{fffd} escape \u{fffd} next \u{fffd} end \u{fffd}");
         assert_eq!(value, text);

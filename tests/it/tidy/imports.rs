@@ -7,6 +7,7 @@ use super::source::Source;
 const ORDER: &[&str] = &[
     // foundation: pure values
     "units",
+    "escape",
     "files",
     "programs",
     "budget",

@@ -1,0 +1,121 @@
+//! Names of recipe files: one for each scene, which every walk over recipes finds, and the same in every run.
+
+use crate::recipe::draft;
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Names that have a meaning of their own in a folder of recipes.
+const MEANT: [&str; 3] = ["defaults", "release", "sources"];
+
+/// A recipe file, and why it is not named as its scene is, if it is not.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct FileName {
+    pub(super) path: PathBuf,
+    pub(super) because: Option<String>,
+}
+
+/// The recipe files of scenes, given as (id, id below the prefix), in the folder of all recipes. Where two would share a
+/// file, the scene that the file on disk names keeps it, else the first.
+pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
+    let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    for (i, (_, name)) in scenes.iter().enumerate() {
+        // Some file systems do not tell `A.yaml` from `a.yaml`.
+        groups.entry(stem(name).to_ascii_lowercase()).or_default().push(i);
+    }
+    let plain = |i: usize| folder.join(format!("{}.yaml", stem(scenes[i].1)));
+    let names_it = |i: &&usize| draft::scene_of(&plain(**i)).as_deref() == Some(scenes[**i].0);
+    let mut files = vec![None; scenes.len()];
+    for (stem, group) in &groups {
+        let because = unsafe_because(stem);
+        let owners = if because.is_some() {
+            Vec::new()
+        } else if group.len() == 1 || group.iter().all(|i| !plain(*i).exists()) {
+            vec![group[0]]
+        } else {
+            group.iter().filter(names_it).copied().collect()
+        };
+        for i in group {
+            let because = (!owners.contains(i)).then(|| {
+                because.map_or_else(
+                    || format!("{stem}.yaml is another scene's"),
+                    |why| format!("{stem}.yaml {why}"),
+                )
+            });
+            let path = if because.is_some() { marked(folder, scenes[*i]) } else { plain(*i) };
+            files[*i] = Some(FileName { path, because });
+        }
+    }
+    files.into_iter().flatten().collect()
+}
+
+/// In one folder, so that the defaults there are those of each, however it is named to `build`.
+fn stem(name: &str) -> String {
+    name.replace('/', "_")
+}
+
+fn unsafe_because(stem: &str) -> Option<&'static str> {
+    if stem.starts_with('.') {
+        Some("would be hidden from every verb")
+    } else if MEANT.contains(&stem) {
+        Some("has a meaning of its own among recipes")
+    } else {
+        None
+    }
+}
+
+/// A file that is marked with the scene's own digits: the first 8 of the SHA-256 of its id.
+fn marked(folder: &Path, (scene, name): (&str, &str)) -> PathBuf {
+    let digest = Sha256::digest(scene);
+    let digits: String = digest.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
+    folder.join(format!("{}-{digits}.yaml", stem(name).trim_start_matches('.')))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    fn names(folder: &Path, scenes: &[(&str, &str)]) -> Vec<String> {
+        let files = assign(folder, scenes);
+        files.iter().map(|file| file.path.file_name().unwrap().to_str().unwrap().to_owned()).collect()
+    }
+
+    #[test]
+    fn usual_names_are_the_scenes_own() {
+        let folder = Path::new("r");
+        let files = assign(folder, &[("c/one", "one"), ("c/more/two", "more/two")]);
+        let paths: Vec<&Path> = files.iter().map(|file| file.path.as_path()).collect();
+        assert_eq!(paths, [Path::new("r/one.yaml"), Path::new("r/more_two.yaml")]);
+        assert!(files.iter().all(|file| file.because.is_none()));
+    }
+
+    /// printf c/.hid | sha256sum, and so on.
+    #[test]
+    fn names_with_a_meaning_are_marked() {
+        let scenes = [("c/.hid", ".hid"), ("c/defaults", "defaults"), ("c/Release", "Release")];
+        let files = assign(Path::new("r"), &scenes);
+        let found = names(Path::new("r"), &scenes);
+        assert_eq!(found, ["hid-16e070ed.yaml", "defaults-1f03d7b6.yaml", "Release-5182808e.yaml"]);
+        assert!(files[0].because.as_ref().unwrap().contains("hidden"), "{files:?}");
+    }
+
+    #[test]
+    fn two_scenes_never_share_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let scenes = [("c/a/b", "a/b"), ("c/a_b", "a_b"), ("c/A_b", "A_b")];
+        let fresh = names(folder.path(), &scenes);
+        assert_eq!(fresh[0], "a_b.yaml");
+        let lower: BTreeSet<String> = fresh.iter().map(|name| name.to_ascii_lowercase()).collect();
+        assert_eq!(lower.len(), 3, "{fresh:?}");
+        // A file that is there stays that of the scene that it names, whichever comes first.
+        std::fs::write(folder.path().join("a_b.yaml"), "version: 1\nscene: \"c/a_b\"\n").unwrap();
+        let again = names(folder.path(), &scenes);
+        assert_eq!(again[1], "a_b.yaml");
+        assert_ne!(again[0], "a_b.yaml");
+        assert_eq!(again[2], fresh[2]);
+        // One that names neither is left to whoever wrote it.
+        std::fs::write(folder.path().join("a_b.yaml"), "version: 1\nscene: other\n").unwrap();
+        assert!(!names(folder.path(), &scenes).contains(&"a_b.yaml".to_owned()));
+    }
+}
