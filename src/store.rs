@@ -30,7 +30,7 @@ pub use digest::{Digest, Key};
 pub use root::Root;
 
 use blob::Blobs;
-pub use lock::Claim;
+pub use lock::{Claim, Lock};
 pub use publish::Workspace;
 pub use unlike::Unlike;
 
