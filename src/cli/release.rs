@@ -9,7 +9,8 @@ use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
 use crate::recipe::{self, Recipe, Reconstruct, Source};
 use crate::release::{
-    self, Beside, BuiltPlan, GatherError, GuardedPath, Link, ReleaseError, ReleaseTarget, TargetClaim, Written,
+    self, Beside, BuiltPlan, GatherError, GuardedPath, Link, ReleaseError, ReleaseTarget, TargetClaim,
+    Written,
 };
 use crate::run::Summary;
 use crate::store::space::is_full;
@@ -118,17 +119,18 @@ impl Release {
 
     /// What the target may neither be nor hold.
     fn guarded(&self, recipes: &[Recipe], common: &Common) -> Vec<GuardedPath> {
-        let guard = |what: &str, path: &Path, whole| GuardedPath { what: what.into(), path: path.into(), whole };
-        let mut guarded = vec![
-            guard("the store", &common.store, true),
-            guard("the current folder", Path::new("."), false),
-        ];
-        guarded.extend(std::env::var_os("HOME").map(|home| guard("your home folder", Path::new(&home), false)));
+        let guard =
+            |what: &str, path: &Path, whole| GuardedPath { what: what.into(), path: path.into(), whole };
+        let mut guarded =
+            vec![guard("the store", &common.store, true), guard("the current folder", Path::new("."), false)];
+        guarded
+            .extend(std::env::var_os("HOME").map(|home| guard("your home folder", Path::new(&home), false)));
         // What is not there yet holds nothing.
         let is_there = self.to.symlink_metadata().is_ok();
         for recipe in recipes {
             if let Source::Captured(captured, _) = &recipe.source {
-                let whole = !holds(&captured.path, &recipe.file.path) && !holds(&captured.path, Path::new("."));
+                let whole =
+                    !holds(&captured.path, &recipe.file.path) && !holds(&captured.path, Path::new("."));
                 guarded.push(guard("the source of a scene", &captured.path, whole));
             }
             let named = if is_there { named_by(recipe) } else { Vec::new() };
@@ -160,8 +162,8 @@ impl Release {
 
 /// Whether `path` is or lies in `folder`.
 fn holds(folder: &Path, path: &Path) -> bool {
-    let real = [folder, path].map(Path::canonicalize);
-    matches!(real, [Ok(folder), Ok(path)] if path.starts_with(folder))
+    let folder = folder.canonicalize();
+    folder.is_ok_and(|folder| path.canonicalize().is_ok_and(|path| path.starts_with(folder)))
 }
 
 /// The files and folders that a recipe is and names: itself, its defaults, the files of its source, its Gaussians.

@@ -68,9 +68,10 @@ mod tests {
         symlink("../outside", root.join("d")).unwrap();
         let is_ours = |path: &str, _: &Metadata| ours.contains(&path);
         assert!(!remove_ours(&root, ours.iter().copied(), &is_ours).unwrap());
-        let left = WalkDir::new(&root).sort_by_file_name().into_iter().map(|entry| {
-            entry.unwrap().path().strip_prefix(&root).unwrap().to_str().unwrap().to_owned()
-        });
+        let left = WalkDir::new(&root)
+            .sort_by_file_name()
+            .into_iter()
+            .map(|entry| entry.unwrap().path().strip_prefix(&root).unwrap().to_str().unwrap().to_owned());
         assert_eq!(left.collect::<Vec<_>>(), ["", "a", "a/b", "a/b/thesis", "d", "empty"]);
         assert!(place.path().join("outside/four").exists());
     }

@@ -222,7 +222,9 @@ impl Lists {
         }
         let sums = |name: &str| -> Result<(String, BTreeMap<String, String>), String> {
             let parsed = String::from_utf8(read(name)?).ok().and_then(|text| Some((parse(&text)?, text)));
-            parsed.map(|(sums, text)| (text, sums)).ok_or_else(|| format!("its {name} is not that of a release"))
+            parsed
+                .map(|(sums, text)| (text, sums))
+                .ok_or_else(|| format!("its {name} is not that of a release"))
         };
         let ((_, sums), (b3_text, b3)) = (sums(checksum::NAME)?, sums(checksum::B3_NAME)?);
         let lists = Self { b3_text, b3, sums };
@@ -258,7 +260,10 @@ impl Lists {
             // No list has its sum, and it is in its one form.
             checksum::NAME => true,
             checksum::B3_NAME => self.sums.get(path) == Some(&hashes.sha256),
-            _ => self.b3.get(path) == Some(&hashes.blake3.to_string()) && self.sums.get(path) == Some(&hashes.sha256),
+            _ => {
+                self.b3.get(path) == Some(&hashes.blake3.to_string())
+                    && self.sums.get(path) == Some(&hashes.sha256)
+            }
         };
         if !is_stated {
             return Err("was edited".to_owned());

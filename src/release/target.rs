@@ -210,10 +210,12 @@ fn resolve(to: &Path) -> io::Result<Option<PathBuf>> {
 
 fn resolve_folder(path: &Path) -> io::Result<PathBuf> {
     match path.canonicalize() {
-        Err(e) if e.kind() == io::ErrorKind::NotFound && !is_there(path) => match (path.parent(), path.file_name()) {
-            (Some(parent), Some(name)) => Ok(resolve_folder(parent)?.join(name)),
-            _ => Err(e),
-        },
+        Err(e) if e.kind() == io::ErrorKind::NotFound && !is_there(path) => {
+            match (path.parent(), path.file_name()) {
+                (Some(parent), Some(name)) => Ok(resolve_folder(parent)?.join(name)),
+                _ => Err(e),
+            }
+        }
         other => other,
     }
 }

@@ -142,7 +142,10 @@ impl WorkFolder {
             entry.as_ref().map_or(true, |entry| frame.iter().all(|name| entry.file_name() != *name))
         });
         if others.count() > 0 {
-            return Err(io::Error::new(io::ErrorKind::DirectoryNotEmpty, "it holds files that gs2e did not write"));
+            return Err(io::Error::new(
+                io::ErrorKind::DirectoryNotEmpty,
+                "it holds files that gs2e did not write",
+            ));
         }
         // `about` last: without it the next run would not know the folder.
         for name in frame.map(|name| self.folder.join(name)).iter().filter(|path| is_there(path)) {
@@ -191,7 +194,11 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
         // A process that was killed before it wrote the file left an empty folder.
         Err(e) if e.kind() == io::ErrorKind::NotFound => {
             remove_if_empty(folder)?;
-            return if is_there(folder) { Err(foreign("it is not a folder of gs2e")) } else { Ok(Vec::new()) };
+            return if is_there(folder) {
+                Err(foreign("it is not a folder of gs2e"))
+            } else {
+                Ok(Vec::new())
+            };
         }
         Err(e) => return Err(e),
     };
@@ -298,8 +305,10 @@ mod tests {
     }
 
     fn names(folder: &Path) -> Vec<String> {
-        let mut names: Vec<String> =
-            fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        let mut names: Vec<String> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
         names.sort();
         names
     }

@@ -155,7 +155,8 @@ fn refuse_foreign(file: &mut File) -> io::Result<()> {
     const LONGEST: u64 = 1 << 16;
     let mut text = Vec::new();
     file.rewind()?;
-    let is_short = file.metadata()?.is_file() && file.take(LONGEST).read_to_end(&mut text)? < LONGEST as usize;
+    let is_short =
+        file.metadata()?.is_file() && file.take(LONGEST).read_to_end(&mut text)? < LONGEST as usize;
     let is_own = text.starts_with(HOST.as_bytes()) || text.iter().all(|byte| *byte == 0);
     if is_short && is_own {
         return Ok(());
