@@ -1,13 +1,15 @@
-//! What other programs say of a trajectory that was built: COLMAP, which registers its pictures anew, OpenCV, which projects
-//! points by its poses and finds the poses of its pictures, and h5py, which reads its events.
+//! Answers of other programs about a built trajectory. COLMAP registers its pictures from scratch,
+//! OpenCV projects points with its poses and recovers the motion between its pictures, and h5py
+//! reads its events.
 //!
-//! Here they are found, given what is released, run and read; what they found is judged by the passes `pose_colmap`,
-//! `pose_opencv` and `readback`. What a program could not find out about these pictures is a reason, [`Told`]; a program that
-//! fails is an error. Only programs of these names are run, `colmap` and `python3`, and nothing of a recipe is among their
-//! arguments but numbers.
+//! This module finds the programs, hands the released files to them, runs them and reads the
+//! answers. The passes `pose_colmap`, `pose_opencv` and `readback` judge the answers. If a program
+//! cannot determine an answer for these pictures, the result is a reason, [`Told`]; a failing
+//! program is an error. Only the programs `colmap` and `python3` are run, and a recipe contributes
+//! only numbers to their arguments.
 //!
-//! Equal pictures give equal findings: every program is held to one thread and one seed, and key points are matched here,
-//! since COLMAP 3.8 matches them by trees that are drawn anew each time.
+//! Equal pictures give equal answers: every program runs with one thread and one seed. Key points
+//! are matched here, because COLMAP 3.8 matches them with trees that are randomised in each run.
 
 pub mod align;
 pub mod colmap;
@@ -24,20 +26,20 @@ pub use error::ForeignError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What a program found, or why it could find nothing.
+/// The answer of a program, or the reason why there is no answer.
 pub type Told<T> = Result<T, String>;
 
-/// What the programs found that were asked: `foreign.json`.
+/// The answers of the programs that were asked: `foreign.json`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foreign {
-    /// COLMAP, on the poses of pictures.
+    /// COLMAP's answer on the poses of pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colmap: Option<Told<colmap::Registration>>,
-    /// OpenCV, on poses and camera.
+    /// OpenCV's answer on poses and camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Told<opencv::Geometry>>,
-    /// Python's readers, on events and pictures.
+    /// Answer of Python's readers on events and pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readback: Option<Told<readback::Readback>>,
 }
@@ -45,13 +47,14 @@ pub struct Foreign {
 /// A picture of a trajectory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
-    /// Number of its pose.
+    /// Index of its pose.
     pub pose: usize,
-    /// Where it is.
+    /// Path of the file.
     pub file: PathBuf,
 }
 
-/// `wanted` of `count` places, evenly spread, the first and the last among them; all of them where there are no more.
+/// Returns `wanted` of `count` indices, evenly spread and including the first and the last. Returns
+/// all indices if there are no more.
 #[must_use]
 pub fn spread(count: usize, wanted: usize) -> Vec<usize> {
     match wanted.min(count) {
@@ -61,7 +64,7 @@ pub fn spread(count: usize, wanted: usize) -> Vec<usize> {
     }
 }
 
-/// The middle one of some values, the upper one of two; 0 of none.
+/// Returns the median, the upper of two middle values; 0 for an empty list.
 #[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);

@@ -1,10 +1,10 @@
-//! Under which terms a scene may be passed on (docs/design/pipeline.md, "Licences").
+//! Terms for the redistribution of a scene (docs/design/pipeline.md, "Licences").
 //!
-//! A scene's expression is the AND of what its upstream source demands and what its owner says of the part
-//! that was added: never an OR, and never fewer ids than the sources have. Tools do not enter it. Where
-//! terms of one upstream contradict each other the stricter binds. Nothing here guesses: whose terms are
-//! not stated, has `LicenseRef-Unstated`. What upstreams demand is in the [`ledger`]; a recipe departs from
-//! it only with evidence.
+//! A scene's expression is the AND of the upstream source's terms and the owner's terms for the
+//! added part. It is never an OR, and never has fewer ids than the sources. Tools do not affect it.
+//! If the terms of one upstream contradict each other, the stricter terms bind. Nothing is guessed:
+//! unstated terms become `LicenseRef-Unstated`. The [`ledger`] contains the terms of upstreams; a
+//! recipe departs from it only with evidence.
 
 pub mod expression;
 pub mod ledger;
@@ -16,10 +16,10 @@ pub use text::{is_listed, text};
 
 use serde::{Deserialize, Serialize};
 
-/// The kinds of sources that poses and photos come from.
+/// Kinds of sources of poses and photos.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SourceKind {
-    /// The embedded scene, which is this program's own.
+    /// The built-in procedural scene, which belongs to this program.
     Procedural,
     /// A COLMAP model of the owner.
     Colmap,
@@ -36,7 +36,7 @@ pub enum SourceKind {
 }
 
 impl SourceKind {
-    /// Its name in recipes and in `scene.json`.
+    /// Returns the name of the kind in recipes and in `scene.json`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -50,7 +50,7 @@ impl SourceKind {
         }
     }
 
-    /// The kind of this name.
+    /// Returns the kind with this name.
     #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {
         let own = [Self::Procedural, Self::Colmap, Self::Nerfstudio, Self::Model, Self::None];
@@ -61,51 +61,51 @@ impl SourceKind {
 /// The terms of a scene, or of several together.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Composed {
-    /// SPDX expression of all that binds, in canonical form.
+    /// SPDX expression of all binding terms, in canonical form.
     pub expression: String,
-    /// The ids in it, sorted: those whose texts are shipped.
+    /// The ids in it, sorted. Their texts are shipped.
     pub ids: Vec<String>,
-    /// Whether receivers must accept the upstream terms first.
+    /// True if receivers must accept the upstream terms first.
     pub gated: bool,
-    /// Who may have what was made from the upstream material.
+    /// Permission to redistribute material made from the upstream material.
     pub passing: Passing,
-    /// What it is made of: the upstream's part, where there is one, then the owner's.
+    /// The parts of the scene: the upstream's part, if there is one, then the owner's.
     pub parts: Vec<Part>,
-    /// What the releaser should know, one sentence each.
+    /// Warnings for the releaser, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// What one holder's terms are.
+/// The terms of one holder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
-    /// The dataset; `None` for what the owner added.
+    /// The dataset; `None` for the owner's own part.
     pub asset: Option<&'static Asset>,
     /// SPDX expression.
     pub expression: String,
-    /// Who is to be named.
+    /// Attribution text.
     pub attribution: String,
-    /// What is asked of whoever receives it.
+    /// Obligations of receivers.
     pub obligations: Vec<Obligation>,
-    /// Why the terms are other than those of the ledger, where they are.
+    /// The grant, if the terms differ from those of the ledger.
     pub grant: Option<Grant>,
 }
 
-/// The evidence for terms that an upstream granted beside those that it states for everybody.
+/// Evidence for terms that an upstream granted in addition to its public terms.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grant {
-    /// The terms: SPDX expression.
+    /// The terms, as an SPDX expression.
     pub expression: String,
-    /// Who granted them, and what.
+    /// Grantor and content of the grant.
     pub granted_by: String,
-    /// Where that can be read.
+    /// Address of the grant.
     pub url: String,
-    /// When, `YYYY-MM-DD`.
+    /// Date, `YYYY-MM-DD`.
     pub date: String,
 }
 
 impl Grant {
-    /// Which of its statements is empty.
+    /// Returns the name of an empty statement, if there is one.
     #[must_use]
     pub fn lacks(&self) -> Option<&'static str> {
         let stated = [("granted_by", &self.granted_by), ("url", &self.url), ("date", &self.date)];
@@ -113,34 +113,36 @@ impl Grant {
     }
 }
 
-/// What a recipe and what lies beside it say of a scene's terms.
+/// Statements of a recipe and of the files next to it about a scene's terms.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Stated<'a> {
     /// Name of the kind of source.
     pub kind: &'a str,
-    /// Where the upstream dataset is.
+    /// Address of the upstream dataset.
     pub url: Option<&'a str>,
-    /// The expression of the owner of what was added, and the holder of these rights.
+    /// The owner's expression for the added part, and the holder of these rights.
     pub owner: Option<(&'a str, &'a str)>,
-    /// What the upstream granted instead of its usual terms.
+    /// Terms granted by the upstream instead of its usual terms.
     pub grant: Option<&'a Grant>,
-    /// The releaser's reason why material of this source may be passed on, where upstream forbids it.
+    /// The releaser's reason why material of this source may be redistributed although the upstream
+    /// forbids it.
     pub redistribution: Option<&'a str>,
 }
 
-/// Whether what was made from upstream material is passed on.
+/// Permission to redistribute material made from upstream material.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Passing {
-    /// Nothing upstream speaks against it.
+    /// The upstream does not restrict redistribution.
     Free,
-    /// Upstream forbids it, and the releaser says why this release may all the same.
+    /// The upstream forbids it, and the releaser states a reason why this release may do it.
     Allowed(String),
-    /// Upstream forbids it: recipe, poses and words are passed on, and nothing that shows the scene.
+    /// The upstream forbids it. The release contains recipe, poses and texts, but nothing that
+    /// shows the scene.
     Withheld,
 }
 
 impl Passing {
-    /// The releaser's reason, where one is needed and given.
+    /// Returns the releaser's reason, if one is needed and given.
     #[must_use]
     pub fn because(&self) -> Option<&str> {
         match self {
@@ -150,7 +152,8 @@ impl Passing {
     }
 }
 
-/// Files of a scene that may be passed on whatever its source: words and numbers, no likeness.
+/// Files of a scene that may always be redistributed: texts and numbers that show nothing of the
+/// scene.
 const METADATA: [&str; 8] = [
     "scene.json",
     "poses.txt",
@@ -162,28 +165,29 @@ const METADATA: [&str; 8] = [
     "checks.json",
 ];
 
-/// Whether a file of a scene's folder shows nothing of the scene.
+/// Returns true if a file of a scene's folder shows nothing of the scene.
 #[must_use]
 pub fn is_metadata(path: &str) -> bool {
     METADATA.contains(&path.rsplit('/').next().unwrap_or(path))
 }
 
-/// Why a text is no licence.
+/// The reason why a text is not a licence.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}` is no SPDX licence expression: {because}")]
 pub struct LicenceError {
     /// The text.
     pub text: String,
-    /// What was found and what was wanted.
+    /// The found and the wanted content.
     pub because: String,
 }
 
-/// The terms of a scene. Without an expression of its owner, a procedural scene is CC0-1.0, and any other
-/// says that nothing is stated. A grant takes the place of the ids that the ledger has for the upstream;
-/// that the material may be passed on is another matter, and takes the releaser's reason as ever.
+/// Composes the terms of a scene. Without an owner's expression, a procedural scene is CC0-1.0, and
+/// any other scene gets the id for unstated terms. A grant replaces the ledger's ids of the
+/// upstream. It does not permit redistribution; that still needs the releaser's reason.
 ///
 /// # Panics
-/// If the kind is none of [`SourceKind`], or a text no expression: recipes are read with all of them valid.
+/// The kind is not a [`SourceKind`], or a text is not an expression. Recipes are validated for both
+/// when they are read.
 #[must_use]
 pub fn compose(stated: &Stated<'_>) -> Composed {
     let kind = SourceKind::by_name(stated.kind).expect("recipes are read with known sources");
@@ -249,11 +253,11 @@ fn of_owner(kind: SourceKind, stated: &Stated<'_>) -> Part {
     }
 }
 
-/// The terms of several scenes together: of all of them at once, gated where one is. Warnings stay with the
-/// scenes.
+/// Composes the terms of several scenes: the AND of all expressions, gated if one scene is gated.
+/// Warnings stay with the scenes.
 ///
 /// # Panics
-/// If there is no scene.
+/// There is no scene.
 #[must_use]
 pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a Composed>) -> Composed {
     let (mut parts, mut gated) = (Vec::new(), false);
@@ -263,7 +267,7 @@ pub fn compose_all<'a>(scenes: impl Iterator<Item = &'a Composed>) -> Composed {
     }
     let expression = Expression::all(parts);
     let ids = expression.ids().into_iter().collect();
-    // It is each scene's own.
+    // The permission is decided for each scene separately.
     let passing = Passing::Free;
     let (parts, warnings) = (Vec::new(), Vec::new());
     Composed { expression: expression.to_string(), ids, gated, passing, parts, warnings }

@@ -1,4 +1,4 @@
-//! A recipe: what a scene is made from and what is made of it, parsed and valid.
+//! A recipe: the source of a scene and the products made from it, parsed and validated.
 
 mod beside;
 mod canonical;
@@ -50,57 +50,60 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
-/// One scene.
+/// A scene and everything that is made of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
-    /// The file it was read from, and the one under it.
+    /// The recipe file and its defaults file.
     pub file: RecipeFile,
-    /// That file and the defaults under it, as they were before they were read.
+    /// Both files as they were before they were read.
     pub seen: Vec<(PathBuf, Sighting)>,
-    /// Where it names what may turn out to be missing.
+    /// Places where the recipe names things that may turn out to be missing.
     pub named_at: NamedAt,
     /// Scene id: the path of the scene in the release, `/`-separated.
     pub scene: String,
     /// Seed that all streams derive from.
     pub seed: u64,
-    /// Where poses come from.
+    /// The source of poses.
     pub source: Source,
-    /// What it shows, where other recipes show the same and no split may part them.
+    /// Name of the subject. Recipes with the same group show the same subject and must not be
+    /// split.
     pub group: Option<String>,
-    /// Where the Gaussians come from; `None` for procedural sources, which bring their own, and where nothing is rendered.
+    /// The source of the Gaussians. `None` for procedural sources, which bring their own, and for
+    /// recipes that render nothing.
     pub reconstruct: Option<Reconstruct>,
-    /// The camera, where it differs from the source's own.
+    /// The camera, if it differs from the camera of the source.
     pub camera: Option<CameraChoice>,
-    /// The trajectories, in recipe order, names unique; each group of a novel one is a trajectory.
+    /// The trajectories, in recipe order and with unique names. Each group of a novel trajectory is
+    /// a trajectory.
     pub trajectories: Vec<TrajectoryRecipe>,
     /// Frame rate.
     pub rate: Hertz,
-    /// How speed laws are summed.
+    /// Summation of the speed laws.
     pub law: Summation,
-    /// The error between frames that the events may have, where the recipe asks for one: the frame rate is then that of poses
-    /// and pictures alone.
+    /// Error between frames that the events may have, if the recipe asks for one. The frame rate
+    /// then applies to poses and pictures only.
     pub tolerance: Option<Tolerance>,
     /// Rendering.
     pub render: RenderChoice,
     /// The sensors.
     pub sensors: Sensors,
-    /// What is made for each trajectory.
+    /// Products of each trajectory.
     pub outputs: BTreeSet<Output>,
-    /// Every how many poses there is a picture.
+    /// Number of poses per picture.
     pub every: Spacing,
-    /// How blurred frames are exposed.
+    /// Exposure of the blurred frames.
     pub shutter: Shutter,
-    /// How large the scene is, where the recipe says.
+    /// Scale of the scene, if the recipe states it.
     pub scale: Option<SceneScale>,
     /// Limits and waivers.
     pub checks: Limits,
     /// The owner's part of the licence.
     pub licence: Option<LicenceChoice>,
-    /// The merged recipe in full, defaults filled, as `scene.json` shows it. Paths are as written.
+    /// The merged recipe in full with all defaults, as `scene.json` shows it. Paths are as written.
     pub merged: serde_json::Value,
 }
 
-/// Places in the recipe's files, for messages about what is named there; they enter no key.
+/// Places in the recipe's files, for error messages. They enter no key.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct NamedAt {
     /// The scene id.
@@ -111,7 +114,7 @@ pub struct NamedAt {
     pub reconstruct: Option<Position>,
 }
 
-/// A place in a file of recipes; it shows as `file:line:column`.
+/// A place in a recipe file; displayed as `file:line:column`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Position {
     /// The file, as the user named it.
@@ -128,19 +131,20 @@ impl fmt::Display for Position {
     }
 }
 
-/// Where poses come from. Paths are resolved against the recipe's folder.
+/// The source of poses. Paths are resolved against the recipe's folder.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
-    /// The embedded scene.
+    /// The built-in procedural scene.
     Procedural(StillLife),
-    /// A capture on disk, and what the recipe says of where it is from.
+    /// A capture on disk, with the recipe's statements about its origin.
     Captured(Captured, Upstream),
-    /// Nowhere: trajectories are written in the recipe, over a scene file.
+    /// No source: the recipe itself contains the trajectories, and the Gaussians come from a scene
+    /// file.
     None,
 }
 
 impl Source {
-    /// Its kind, as recipes and releases name it.
+    /// Kind of the source, as recipes and releases name it.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -150,7 +154,7 @@ impl Source {
         }
     }
 
-    /// What its upstream is, by the kind of source, and what that calls it.
+    /// The kind of the source, and the id that the upstream gives to this capture.
     #[must_use]
     pub fn origin(&self) -> (&'static str, Option<&str>) {
         match self {
@@ -162,34 +166,34 @@ impl Source {
         }
     }
 
-    /// Whether its views were photographed.
+    /// Returns true if the views of the source are photographs.
     #[must_use]
     pub fn has_photos(&self) -> bool {
         matches!(self, Self::Captured(..))
     }
 
-    /// Whether it has views, and so a camera.
+    /// Returns true if the source has views, and therefore a camera.
     #[must_use]
     pub fn has_views(&self) -> bool {
         !matches!(self, Self::None)
     }
 }
 
-/// Where a capture was taken from; what is not known is `None`. It enters no key.
+/// Origin of a capture; unknown fields are `None`. It enters no key.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Upstream {
-    /// What the dataset calls it.
+    /// Id of the capture in the dataset.
     pub id: Option<String>,
-    /// Where the dataset is.
+    /// Address of the dataset.
     pub url: Option<String>,
     /// The date of the download, `YYYY-MM-DD`.
     pub accessed: Option<String>,
-    /// Whether its terms were accepted.
+    /// True if the terms of the dataset were accepted.
     pub terms_accepted: Option<bool>,
 }
 
 impl Upstream {
-    /// What the layout of a dataset says by itself.
+    /// Origin of a capture as far as the layout of its dataset reveals it.
     #[must_use]
     pub fn of(captured: &Captured) -> Self {
         let url = match captured.kind {
@@ -201,33 +205,33 @@ impl Upstream {
     }
 }
 
-/// Where the Gaussians come from.
+/// The source of the Gaussians.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reconstruct {
     /// A scene file.
     Given(PathBuf),
-    /// The newest scene of the source's own 3DGS model folder.
+    /// The newest scene in the source's own 3DGS model folder.
     Newest(PathBuf),
-    /// A program that trains it on the source's photos.
+    /// A program that trains the scene on the source's photos.
     Command(Box<Command>),
 }
 
 /// One trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectoryRecipe {
-    /// Its name, and its folder in the release.
+    /// Name of the trajectory, which is also its folder in the release.
     pub name: String,
-    /// Its name as the recipe has it, which all groups of a novel trajectory share.
+    /// Name of the trajectory in the recipe. All groups of a novel trajectory share it.
     pub written: String,
-    /// How its path is made.
+    /// The path of the camera.
     pub path: Path,
-    /// The trajectory that the key poses of a novel one are drawn from.
+    /// The trajectory from which the key poses of a novel trajectory are drawn.
     pub base: Option<String>,
-    /// How fast it is followed.
+    /// Speed along the path.
     pub speed: Speed,
 }
 
-/// Something made for each trajectory.
+/// A product of each trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Output {
     /// Event stream.
@@ -242,30 +246,30 @@ pub enum Output {
     Flow,
 }
 
-/// Every how many poses there is a picture of a kind.
+/// Number of poses per picture, for each kind of picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Spacing {
-    /// A sharp frame; those in the middle of an exposure are kept beside.
+    /// Poses per sharp frame. Frames in the middle of an exposure are kept in addition.
     pub sharp: u32,
-    /// A depth image.
+    /// Poses per depth image.
     pub depth: u32,
-    /// An image of optical flow.
+    /// Poses per image of optical flow.
     pub flow: u32,
 }
 
-/// How large a scene is, by the axes of the paper's appendix D.
+/// Scale of a scene, after the axes of the paper's appendix D.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneScale {
-    /// One thing.
+    /// A single object.
     Object,
-    /// A room, or a few things.
+    /// A room, or a few objects.
     Medium,
-    /// A building, a street, a landscape.
+    /// A building, a street or a landscape.
     Large,
 }
 
 impl SceneScale {
-    /// Its name in recipes and in `scene.json`.
+    /// Name of the scale in recipes and in `scene.json`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -281,8 +285,8 @@ impl SceneScale {
 pub struct LicenceChoice {
     /// SPDX expression.
     pub expression: String,
-    /// Who holds the rights.
+    /// Holder of the rights.
     pub holder: String,
-    /// What the upstream granted, with the evidence.
+    /// Terms granted by the upstream, with the evidence.
     pub grant: Option<Grant>,
 }

@@ -1,8 +1,10 @@
-//! Gaussians from photos, trained by a program of somebody else's: what it is given, how it is run, and what it has to bring.
+//! Gaussians from photos, trained by an external program: its input, its execution, and the checks
+//! of its result.
 //!
-//! A [`Command`] says which program and with which arguments. It is given the capture as a COLMAP model with pinhole
-//! cameras, its photos undistorted, in a folder of its own; it runs without a shell and without input, and what it says is
-//! kept. What it makes is read as any scene file is, and refused where it is none.
+//! A [`Command`] names the program and its arguments. The input is the capture as a COLMAP model
+//! with pinhole cameras and undistorted photos, in a separate folder. The program runs without a
+//! shell and without standard input, and its output is kept. Its result is read like any scene
+//! file, and rejected if it is not a scene.
 
 mod argument;
 mod command;

@@ -1,8 +1,9 @@
-//! Captured datasets: photos with solved poses, whatever their files look like.
+//! Captured datasets: photos with solved poses, independent of their file formats.
 //!
-//! A reader gives a [`Capture`] in the program's own conventions and lists the files that it read, so that a change of
-//! any of them is noticed. It refuses what it cannot read rightly, with file, record and byte or line; what it can
-//! read but not vouch for becomes a [`Warning`].
+//! A reader returns a [`Capture`] in the program's own conventions and lists the files that it
+//! read, so that a change in any of them is detected. It refuses data that it cannot read
+//! correctly, with file, record and byte or line. Data that it can read but not guarantee becomes a
+//! [`Warning`].
 
 mod captured;
 pub mod colmap;
@@ -29,14 +30,14 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// What a source says: its views in capture order (natural order of the image file names), at least one unless a
-/// scene has no source.
+/// The content of a source: its views in capture order (natural order of the image file names).
+/// There is at least one view unless the scene has no source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Capture {
-    /// The registered views that are used.
+    /// The registered views in use.
     pub views: Vec<View>,
-    /// The photos that are not, in natural order of their names.
+    /// The unused photos, in natural order of their names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unused: Vec<Unused>,
 }
@@ -47,28 +48,28 @@ pub struct Capture {
 pub struct Unused {
     /// Image file name as the source gives it.
     pub name: String,
-    /// SHA-256 of its bytes (hexadecimal), where it is there.
+    /// SHA-256 of the file (hexadecimal), if the photo exists.
     pub sha256: Option<String>,
-    /// Its size in pixels, where that is known.
+    /// Size in pixels, if known.
     pub size: Option<Size>,
     /// The reason.
     pub why: Why,
 }
 
-/// Why a photo is not used.
+/// The reason why a photo is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Why {
     /// The source has no pose for it.
     NotRegistered,
-    /// Its name is one of those that the recipe leaves out.
+    /// The recipe excludes its name.
     Excluded,
-    /// The recipe wants fewer views than there are.
+    /// The recipe asks for fewer views than the source has.
     NotPicked,
 }
 
 impl Why {
-    /// In words, after "the photo".
+    /// Returns the reason in words, to follow "the photo".
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
@@ -79,7 +80,7 @@ impl Why {
     }
 }
 
-/// One photo and where it was taken.
+/// One photo and its pose.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct View {
@@ -92,11 +93,11 @@ pub struct View {
     pub camera: Camera,
     /// The lens distortion that the source states.
     pub lens: Lens,
-    /// SHA-256 of the photo's bytes (hexadecimal), where the photo is there.
+    /// SHA-256 of the photo's bytes (hexadecimal), if the photo exists.
     pub sha256: Option<String>,
 }
 
-/// A pose as files of the store hold it: quaternion x, y, z, w and the camera's centre.
+/// A pose as stored in files: quaternion x, y, z, w and the camera's centre.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Se3", deny_unknown_fields)]
 struct Pose {
@@ -137,15 +138,16 @@ pub enum Lens {
 }
 
 impl From<Vec<View>> for Capture {
-    /// A capture all of whose photos are used.
+    /// Returns a capture that uses all its photos.
     fn from(views: Vec<View>) -> Self {
         Self { views, unused: Vec::new() }
     }
 }
 
 impl Capture {
-    /// The camera of trajectories through this capture: the one that all views share, else the first view's, with a
-    /// warning where a size differs, or fx, fy, cx or cy by more than 1 px; `None` where there is no view.
+    /// Returns the camera of trajectories through this capture: the camera of the first view. The
+    /// warning names a view whose size differs, or whose fx, fy, cx or cy differs by more than 1
+    /// px. Returns `None` if there is no view.
     #[must_use]
     pub fn camera(&self) -> Option<(Camera, Option<Warning>)> {
         let first = self.views.first()?;
@@ -158,12 +160,13 @@ impl Capture {
         Some((first.camera, other))
     }
 
-    /// A warning where the photos' lenses bend the picture and trajectories will not: a scene that was trained on
-    /// photos as taken is bent likewise, one that was trained on undistorted photos is right as it is.
+    /// Returns a warning if the lenses distort the photos, because trajectories render without
+    /// distortion. A scene that was trained on the photos as taken contains the same distortion. A
+    /// scene that was trained on undistorted photos is correct.
     #[must_use]
     pub fn distortion(&self) -> Option<Warning> {
         let bent = |view: &View| view.lens.max_displacement_px(&view.camera);
-        // Views mostly share one camera, and a grid of points is sent through each that is another.
+        // Views mostly share one camera, and the measurement costs a grid of points per camera.
         let is_other = |i: usize| {
             let before = i.checked_sub(1).map(|i| &self.views[i]);
             before.is_none_or(|before| {
@@ -176,13 +179,13 @@ impl Capture {
     }
 }
 
-/// Whether trajectories through one camera misrepresent the other.
+/// Returns true if trajectories through one camera misrepresent the other.
 fn differs(a: &Camera, b: &Camera) -> bool {
     let pairs = [(a.fx, b.fx), (a.fy, b.fy), (a.cx, b.cx), (a.cy, b.cy)];
     a.size != b.size || pairs.iter().any(|(a, b)| (a - b).abs() > 1.0)
 }
 
-/// Something about a source that its user should know, and that does not stop a build.
+/// A property of a source that the user should know and that does not stop a build.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Warning {
     /// Lens distortion that renderings do not have.
@@ -199,60 +202,60 @@ pub enum Warning {
         "{count} views have another camera than `{taken}`, whose camera is taken; the first is `{other}`"
     )]
     CamerasDiffer {
-        /// The view whose camera is taken.
+        /// The view whose camera is used.
         taken: String,
-        /// The first that differs.
+        /// The first differing view.
         other: String,
-        /// How many differ.
+        /// Number of differing views.
         count: usize,
     },
-    /// The binary and the text form of a model count differently.
+    /// The binary and the text form of a model have different numbers of records.
     #[error("{binary} holds {found} records, {text} {other}: the binary form is read")]
     CountsDiffer {
         /// Binary file.
         binary: PathBuf,
-        /// Its records.
+        /// Number of its records.
         found: u64,
         /// Text file.
         text: PathBuf,
-        /// Its records.
+        /// Number of its records.
         other: u64,
     },
-    /// Colour transforms were trained beside a model.
+    /// The model was trained with colour transforms.
     #[error("the exposure of {count} images was trained; it is not applied")]
     Exposure {
-        /// Images whose transform changes colours.
+        /// Number of images whose transform changes colours.
         count: usize,
     },
-    /// A pose was no rotation to more than 1e-6.
+    /// A rotation matrix deviates from a rotation by more than 1e-6.
     #[error("the rotation of `{image}` is off by {deviation:.1e}; the nearest rotation is taken")]
     Projected {
         /// The view.
         image: String,
-        /// How far off, see [`crate::se3::Screened`].
+        /// The deviation, see [`crate::se3::Screened`].
         deviation: f64,
     },
-    /// Photos of registered views are not there, and others are.
+    /// Some photos of registered views are missing.
     #[error("{count} of {of} photos are not in {}; the first is `{first}`", dir.display())]
     PhotosMissing {
-        /// Where they should be.
+        /// The folder of the photos.
         dir: PathBuf,
-        /// How many are not.
+        /// Number of missing photos.
         count: usize,
-        /// Of how many.
+        /// Number of all photos.
         of: usize,
-        /// One of them.
+        /// The first missing photo.
         first: String,
     },
-    /// There are fewer views than the recipe wants.
+    /// The source has fewer views than the recipe asks for.
     #[error("the source has {found} views, {wanted} are wanted: all of them are used")]
     FewViews {
-        /// How many there are.
+        /// Number of views of the source.
         found: usize,
-        /// How many the recipe wants.
+        /// Number of views that the recipe asks for.
         wanted: u32,
     },
-    /// A photo has another size than its camera.
+    /// The size of a photo differs from the size of its camera.
     #[error("`{image}` is {photo}, its camera says {stated}: {action}")]
     PhotoSize {
         /// The view.
@@ -261,15 +264,15 @@ pub enum Warning {
         photo: Size,
         /// Size of its camera.
         stated: Size,
-        /// What is done about it.
+        /// The program's reaction.
         action: &'static str,
     },
 }
 
-/// Why a source cannot be read.
+/// Error of reading a source.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
-    /// The operating system refuses.
+    /// An operation on a file or folder failed.
     #[error("{}: {source}", path.display())]
     Io {
         /// File or folder.
@@ -277,22 +280,22 @@ pub enum SourceError {
         /// Cause.
         source: std::io::Error,
     },
-    /// There is no such source.
+    /// The source does not exist.
     #[error("{}: {because}", dir.display())]
     Absent {
         /// Folder.
         dir: PathBuf,
-        /// What was looked for.
+        /// Description of the search.
         because: String,
     },
-    /// A file's content cannot be used.
+    /// The content of a file cannot be used.
     #[error("{}: {place}: {because}", path.display())]
     Content {
         /// File.
         path: PathBuf,
-        /// Where in the file.
+        /// Place in the file.
         place: Place,
-        /// What was found and what was wanted.
+        /// The found and the wanted content.
         because: String,
     },
 }
@@ -302,14 +305,14 @@ pub enum SourceError {
 pub enum Place {
     /// In a binary file.
     Byte {
-        /// Which record, in words.
+        /// The record, in words.
         record: String,
         /// Offset from the file's start.
         offset: usize,
     },
-    /// In a text file, from 1.
+    /// Line of a text file, from 1.
     Line(usize),
-    /// In a structured file.
+    /// Field of a structured file.
     Field(String),
 }
 
@@ -329,13 +332,14 @@ impl SourceError {
     }
 }
 
-/// A view on its way into a capture, with the place it came from.
+/// A view before it is collected, with its place in the source.
 struct Found {
     view: View,
     place: Place,
 }
 
-/// The capture of these views: sorted by name, each name once, at least one.
+/// Collects views into a capture. The views are sorted by name; duplicate names and an empty list
+/// are errors.
 fn collect(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
     found.sort_by(|a, b| natural::compare(&a.view.name, &b.view.name));
     if let Some([first, second]) = found.array_windows().find(|[a, b]| a.view.name == b.view.name) {
@@ -348,11 +352,11 @@ fn collect(path: &Path, mut found: Vec<Found>) -> Result<Capture, SourceError> {
     Ok(found.into_iter().map(|f| f.view).collect::<Vec<View>>().into())
 }
 
-/// Largest side of a photo that is believed.
+/// Largest accepted side of a photo, px.
 const MOST_PIXELS_A_SIDE: f64 = 100_000.0;
 
-/// Holds a camera against what any camera is: sides from 1 to 100,000 pixels, focal lengths finite and positive, all
-/// else finite.
+/// Checks the plausibility of a camera: sides from 1 to 100,000 pixels, focal lengths finite and
+/// positive, all other numbers finite.
 fn screen_camera(camera: &Camera, lens: &Lens) -> Result<(), String> {
     for side in [camera.size.width, camera.size.height] {
         if !(1.0..=MOST_PIXELS_A_SIDE).contains(&f64::from(side)) {

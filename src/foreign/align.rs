@@ -1,9 +1,11 @@
-//! Poses of one world held against those of another that differs by a similarity.
+//! Comparison of poses in two worlds that differ by a similarity.
 //!
-//! The turn between the worlds is taken from the rotations, and only scale and shift from the centres (Umeyama, PAMI 1991,
-//! with the rotation given): centres along a straight line leave the turn about it open, and axes that mean something
-//! else would be turned away. It is the turn that the rotations agree on best by the sum of angles, not of their
-//! squares (Weiszfeld's iteration, Hartley et al., IJCV 2013): one pose that is wrong moves it little, and shows in full.
+//! The rotation between the worlds is estimated from the rotations of the poses, and only scale and
+//! shift from the centres (Umeyama, PAMI 1991, with the rotation given). Centres on a straight line
+//! would leave the rotation about this line undetermined, and a difference of axis conventions
+//! would be removed by the alignment. The rotation minimises the sum of angles, not of their
+//! squares (Weiszfeld's iteration, Hartley et al., IJCV 2013). One wrong pose then moves it little
+//! and keeps its full error.
 
 use crate::se3::Se3;
 use crate::se3::rotation::{angle, exp, log};
@@ -12,13 +14,13 @@ use glam::{DQuat, DVec3};
 /// One camera in both worlds, camera to world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pair {
-    /// As it was stated.
+    /// The stated pose.
     pub stated: Se3,
-    /// As somebody found it, in a world of theirs.
+    /// The recovered pose, in the other world.
     pub found: Se3,
 }
 
-/// How far a camera is from where it was found, once the worlds are one.
+/// Distance of a camera from its recovered pose after the alignment of the worlds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Apart {
     /// Angle between the rotations, rad.
@@ -28,10 +30,11 @@ pub struct Apart {
 }
 
 const ROUNDS: usize = 100;
-/// Angles below this count as this, rad: a pose that agrees to rounding does not outweigh all others.
+/// Minimum angle in the weights, rad. Without it, a pose that agrees up to rounding would outweigh
+/// all others.
 const NEAR: f64 = 1e-9;
 
-/// How far each pair is apart after the similarity that brings them together.
+/// Returns the distances of all pairs after the best similarity.
 #[must_use]
 pub fn apart(pairs: &[Pair]) -> Vec<Apart> {
     let turns: Vec<DQuat> =
@@ -55,7 +58,7 @@ pub fn apart(pairs: &[Pair]) -> Vec<Apart> {
         .collect()
 }
 
-/// The rotation whose angles to these have the least sum; `None` of none.
+/// Returns the rotation with the minimum sum of angles to these; `None` for an empty list.
 fn agreed(rotations: &[DQuat]) -> Option<DQuat> {
     let sum = |from: DQuat| rotations.iter().map(|r| angle(from, *r)).sum::<f64>();
     let start = rotations.iter().min_by(|a, b| sum(**a).total_cmp(&sum(**b)))?;
@@ -69,6 +72,7 @@ fn agreed(rotations: &[DQuat]) -> Option<DQuat> {
             weight += w;
         }
         let next = (best * exp(pull / weight)).normalize();
+        // A step without improvement ends the iteration: it has converged up to rounding.
         if sum(next) >= sum(best) {
             break;
         }
@@ -83,7 +87,7 @@ mod tests {
 
     const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-    /// An arc of cameras, and the same in a world that is turned, scaled and shifted.
+    /// An arc of cameras, and the same arc in a rotated, scaled and shifted world.
     fn arc(count: usize) -> Vec<Pair> {
         let turn = exp(DVec3::new(0.4, -1.1, 0.7));
         let pair = |i: usize| {
@@ -126,7 +130,7 @@ mod tests {
     fn other_camera_axes_are_no_similarity() {
         let mut pairs = arc(20);
         for pair in &mut pairs {
-            // OpenGL's: a half turn about the camera's own x.
+            // The OpenGL convention: a half turn about the camera's own x.
             pair.stated.rotation *= exp(DVec3::X * std::f64::consts::PI);
         }
         let found = apart(&pairs);

@@ -1,8 +1,10 @@
-//! COLMAP registers pictures anew, without being told where they were taken: only with which camera.
+//! Registration of pictures by COLMAP. COLMAP gets the camera but no poses.
 //!
-//! Key points by its SIFT on the CPU, 2,048 of a picture at most; matches by our own rule (see `features`); verified pairs, and one
-//! model by its mapper with the intrinsics kept. Points farther than 1 px from their key points are left out of the model
-//! (COLMAP's default, 4 px, is for lenses): on rendered pictures this brings the poses nearer by a factor of three.
+//! Key points are found with its SIFT on the CPU, at most 2,048 per picture. Matches follow our own
+//! rule (see `features`), and pairs are verified. The mapper makes one model with fixed intrinsics.
+//! Points farther than 1 px from their key points are left out of the model (COLMAP's default, 4
+//! px, is meant for lenses). On rendered pictures this limit makes the poses three times more
+//! accurate.
 
 use super::align::{Apart, Pair, apart};
 use super::programs::COLMAP;
@@ -16,55 +18,55 @@ use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Pictures that are registered where nobody says how many.
+/// Default number of registered pictures.
 pub const PICTURES: u32 = 20;
-/// Three cameras are the fewest whose arrangement says anything.
+/// Minimum number of pictures: an arrangement needs at least three cameras to mean anything.
 pub const LEAST_PICTURES: u32 = 3;
 
-/// What COLMAP found of some pictures.
+/// COLMAP's answer on some pictures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Registration {
     /// The program, with its version.
     pub program: String,
-    /// How many pictures it was given.
+    /// Number of given pictures.
     pub given: usize,
-    /// Length of the straight lines from each picture that it registered to the next, scene units.
+    /// Sum of the distances from each registered picture to the next, scene units.
     pub path: f64,
-    /// The pictures that it registered, in the order of time.
+    /// The registered pictures, ordered by time.
     pub poses: Vec<Registered>,
 }
 
-/// How far a pose is from where COLMAP found it, once the two worlds are one.
+/// Distance of a pose from COLMAP's pose after the alignment of the worlds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Registered {
-    /// Number of the pose.
+    /// Index of the pose.
     pub pose: usize,
     /// Angle between the rotations, degrees.
     pub rotation_deg: f64,
-    /// Distance of the centres over the length of the path; 0 where there is none.
+    /// Distance of the centres divided by the length of the path; 0 for a path of length 0.
     pub translation: f64,
 }
 
-/// No step takes so long: a day for each.
+/// Time limit of each step: one day.
 const MOST_SECONDS: u32 = 86_400;
-/// What the mapper says where it ends with exit code 1 and no model.
+/// COLMAP's message when the mapper ends with exit code 1 and no model.
 const NO_MODEL: &str = "failed to create sparse model";
 
-/// Where COLMAP found pictures, in a world of its own.
+/// COLMAP's poses of pictures, in its own world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// The program, with its version.
     pub program: String,
-    /// Number and pose, camera to world, of each picture that was given; `None` where it was not registered.
+    /// Index and pose, camera to world, of each given picture; `None` if it was not registered.
     pub poses: Vec<(usize, Option<Se3>)>,
 }
 
 /// Registers pictures.
 ///
 /// # Errors
-/// When a file cannot be used, COLMAP fails, or the work was asked to stop.
+/// A file cannot be used, COLMAP fails, or the work was asked to stop.
 pub fn register(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<Found>, ForeignError> {
     let program = match programs::colmap() {
         Ok(program) => program.to_owned(),
@@ -87,7 +89,7 @@ pub fn register(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result
     Ok(Ok(Found { program, poses }))
 }
 
-/// The registered images of the model that COLMAP makes of these pictures.
+/// Returns the registered images of the model that COLMAP makes of these pictures.
 fn model(pictures: &[Picture], camera: &Camera, desk: Desk<'_>) -> Result<Told<Vec<Image>>, ForeignError> {
     let place = |name: &str| desk.folder.join(name);
     let (database, images, sparse) = (place("database.db"), place("images"), place("sparse"));
@@ -156,7 +158,7 @@ fn import(list: &Path) -> Options {
     ]
 }
 
-/// The angle between the rays of a point may be small: clips are short.
+/// Options of the mapper: one thread, one model, fixed intrinsics and a narrow error limit.
 fn mapping(images: &Path, sparse: &Path) -> Options {
     vec![
         ("--image_path", images.into()),
@@ -171,7 +173,7 @@ fn mapping(images: &Path, sparse: &Path) -> Options {
 }
 
 impl Found {
-    /// Holds what was found against the poses of a trajectory, camera to world.
+    /// Compares COLMAP's poses with the poses of a trajectory, camera to world.
     #[must_use]
     pub fn against(self, stated: &[Se3]) -> Registration {
         let Self { program, poses } = self;

@@ -1,30 +1,30 @@
-//! Why a program could not be asked.
+//! Errors of running a program.
 
 use crate::reconstruct::Failed;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a program could not be asked, or did not answer.
+/// The reason why a program could not be run or gave no answer.
 #[derive(Debug, thiserror::Error)]
 pub enum ForeignError {
-    /// It was asked to stop.
+    /// The work was asked to stop.
     #[error("finish: it was interrupted")]
     Stopped,
     /// The program failed.
     #[error(transparent)]
     Failed(#[from] Box<Failed>),
-    /// A file that is handed over cannot be used.
+    /// An input file cannot be used.
     #[error("use {}: {cause}", path.display())]
     Io {
-        /// Which.
+        /// The file.
         path: PathBuf,
         /// Cause.
         cause: io::Error,
     },
-    /// What was built cannot be read here.
+    /// A built product cannot be read by this program.
     #[error("read {}: {cause}", path.display())]
     Own {
-        /// Which file.
+        /// The file.
         path: PathBuf,
         /// Cause.
         cause: Box<dyn std::error::Error + Send + Sync>,
@@ -32,13 +32,13 @@ pub enum ForeignError {
 }
 
 impl ForeignError {
-    /// A file that cannot be used.
+    /// Converts the error of a file operation.
     pub(super) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |cause| Self::Io { path, cause }
     }
 
-    /// A product of ours that cannot be read.
+    /// Converts the error of reading a product of this program.
     pub(super) fn own<E: std::error::Error + Send + Sync + 'static>(path: &Path) -> impl FnOnce(E) -> Self {
         let path = path.to_owned();
         move |cause| Self::Own { path, cause: Box::new(cause) }

@@ -1,17 +1,18 @@
-//! Key points of pictures, matched: COLMAP's descriptors, by the rule that it has itself, but over all pairs.
+//! Matching of key points: COLMAP's descriptors and COLMAP's own rule, applied to all pairs.
 //!
-//! COLMAP 3.8 looks for neighbours with randomised trees, whose seed cannot be set, so that its matches differ from run to
-//! run. Here the two nearest are found exactly: the angle between descriptors is at most 0.7 rad and at most 0.8 times that
-//! to the second nearest, and both key points choose each other.
+//! COLMAP 3.8 searches for neighbours with randomised trees whose seed cannot be set, so its
+//! matches differ from run to run. Here the two nearest descriptors are found exactly. The angle
+//! between descriptors is at most 0.7 rad and at most 0.8 times the angle to the second nearest,
+//! and both key points choose each other.
 
 use rayon::prelude::*;
 use rusqlite::{Connection, OpenFlags};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Elements of a descriptor.
+/// Number of elements of a descriptor.
 const LENGTH: usize = 128;
-/// The length that descriptors are scaled to before they are rounded, squared.
+/// Square of the length to which descriptors are scaled before rounding.
 const SQUARE: f64 = 512.0 * 512.0;
 /// COLMAP's defaults, `SiftMatching.max_distance` and `SiftMatching.max_ratio`.
 const MOST_ANGLE: f64 = 0.7;
@@ -20,18 +21,18 @@ const MOST_RATIO: f64 = 0.8;
 /// The key points of a picture.
 pub(super) struct Described {
     name: String,
-    /// 16 bits, whose products of pairs processors add in one instruction.
+    /// Elements have 16 bits, because processors multiply and add pairs of them in one instruction.
     descriptors: Vec<[i16; LENGTH]>,
 }
 
-/// The pictures of a database, in the order of their names.
+/// Reads the pictures of a database, in the order of their names.
 pub(super) fn read(database: &Path) -> rusqlite::Result<Vec<Described>> {
     let database = Connection::open_with_flags(database, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
     let mut statement = database.prepare(
         "SELECT images.name, descriptors.data FROM images JOIN descriptors USING (image_id) ORDER BY images.name",
     )?;
     let rows = statement.query_map([], |row| {
-        // A picture without key points has none.
+        // The column is null for a picture without key points.
         let data = row.get::<_, Option<Vec<u8>>>(1)?.unwrap_or_default();
         let descriptors = data.as_chunks::<LENGTH>().0.iter().map(|d| d.map(i16::from)).collect();
         Ok(Described { name: row.get(0)?, descriptors })
@@ -39,7 +40,8 @@ pub(super) fn read(database: &Path) -> rusqlite::Result<Vec<Described>> {
     rows.collect()
 }
 
-/// Matches of all pairs of pictures, as COLMAP's `matches_importer` reads them, and how many pairs have any.
+/// Returns the matches of all pairs of pictures, in the format of COLMAP's `matches_importer`, and
+/// the number of pairs with matches.
 pub(super) fn matches(pictures: &[Described]) -> (String, usize) {
     let pairs: Vec<(usize, usize)> =
         (0..pictures.len()).flat_map(|i| (i + 1..pictures.len()).map(move |j| (i, j))).collect();
@@ -59,7 +61,7 @@ pub(super) fn matches(pictures: &[Described]) -> (String, usize) {
     (text, any)
 }
 
-/// The two nearest of a key point, by their products.
+/// The two nearest candidates of a key point, by dot product.
 #[derive(Clone, Copy, Default)]
 struct Nearest {
     at: usize,
@@ -76,7 +78,7 @@ impl Nearest {
         }
     }
 
-    /// The nearest, where it is near and alone.
+    /// Returns the nearest, if it is near enough and clearly nearer than the second.
     fn chosen(self) -> Option<usize> {
         let angle = |product: i32| libm::acos((f64::from(product) / SQUARE).min(1.0));
         let (first, second) = (angle(self.first), angle(self.second));
@@ -84,7 +86,7 @@ impl Nearest {
     }
 }
 
-/// Pairs of key points that choose each other, in the order of the first.
+/// Returns the pairs of key points that choose each other, in the order of the first.
 fn mutual(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)> {
     let mut of_b = vec![Nearest::default(); b.len()];
     let of_a = a.iter().enumerate().map(|(i, x)| {
@@ -109,7 +111,7 @@ fn product(a: &[i16; LENGTH], b: &[i16; LENGTH]) -> i32 {
 mod tests {
     use super::*;
 
-    /// A descriptor that points along these two of its elements.
+    /// A descriptor in the plane of these two of its elements.
     fn along(k: usize, l: usize, share: f64) -> [i16; LENGTH] {
         #[expect(clippy::cast_possible_truncation, reason = "lengths up to 512")]
         let part = |x: f64| (512.0 * x).round() as i16;
@@ -132,7 +134,7 @@ mod tests {
         // cos(0.7) = 0.765.
         t(&[one(0)], &[along(0, 1, 0.77)], &[(0, 0)]);
         t(&[one(0)], &[along(0, 1, 0.76)], &[]);
-        // An angle of 0.5 against one of 0.6: more than 0.8 of it.
+        // An angle of 0.5 against an angle of 0.6: the ratio is above 0.8.
         t(&[one(0)], &[along(0, 1, 0.8776), along(0, 2, 0.8253)], &[]);
         t(&[one(0)], &[along(0, 1, 0.8776), along(0, 2, 0.7648)], &[(0, 0)]);
         t(&[], &[one(0)], &[]);

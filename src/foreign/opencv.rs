@@ -1,5 +1,5 @@
-//! OpenCV, given the poses and the camera as they are released: where it sees points, and how the camera moved between
-//! pictures by what they show.
+//! OpenCV's answers from the released poses and camera: the projections of points, and the camera
+//! motion between pictures, recovered from the pictures.
 
 use super::{ForeignError, Picture, Told, programs, python, spread};
 use crate::camera::Camera;
@@ -11,47 +11,47 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
 
-/// What OpenCV finds of a trajectory.
+/// OpenCV's answer on a trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Geometry {
     /// The program, with its version.
     pub program: String,
-    /// Where it sees points by `poses.txt`.
+    /// Projections with the poses of `poses.txt`.
     pub poses_txt: Projection,
-    /// The same by `transforms.json`.
+    /// Projections with the poses of `transforms.json`.
     pub transforms_json: Projection,
-    /// Pictures from which it was asked for the motion to a later one.
+    /// Number of pictures from which a motion to a later picture was requested.
     pub tried: usize,
-    /// The motions that it found.
+    /// The recovered motions.
     pub pairs: Vec<Motion>,
 }
 
-/// Where OpenCV sees points, against where the renderer's camera does.
+/// Comparison of OpenCV's projections with those of the renderer's camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Projection {
-    /// The largest distance, px.
+    /// Maximum distance, px.
     pub px: f64,
-    /// The pose that has it; `None` where no pose was found in the file.
+    /// The pose with the maximum distance; `None` if no pose was found in the file.
     pub pose: Option<usize>,
-    /// How many points were seen.
+    /// Number of points.
     pub points: usize,
 }
 
-/// The motion between two pictures, found against stated.
+/// Comparison of the recovered and the stated motion between two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Number of the first one's pose.
+    /// Pose index of the first picture.
     pub from: usize,
-    /// Number of the second one's.
+    /// Pose index of the second picture.
     pub to: usize,
-    /// Key points that agree with the motion found.
+    /// Number of key points that agree with the recovered motion.
     pub matches: usize,
     /// Angle between the rotations, degrees.
     pub rotation_deg: f64,
-    /// Angle between the directions, degrees.
+    /// Angle between the directions of translation, degrees.
     pub direction_deg: f64,
 }
 
@@ -65,16 +65,17 @@ struct Answer {
     pairs: Vec<Motion>,
 }
 
-/// Poses whose points are projected, at most.
+/// Maximum number of poses whose points are projected.
 const VIEWS: usize = 200;
-/// Points are on a grid of so many columns and rows, from edge to edge of the image.
+/// Number of columns and rows of the grid of points, from edge to edge of the image.
 const GRID: u8 = 5;
-/// Their depths, in lengths of the camera's path: a wrong translation shows in near ones, a wrong rotation in all.
+/// Depths of the points, in lengths of the camera's path. A wrong translation shows at near points,
+/// a wrong rotation at all.
 const DEPTHS: [f64; 3] = [0.25, 1.0, 16.0];
-/// Pictures from which the motion to a later one is asked for.
+/// Maximum number of pictures from which a motion is requested.
 const STARTS: usize = 20;
 
-/// A trajectory's poses and camera, as a release has them.
+/// Poses and camera of a trajectory, in the released form.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Released {
     /// `poses.txt`.
@@ -84,7 +85,7 @@ pub struct Released {
 }
 
 impl Released {
-    /// The files of a trajectory with these pictures, sorted by their poses.
+    /// Returns the files of a trajectory with these pictures, sorted by pose.
     #[must_use]
     pub fn of(camera: &Camera, trajectory: &Trajectory, pictures: &[Picture]) -> Self {
         let mut poses_txt = Vec::new();
@@ -97,11 +98,11 @@ impl Released {
     }
 }
 
-/// Has OpenCV hold released files against where the renderer's camera sees points, and against pictures, sorted by their
-/// poses.
+/// Lets OpenCV compare released files with the projections of the renderer's camera and with the
+/// pictures, which are sorted by pose.
 ///
 /// # Errors
-/// When a file cannot be used, Python fails, or the work was asked to stop.
+/// A file cannot be used, Python fails, or the work was asked to stop.
 pub fn measure(
     released: &Released,
     (camera, trajectory): (&Camera, &Trajectory),
@@ -144,8 +145,9 @@ impl Request<'_> {
         }))
     }
 
-    /// Points in the world, and where the renderer's camera sees them. Poses with a picture come first to be chosen, since
-    /// `transforms.json` has no others where there are pictures.
+    /// Returns points in the world and their projections by the renderer's camera. Only poses with
+    /// pictures are chosen if there are pictures, because `transforms.json` then contains only
+    /// these.
     fn views(&self) -> Vec<serde_json::Value> {
         let Trajectory { world_from_camera, stamps_us } = self.trajectory;
         let shown: Vec<usize> = self.pictures.iter().map(|picture| picture.pose).collect();
@@ -161,7 +163,7 @@ impl Request<'_> {
         spread(candidates.len(), VIEWS).into_iter().map(view).collect()
     }
 
-    /// Points on a grid at each depth, in the world, and where they are seen.
+    /// Returns the points of a grid at each depth, in the world, and their projections.
     fn seen(&self, world_from_camera: &Se3, unit: f64) -> (Vec<DVec3>, Vec<[f64; 2]>) {
         let size = self.camera.size;
         let across = |side: u32, i: u8| f64::from(side) * f64::from(i) / f64::from(GRID - 1);

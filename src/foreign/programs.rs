@@ -1,22 +1,22 @@
-//! Which of the programs are there, and which versions they are. Each is looked for once, and only where it is asked for.
+//! Detection of the programs and their versions. Each program is searched once, and only on demand.
 
 use serde::Deserialize;
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// COLMAP's program.
+/// COLMAP's executable.
 pub(super) const COLMAP: &str = "colmap";
-/// Python's.
+/// Python's executable.
 pub(super) const PYTHON: &str = "python3";
 
-/// What a Python has of the packages that are asked for, by their versions.
+/// Versions of the Python packages in use.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 pub struct Packages {
-    /// Arrays.
+    /// numpy, for arrays.
     pub numpy: Option<String>,
     /// OpenCV.
     pub cv2: Option<String>,
-    /// HDF5.
+    /// h5py, for HDF5.
     pub h5py: Option<String>,
 }
 
@@ -30,10 +30,10 @@ def version(name):
 print(json.dumps({name: version(name) for name in ('numpy', 'cv2', 'h5py')}))
 ";
 
-/// COLMAP as it calls itself, `COLMAP 3.8`, or that it is absent.
+/// Returns COLMAP's own version text, `COLMAP 3.8`.
 ///
 /// # Errors
-/// A sentence for people where there is none.
+/// COLMAP is absent. The error is a sentence for the user.
 pub fn colmap() -> Result<&'static str, &'static str> {
     static FOUND: OnceLock<Result<String, String>> = OnceLock::new();
     let find = || {
@@ -46,10 +46,10 @@ pub fn colmap() -> Result<&'static str, &'static str> {
     FOUND.get_or_init(find).as_ref().map(String::as_str).map_err(String::as_str)
 }
 
-/// The packages of Python that are there, or that there is no Python.
+/// Returns the installed packages of Python.
 ///
 /// # Errors
-/// A sentence for people where there is none.
+/// Python is absent. The error is a sentence for the user.
 pub fn python() -> Result<&'static Packages, &'static str> {
     static FOUND: OnceLock<Result<Packages, String>> = OnceLock::new();
     let find = || {
@@ -59,10 +59,10 @@ pub fn python() -> Result<&'static Packages, &'static str> {
     FOUND.get_or_init(find).as_ref().map_err(String::as_str)
 }
 
-/// The versions of these packages, each with its name, or the first that is absent.
+/// Returns the names and versions of these packages.
 ///
 /// # Errors
-/// A sentence for people where one is absent.
+/// A package is absent. The error is a sentence for the user.
 pub(super) fn having(wanted: &[&str]) -> Result<String, String> {
     let packages = python()?;
     let version = |name: &&str| {
@@ -77,7 +77,7 @@ pub(super) fn having(wanted: &[&str]) -> Result<String, String> {
     wanted.iter().map(version).collect::<Result<Vec<_>, String>>().map(|all| all.join(", "))
 }
 
-/// What a program says on its standard output; its code does not count.
+/// Returns the standard output of a program; its exit code is ignored.
 fn said_by(program: &str, arguments: &[&str]) -> Result<String, String> {
     let mut command = Command::new(program);
     command.args(arguments).env("QT_QPA_PLATFORM", "offscreen").stdin(Stdio::null());
@@ -90,7 +90,7 @@ fn said_by(program: &str, arguments: &[&str]) -> Result<String, String> {
     }
 }
 
-/// Python's packages as one text: versions, and those that are absent.
+/// Returns Python's packages as one text: versions and absent packages.
 #[must_use]
 pub fn packages() -> String {
     let one = |name| having(&[name]).unwrap_or_else(|absent| absent);

@@ -1,4 +1,4 @@
-//! Python, asked by a file and answering by one.
+//! Questions to Python, with a file for the question and a file for the answer.
 
 use super::ForeignError;
 use super::programs::PYTHON;
@@ -7,13 +7,13 @@ use crate::reconstruct::{Desk, How};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// The script that asks OpenCV, h5py and numpy.
+/// The script that calls OpenCV, h5py and numpy.
 const SCRIPT: &str = include_str!("ask.py");
 
-/// No answer takes so long: an hour.
+/// Time limit of an answer: one hour.
 const MOST_SECONDS: u32 = 3600;
 
-/// The answer to one question.
+/// Asks one question and returns the answer.
 pub(super) fn ask<A: DeserializeOwned>(
     question: &str,
     request: &impl Serialize,

@@ -1,4 +1,5 @@
-//! What is written, read by others: events by h5py, their index by numpy, pictures by OpenCV.
+//! Released files as other programs read them: events by h5py, their index by numpy, pictures by
+//! OpenCV.
 
 use super::{ForeignError, Picture, Told, programs, python};
 use crate::event::{Event, EventSource as _, h5};
@@ -12,39 +13,39 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-/// What others read of a trajectory's files.
+/// Results of reading a trajectory's files with other programs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Readback {
     /// The programs, with their versions.
     pub program: String,
-    /// The event streams, in the order of names.
+    /// The event streams, ordered by name.
     pub streams: Vec<StreamRead>,
-    /// The pictures; or why they were not read.
+    /// The pictures, or the reason why they were not read.
     pub pictures: Told<PicturesRead>,
 }
 
-/// An event file as others read it, against what is read here.
+/// Comparison of an event file as read by other programs and by this program.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StreamRead {
-    /// Events that are read here.
+    /// Number of events, as read by this program.
     pub events: u64,
-    /// Columns of which another reader has other bytes, or another number of events.
+    /// Columns with different bytes or a different number of events.
     pub differing: Vec<String>,
-    /// Entries of `ms_to_idx`.
+    /// Number of entries of `ms_to_idx`.
     pub entries: u64,
-    /// Those that numpy finds to be others by their definition.
+    /// Number of entries that differ from numpy's computation by their definition.
     pub wrong_entries: u64,
 }
 
-/// Pictures as others read them.
+/// Results of reading pictures with other programs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PicturesRead {
-    /// How many there are.
+    /// Number of pictures.
     pub count: usize,
-    /// Numbers of the poses whose pictures have other pixels to others.
+    /// Indices of poses whose pictures have different pixels.
     pub differing: Vec<usize>,
 }
 
@@ -65,10 +66,10 @@ struct Found {
     wrong_entries: u64,
 }
 
-/// Has event files and pictures read by others.
+/// Lets other programs read event files and pictures.
 ///
 /// # Errors
-/// When a file cannot be used or read here, Python fails, or the work was asked to stop.
+/// A file cannot be used or read by this program, Python fails, or the work was asked to stop.
 pub fn read(
     streams: &[PathBuf],
     pictures: &[Picture],
@@ -107,7 +108,8 @@ pub fn read(
     Ok(Ok(Readback { program, streams, pictures }))
 }
 
-/// An event file as it is read here: SHA-256 of each column, times as 64 bits and the others as 16, little-endian.
+/// An event file as this program reads it: SHA-256 of each column, times as 64 bits and the others
+/// as 16, little-endian.
 struct Own {
     events: u64,
     columns: BTreeMap<&'static str, String>,
@@ -157,7 +159,7 @@ fn bytes(column: &str, events: &[Event]) -> Vec<u8> {
     }
 }
 
-/// SHA-256 of a picture's pixels.
+/// Returns the SHA-256 of a picture's pixels.
 fn pixels(file: &Path) -> Result<String, ForeignError> {
     let opened = File::open(file).map_err(ForeignError::io(file))?;
     let picture = png::read(BufReader::new(opened)).map_err(ForeignError::own(file))?;

@@ -7,17 +7,17 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::Path;
 
-/// What is run, and where.
+/// A program with its arguments and folder.
 pub(super) struct Run<'a> {
-    /// Looked for where the system looks.
+    /// Name of the program, which the system searches for.
     pub(super) program: &'static str,
     pub(super) arguments: Vec<OsString>,
-    /// It is stopped after so many seconds.
+    /// Time limit in seconds.
     pub(super) seconds: u32,
     pub(super) desk: Desk<'a>,
 }
 
-/// Neither a screen nor more than one thread is taken, and no order depends on the process.
+/// Runs without a display and with one thread; no order depends on the process.
 const ENVIRONMENT: [(&str, &str); 4] = [
     ("QT_QPA_PLATFORM", "offscreen"),
     ("OMP_NUM_THREADS", "1"),
@@ -25,17 +25,17 @@ const ENVIRONMENT: [(&str, &str); 4] = [
     ("PYTHONHASHSEED", "0"),
 ];
 
-/// A run that ended well, and may turn out to have brought nothing.
+/// A run that ended without a signal. Its result may still be missing.
 pub(super) struct Ran<'a> {
     invocation: Invocation,
     program: &'static str,
     log: &'a Path,
-    /// Where in the log what it says begins.
+    /// Offset of its output in the log.
     from: u64,
 }
 
 impl<'a> Run<'a> {
-    /// Runs it to its end: `Err` within the answer where it ended with an exit code of its own.
+    /// Runs the program to its end. The inner `Err` is a run with a non-zero exit code.
     pub(super) fn end(self) -> Result<Result<Ran<'a>, Ran<'a>>, ForeignError> {
         let Self { program, arguments, seconds, desk } = self;
         let environment = ENVIRONMENT.map(|(name, value)| (name.to_owned(), value.to_owned()));
@@ -51,19 +51,19 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Runs it to its end, which has to be a good one.
+    /// Runs the program to its end, which must be successful.
     pub(super) fn end_well(self) -> Result<Ran<'a>, ForeignError> {
         self.end()?.map_err(|ran| ran.failed(How::Code(1)))
     }
 }
 
 impl Ran<'_> {
-    /// Whether this is among the last that it said.
+    /// Returns true if the last output contains this text.
     pub(super) fn says(&self, text: &str) -> bool {
         process::last_lines(self.log, self.from).iter().any(|line| line.contains(text))
     }
 
-    /// The error that it did not do what it was for.
+    /// Creates the error of a run without the expected result.
     pub(super) fn failed(&self, how: How) -> ForeignError {
         Box::new(Failed {
             program: self.program.to_owned(),

@@ -1,7 +1,8 @@
-//! Images as numpy's `.npy`, float32, in C order: the numbers as they are, neither clamped nor encoded; and the heads of
-//! such files.
+//! Images as numpy's `.npy`, float32, in C order, with unclamped and unencoded values; and the
+//! headers of these files.
 //!
-//! Format: version 1.0 of numpy's `lib/format.py`. No time, no name: equal images are equal bytes.
+//! Format: version 1.0 of numpy's `lib/format.py`. The file has no time and no name, so equal
+//! images are equal bytes.
 
 use super::{Image, Size};
 use npyz::WriterBuilder;
@@ -9,9 +10,9 @@ use std::io::{self, Read, Write};
 
 /// A pixel of one or several 32-bit numbers.
 pub trait Pixel: Copy {
-    /// How many numbers stand in the array's last axis; `None` where there is no such axis.
+    /// Length of the array's last axis; `None` without this axis.
     const CHANNELS: Option<u64>;
-    /// The numbers of a row of pixels.
+    /// Returns the numbers of a row of pixels.
     fn values(pixels: &[Self]) -> &[f32];
 }
 
@@ -29,10 +30,10 @@ impl<const N: usize> Pixel for [f32; N] {
     }
 }
 
-/// Writes an image: `[H, W]`, or `[H, W, N]` where a pixel is several numbers.
+/// Writes an image: `[H, W]`, or `[H, W, N]` if a pixel has several numbers.
 ///
 /// # Errors
-/// When `out` fails.
+/// Writing to `out` fails.
 pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     let Size { width, height } = image.size();
     let shape: Vec<u64> = [height.into(), width.into()].into_iter().chain(P::CHANNELS).collect();
@@ -41,10 +42,10 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> io::Result<()> {
     writer.finish()
 }
 
-/// Writes images of one size, `[K, H, W]`; no image is `[0, 0, 0]`.
+/// Writes images of one size, `[K, H, W]`; an empty list is `[0, 0, 0]`.
 ///
 /// # Errors
-/// When `out` fails.
+/// Writing to `out` fails.
 pub fn write_stack(images: &[Image<f32>], out: impl Write) -> io::Result<()> {
     let Size { width, height } = images.first().map_or(Size { width: 0, height: 0 }, Image::size);
     let shape = [images.len() as u64, height.into(), width.into()];
@@ -55,10 +56,11 @@ pub fn write_stack(images: &[Image<f32>], out: impl Write) -> io::Result<()> {
     writer.finish()
 }
 
-/// Reads so many images as [`write_stack`] writes them: our own files, whose heads are taken as they are.
+/// Reads `count` images that [`write_stack`] wrote. These files are our own, so their headers are
+/// trusted.
 ///
 /// # Errors
-/// When the bytes are no float32 `.npy` of this many images.
+/// The bytes are not a float32 `.npy` with this number of images.
 pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>> {
     let file = npyz::NpyFile::new(input)?;
     let invalid = |found: &[u64]| {
@@ -75,10 +77,10 @@ pub fn read_stack(count: usize, input: impl Read) -> io::Result<Vec<Image<f32>>>
     Ok(values.chunks(size.pixels().max(1)).map(|v| Image::from_vec(size, v.to_vec())).collect())
 }
 
-/// Reads the numbers of a float32 array that has this shape, in C order, and nothing behind it.
+/// Reads the numbers of a float32 array with this shape, in C order. No bytes may follow.
 ///
 /// # Errors
-/// When the bytes are no such array.
+/// The bytes are not an array with this shape.
 pub fn read_values(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>> {
     let invalid = |because: String| io::Error::new(io::ErrorKind::InvalidData, because);
     let head = head(input)?;
@@ -94,12 +96,13 @@ pub fn read_values(shape: &[u64], input: &mut impl Read) -> io::Result<Vec<f32>>
     }
 }
 
-/// The head of an array as it is stored, if it is one that the parser is safe to be given: its time doubles with every
-/// bracket that is open, and the head of a plain array has two, of its dictionary and its shape; and it counts the
-/// elements without a look at how many they are.
+/// Reads the header of an array, if it is safe for the parser. The time of the parser doubles with
+/// every open bracket; the header of a plain array has two, of its dictionary and its shape. The
+/// parser also multiplies the shape without a check for overflow.
 ///
 /// # Errors
-/// When it cannot be read, is of another version, has more brackets, or says more than 2^64 elements.
+/// The header cannot be read, has another version or more brackets, or states more than 2^64
+/// elements.
 pub fn head(data: &mut impl Read) -> io::Result<Vec<u8>> {
     let refusal = |because: String| Err(io::Error::new(io::ErrorKind::InvalidData, because));
     let mut head = vec![0; 10];
@@ -121,7 +124,8 @@ pub fn head(data: &mut impl Read) -> io::Result<Vec<u8>> {
     Ok(head)
 }
 
-/// Whether the product of what stands in parentheses, a shape, is below 2^64. What is no number is the parser's to refuse.
+/// Returns true if the product of the shape in parentheses is below 2^64. Text that is not a number
+/// is left for the parser to refuse.
 fn is_countable(head: &str) -> bool {
     let shape = head.split_once('(').map_or("", |(_, rest)| rest.split(')').next().unwrap_or_default());
     let mut sides = shape.split(',').filter_map(|side| match side.trim().trim_end_matches('L') {
@@ -144,8 +148,9 @@ mod tests {
         out
     }
 
-    /// What is on disk is frozen. By hand from the format: magic, version, header padded with spaces to a multiple of 64,
-    /// then the numbers. numpy's own `save` leaves out the comma at the end of the shape, and reads both.
+    /// The format on disk is frozen. The expected bytes are derived from the format by hand: magic,
+    /// version, header padded with spaces to a multiple of 64, then the numbers. numpy's own `save`
+    /// omits the comma at the end of the shape, and reads both.
     #[test]
     fn the_bytes_are_frozen() {
         let image = Image::from_vec(SIZE, (0u8..6).map(f32::from).collect());

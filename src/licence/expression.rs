@@ -51,10 +51,10 @@ impl Expression {
         Ok(Self(term))
     }
 
-    /// The conjunction of all these.
+    /// Returns the conjunction of all these expressions.
     ///
     /// # Panics
-    /// There are none: no terms are not the same as free terms.
+    /// The list is empty. Absent terms are not the same as free terms.
     #[must_use]
     pub fn all(expressions: impl IntoIterator<Item = Self>) -> Self {
         let terms = expressions.into_iter().map(|e| e.0);
@@ -62,7 +62,7 @@ impl Expression {
         Self(joined.expect("a scene has at least one part"))
     }
 
-    /// The ids of its licences and exceptions, sorted. Their texts must be shipped.
+    /// Returns the ids of its licences and exceptions, sorted. Their texts must be shipped.
     #[must_use]
     pub fn ids(&self) -> BTreeSet<String> {
         let mut ids = BTreeSet::new();
@@ -70,7 +70,7 @@ impl Expression {
         ids
     }
 
-    /// Whether every alternative contains this id.
+    /// Returns true if every alternative contains this id.
     #[must_use]
     pub fn demands(&self, id: &str) -> bool {
         self.0.demands(id)

@@ -1,33 +1,33 @@
-//! What is known of the terms of each asset that scenes are made from or with: the one table that
-//! composition, audit, card and datasheet read (docs/design/pipeline.md, "Licences").
+//! Known terms of each asset that scenes are made from or with. Composition, audit, card and
+//! datasheet read this one table (docs/design/pipeline.md, "Licences").
 //!
-//! An entry says what was read and where, what follows from it, and whether that is all of its terms: what
-//! is not verified is told as such wherever it is used. Nothing here is taken from a paper that only
-//! repeats an upstream.
+//! An entry lists the evidence with its address, the resulting obligations, and if the entry covers
+//! all terms. Unverified entries are marked as unverified wherever they are used. No entry relies
+//! on a paper that only repeats an upstream.
 
 use super::SourceKind;
 use serde::{Deserialize, Serialize};
 
-/// What terms ask of whoever uses or passes on the material.
+/// Obligations of users and redistributors of the material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Obligation {
-    /// Its makers are to be named.
+    /// Its makers must be named.
     Attribution,
     /// No commercial use.
     NonCommercial,
-    /// What is derived from it has the same terms.
+    /// Derived material has the same terms.
     ShareAlike,
-    /// It is not passed on to whoever has not accepted the terms.
+    /// It must not be redistributed to anyone who has not accepted the terms.
     NoRedistribution,
-    /// Receivers accept the terms first.
+    /// Receivers must accept the terms first.
     Gating,
     /// Data on persons are deleted on request.
     DeletionOnRequest,
 }
 
 impl Obligation {
-    /// In words.
+    /// Returns the obligation in words.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
@@ -40,8 +40,9 @@ impl Obligation {
         }
     }
 
-    /// Those that a Creative Commons expression names in its ids, and attribution where a permissive
-    /// licence asks that its notice be kept. Of other ids nothing is said: their texts bind.
+    /// Returns the obligations that follow from Creative Commons ids, and attribution for
+    /// permissive licences that require their notice to be kept. Other ids add no obligations;
+    /// their texts bind.
     #[must_use]
     pub fn of_ids(ids: &[&str]) -> Vec<Self> {
         let has = |part: &str| ids.iter().any(|id| id.starts_with("CC-BY") && id.contains(part));
@@ -55,50 +56,51 @@ impl Obligation {
     }
 }
 
-/// What an asset is to a scene.
+/// Role of an asset for a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// A dataset: its terms bind what is made from it. Known by the kind of source, where it has one.
+    /// A dataset. Its terms bind derived material. It is identified by the kind of source, if it
+    /// has one.
     Source(Option<SourceKind>),
-    /// A program: its licence is told, and binds no scene. Known by these names.
+    /// A program with these names. Its licence is reported but binds no scene.
     Tool(&'static [&'static str]),
 }
 
-/// What was read.
+/// Evidence from a public document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Evidence {
-    /// Where it can be read.
+    /// Address of the document.
     pub url: &'static str,
-    /// What it says.
+    /// Content of the document.
     pub says: &'static str,
 }
 
-/// An asset.
+/// An asset with its terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Asset {
     /// Its name.
     pub name: &'static str,
-    /// What it is to a scene.
+    /// Role for a scene.
     pub role: Role,
-    /// Parts of addresses by which a recipe's `upstream_url` names it, in small letters.
+    /// Parts of addresses, in lower case, that identify it in a recipe's `upstream_url`.
     addresses: &'static [&'static str],
-    /// SPDX and `LicenseRef-` ids, all of which bind.
+    /// SPDX and `LicenseRef-` ids. All of them bind.
     pub ids: &'static [&'static str],
-    /// Who is to be named, and how it is cited.
+    /// Attribution and citation.
     pub attribution: &'static str,
-    /// What was read, and where.
+    /// The evidence.
     pub evidence: &'static [Evidence],
-    /// What follows.
+    /// The resulting obligations.
     pub obligations: &'static [Obligation],
-    /// Whether the terms were read in full at their holder's.
+    /// True if the holder's terms were read in full.
     pub verified: bool,
-    /// What the paper on GS2E (arXiv 2505.15287, appendix F) says instead.
+    /// Differing terms in the paper on GS2E (arXiv 2505.15287, appendix F).
     pub paper: Option<&'static str>,
 }
 
 use Obligation::{Attribution, DeletionOnRequest, Gating, NoRedistribution, NonCommercial};
 
-/// All assets that something is known of.
+/// All known assets.
 pub const LEDGER: [Asset; 8] = [
     Asset {
         name: "MVImgNet",
@@ -212,7 +214,7 @@ pub const LEDGER: [Asset; 8] = [
     },
 ];
 
-/// The dataset that a source of this kind is of, or that its address names.
+/// Returns the dataset of a source, by kind or by address.
 #[must_use]
 pub fn dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
     let url = url.unwrap_or_default().to_lowercase();
@@ -222,7 +224,8 @@ pub fn dataset(kind: SourceKind, url: Option<&str>) -> Option<&'static Asset> {
     sources().find(by_kind).or_else(|| sources().find(by_address))
 }
 
-/// The kind of source that a capture is of, by its name: what its address says, else what it is read as.
+/// Returns the name of the source kind of a capture: the kind of the dataset at its address, or
+/// otherwise the kind of its reader.
 #[must_use]
 pub fn origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
     let asset = SourceKind::by_name(kind).and_then(|kind| dataset(kind, url));
@@ -232,33 +235,34 @@ pub fn origin<'k>(kind: &'k str, url: Option<&str>) -> &'k str {
     }
 }
 
-/// The program of this name.
+/// Returns the program with this name.
 #[must_use]
 pub fn tool(name: &str) -> Option<&'static Asset> {
     let name = name.to_lowercase();
     LEDGER.iter().find(|asset| matches!(asset.role, Role::Tool(names) if names.contains(&name.as_str())))
 }
 
-/// The asset of this name.
+/// Returns the asset with this name.
 #[must_use]
 pub fn by_name(name: &str) -> Option<&'static Asset> {
     LEDGER.iter().find(|asset| asset.name == name)
 }
 
 impl Asset {
-    /// Whether it must not be passed on, unless the releaser has the right to and says so.
+    /// Returns true if the asset must not be redistributed without a statement of the releaser's
+    /// right.
     #[must_use]
     pub fn restricted(&self) -> bool {
         self.obligations.contains(&NoRedistribution)
     }
 
-    /// Whether it is a dataset, whose terms bind.
+    /// Returns true if the asset is a dataset, whose terms bind.
     #[must_use]
     pub fn is_dataset(&self) -> bool {
         matches!(self.role, Role::Source(_))
     }
 
-    /// Its ids as one expression.
+    /// Returns its ids as one expression.
     #[must_use]
     pub fn expression(&self) -> String {
         let mut ids = self.ids.to_vec();

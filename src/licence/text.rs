@@ -3,7 +3,7 @@
 /// Id of the terms of a scene whose owner states none.
 pub(super) const UNSTATED: &str = "LicenseRef-Unstated";
 
-/// Terms without an id in the SPDX list, and the text shipped for them.
+/// Terms without an id in the SPDX list, with the shipped text.
 const OWN: [(&str, &str); 4] = [
     (UNSTATED, include_str!("texts/LicenseRef-Unstated.txt")),
     ("LicenseRef-DL3DV-10K-ToU", include_str!("texts/LicenseRef-DL3DV-10K-ToU.txt")),
@@ -11,14 +11,14 @@ const OWN: [(&str, &str); 4] = [
     ("LicenseRef-MVImgNet-ToU", include_str!("texts/LicenseRef-MVImgNet-ToU.txt")),
 ];
 
-/// Whether this is the id of one licence of the SPDX list.
+/// Returns true if this is the id of a licence in the SPDX list.
 #[must_use]
 pub fn is_listed(id: &str) -> bool {
     spdx::license_id(id).is_some()
 }
 
-/// The text of a licence or an exception, with a final newline. For terms that only their holders
-/// have, the text says so and names the holders.
+/// Returns the text of a licence or an exception, with a final newline. For terms known only to
+/// their holders, the text says so and names the holders.
 #[must_use]
 pub fn text(id: &str, holders: &[String]) -> String {
     let own = OWN.iter().find(|(own, _)| *own == id).map(|(_, text)| *text);

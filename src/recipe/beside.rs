@@ -1,5 +1,6 @@
-//! What lies beside the recipes: `release.yaml`, what the release is called; `sources.yaml`, what may be passed on;
-//! `takedown.txt`, what is passed on no longer.
+//! Files next to the recipes. `release.yaml` describes the release, `sources.yaml` states which
+//! material may be redistributed, and `takedown.txt` lists scenes that must no longer be
+//! redistributed.
 
 mod release;
 mod sources;
@@ -19,23 +20,24 @@ use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Reads the `release.yaml` of the folders that recipes are taken from; defaults where there is none.
+/// Reads the `release.yaml` of the folders that contain the recipes; returns defaults if the file is
+/// absent.
 ///
 /// # Errors
-/// When it cannot be read, holds a fault, or when two folders have one each.
+/// The file cannot be read or has a fault, or two folders have one each.
 pub fn read_release(paths: &[PathBuf]) -> Result<ReleaseInfo, Faults> {
     read(paths, RELEASE, release::info)
 }
 
-/// Reads the `sources.yaml` of the folders that recipes are taken from; empty where there is none.
+/// Reads the `sources.yaml` of the folders that contain the recipes; empty if there is no file.
 ///
 /// # Errors
-/// When it cannot be read, holds a fault, or when two folders have one each.
+/// The file cannot be read or has a fault, or two folders have one each.
 pub fn read_sources(paths: &[PathBuf]) -> Result<SourceTerms, Faults> {
     read(paths, SOURCES, sources::terms)
 }
 
-/// The file of this name, read as `T` and resolved.
+/// Reads the file with this name as `T` and resolves it.
 fn read<T: DeserializeOwned + Default, R: Default>(
     paths: &[PathBuf],
     name: &str,
@@ -46,11 +48,12 @@ fn read<T: DeserializeOwned + Default, R: Default>(
     found.or_else(|faults| Faults::or(R::default(), faults))
 }
 
-/// The one file of this name beside the recipes.
+/// Finds the one file with this name next to the recipes.
 fn one(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Fault>> {
     let folder = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
     let mut seen = BTreeSet::new();
     let mut found: Vec<PathBuf> = paths.iter().map(|path| folder(path).join(name)).collect();
+    // Two paths of the same file, for example through a link, count once.
     found.retain(|path| path.is_file() && seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     match found.as_slice() {
         [] => Ok(None),

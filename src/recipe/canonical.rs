@@ -1,4 +1,5 @@
-//! The merged recipe in full, defaults filled: what `scene.json` shows. It is a recipe itself, in one spelling.
+//! The merged recipe in full with all defaults, as `scene.json` shows it. It is itself a recipe,
+//! with one canonical spelling.
 
 mod reconstruct;
 mod trajectory;
@@ -14,7 +15,8 @@ use crate::sensor::{Sensor, Sensors};
 use crate::units::Ratio;
 use serde_json::{Map, Value, json};
 
-/// The canonical form of a recipe: `raw` gives what is shown as it was written (paths, formulae, a literal `k`).
+/// Returns the canonical form of a recipe. `raw` supplies values that are shown as written: paths,
+/// formulae, a literal `k`.
 pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
     let mut out = json!({
         "version": 1,
@@ -76,7 +78,7 @@ pub(super) fn merged(raw: &schema::Recipe, recipe: &Resolved) -> Value {
     out
 }
 
-/// What is said of pictures beside the sharp ones, where they are asked for.
+/// Returns the settings of blur, depth and flow pictures, if they are requested.
 fn pictures(recipe: &Resolved) -> impl Iterator<Item = (&'static str, Value)> {
     let said = [
         (Output::Blur, "blur", json!(recipe.shutter)),
@@ -94,7 +96,7 @@ fn sampling(recipe: &Resolved) -> Value {
             out["tolerance"] = json!(tolerance.rms);
             tolerance.between
         }
-        // It is one for all.
+        // All sensors have the same value.
         None => recipe.sensors.iter().map(|(_, sensor)| sensor.between()).next(),
     };
     if let Some(between) = between {
@@ -132,7 +134,7 @@ fn source(raw: &schema::Recipe, source: &Source) -> Value {
     }
 }
 
-/// The path of a capture as it is written.
+/// Returns the path of a capture as written.
 fn source_path(raw: &schema::Recipe) -> Option<&str> {
     match raw.source.given()?.0 {
         schema::Source::Colmap(folder)
@@ -158,7 +160,7 @@ fn written(field: &Field<String>) -> Option<&str> {
 fn sensor(raw: Option<&schema::Sensor>, sensor: &Sensor) -> Value {
     let fields = match sensor {
         Sensor::Voltmeter(sensor) => voltmeter(raw, sensor),
-        // Their parameters are named as a recipe names them.
+        // The serialized fields have the names that recipes use.
         Sensor::Esim(sensor) => json!(sensor),
         Sensor::V2e(sensor) => json!(sensor),
     };
@@ -204,7 +206,7 @@ fn voltmeter(raw: Option<&schema::Sensor>, voltmeter: &Voltmeter) -> Value {
     out
 }
 
-/// An integer where it is one, else `n/d`, which a recipe may write as well.
+/// Shows an integer as a number and any other ratio as `n/d`, which recipes may contain.
 fn ratio(ratio: Ratio) -> Value {
     if ratio.denominator() == 1 { json!(ratio.numerator()) } else { json!(ratio.to_string()) }
 }

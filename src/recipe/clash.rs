@@ -1,11 +1,12 @@
-//! Scenes that would write into each other's folders.
+//! Detection of scenes that would write into each other's folders.
 
 use super::fault::{Fault, shown};
 use super::load::Read;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// One fault for each recipe whose folder another one claims too. Ids count as file systems that ignore case see them.
+/// Returns one fault for each recipe whose folder is also claimed by another recipe. Ids are
+/// compared without case, as some file systems do.
 pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
     let mut scenes: BTreeMap<String, Vec<&Read>> = BTreeMap::new();
     let mut faults = Vec::new();
@@ -29,7 +30,7 @@ pub(super) fn clashes(read: &[Read]) -> Vec<Fault> {
     faults
 }
 
-/// The trajectory of another scene whose folder `scene` lies in.
+/// Returns the trajectory of another scene that contains the folder of `scene`.
 fn inside<'a>(scene: &Read, scenes: &BTreeMap<String, Vec<&'a Read>>) -> Option<(&'a Read, &'a str)> {
     let id = scene.recipe.scene.to_lowercase();
     id.match_indices('/').find_map(|(at, _)| {

@@ -1,4 +1,5 @@
-//! Recipes for scenes that have none yet: one short file a scene, over one `defaults.yaml` with what all of them share.
+//! Recipes for new scenes: one short file per scene, over one `defaults.yaml` with the values that
+//! all scenes share.
 
 use super::find::DEFAULTS;
 use super::load::Parts;
@@ -9,30 +10,31 @@ use std::io;
 use std::path::{Path, PathBuf};
 use unicode_normalization::is_nfc;
 
-/// What is written for a scene.
+/// The content of a scene's recipe.
 #[derive(Debug)]
 pub struct Draft<'a> {
     /// Scene id.
     pub scene: &'a str,
-    /// Its capture. The path is written as it is: relative to the recipe's folder, or from the root.
+    /// The capture. The path is written unchanged: relative to the recipe's folder, or absolute.
     pub captured: &'a Captured,
-    /// The scene file, likewise, where the recipe names one.
+    /// The scene file, likewise, if the recipe names one.
     pub given: Option<&'a Path>,
 }
 
-/// How fast cameras go, in words of the paper (its table 1), which gives no numbers: they are this program's.
+/// Camera speed in the words of the paper's table 1. The paper gives no numbers; the values are
+/// this program's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
     /// Half of the usual speed.
     Mild,
-    /// As the paper's appendix C has it: five poses a view.
+    /// The speed of the paper's appendix C: five poses per view.
     Medium,
     /// Double the usual speed.
     Strong,
 }
 
 impl Pace {
-    /// Poses a view.
+    /// Number of poses per view.
     fn factor(self) -> &'static str {
         match self {
             Self::Mild => "10",
@@ -42,10 +44,10 @@ impl Pace {
     }
 }
 
-/// What speaks against a scene's id or a path, if anything does.
+/// Checks a scene's id or a path.
 ///
 /// # Errors
-/// In words, after the id or path.
+/// The id or path is not usable. The message continues a sentence that starts with the id or path.
 pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
     names::scene_id(scene).map_err(|because| format!("its id would be `{scene}`, {because}"))?;
     for path in paths {
@@ -59,7 +61,7 @@ pub fn screen(scene: &str, paths: &[&Path]) -> Result<(), String> {
 }
 
 impl Draft<'_> {
-    /// The recipe. Texts are quoted as JSON quotes them, which YAML reads as well.
+    /// Returns the recipe. Texts are quoted as in JSON, which YAML also reads.
     #[must_use]
     pub fn text(&self) -> String {
         let quoted = |text: &str| serde_json::Value::from(text).to_string();
@@ -82,7 +84,8 @@ impl Draft<'_> {
     }
 }
 
-/// What all drafts of a folder share: the paper's trajectories (3.5.1, 3.5.2, appendices A and C) and sensor.
+/// Returns the values that all drafts of a folder share: the paper's trajectories (3.5.1, 3.5.2,
+/// appendices A and C) and sensor.
 #[must_use]
 pub fn defaults(pace: Pace) -> String {
     format!(
@@ -105,10 +108,11 @@ outputs: [events, sharp]
     )
 }
 
-/// Whether the `defaults.yaml` of a folder of recipes says where the Gaussians come from; `None` where there is none.
+/// Returns true if the `defaults.yaml` of a folder of recipes names the source of the Gaussians;
+/// `None` if the file is absent.
 ///
 /// # Errors
-/// When it cannot be read.
+/// The file cannot be read.
 pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
     let path = defaults_in(folder);
     if !path.is_file() {
@@ -118,17 +122,17 @@ pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, Faults> {
     read.or_else(|faults| Faults::or(None, faults))
 }
 
-/// Where the defaults of a folder of recipes are.
+/// Returns the path of the defaults of a folder of recipes.
 #[must_use]
 pub fn defaults_in(folder: &Path) -> PathBuf {
     folder.join(DEFAULTS)
 }
 
-/// The way from a folder to a place, both as the user named them: from the root where the place is named so, else up and
-/// down, through what the two have in common.
+/// Returns the path from a folder to a place, both as the user named them. The result is absolute
+/// if the place is given by an absolute path, and otherwise relative.
 ///
 /// # Errors
-/// When one of them is not there.
+/// One of the two does not exist.
 pub fn way(from_folder: &Path, to: &Path) -> io::Result<PathBuf> {
     if to.is_absolute() {
         return Ok(to.to_owned());

@@ -1,4 +1,4 @@
-//! What was edited between two recipes in their merged form: which number, from what to what.
+//! Differences between two merged recipes: the changed values, old and new.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -6,16 +6,18 @@ use serde_json::{Map, Value};
 /// One value that differs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Edit {
-    /// Its place, as `sensor.voltmeter.threshold.on`; an element of a list that has a name stands under its name, as
-    /// `trajectories.base.refine.window`, another under its number from 0, as `render.background[2]`.
+    /// Path of the value, for example `sensor.voltmeter.threshold.on`. A list element is identified
+    /// by its name, for example `trajectories.base.refine.window`, or by its index from 0, for
+    /// example `render.background[2]`.
     pub path: String,
-    /// The value before; null where there was none.
+    /// The old value; null if there was no value.
     pub old: Option<Value>,
-    /// The value after; null where there is none.
+    /// The new value; null if there is no value.
     pub new: Option<Value>,
 }
 
-/// The values that differ, in the order of their places; what was added or removed as a whole is one.
+/// Returns the differing values, ordered by path. A subtree that was added or removed as a whole is
+/// one edit.
 #[must_use]
 pub fn edits(old: &Value, new: &Value) -> Vec<Edit> {
     let mut found = Vec::new();
@@ -29,6 +31,7 @@ fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<Edit>) {
     }
     match (old, new) {
         (Value::Object(old), Value::Object(new)) => fields(path, old, new, found),
+        // Elements with names are paired by name, so that a reordered list has no edits.
         (Value::Array(before), Value::Array(after)) => match (named(before), named(after)) {
             (Some(old), Some(new)) => fields(path, &old, &new, found),
             _ if before.len() == after.len() => {
@@ -36,7 +39,7 @@ fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<Edit>) {
                     compare(&format!("{path}[{i}]"), old, new, found);
                 }
             }
-            // Which element of two lists is which nobody can say.
+            // Lists of different lengths without names have no known pairing of elements.
             _ => found.push(edit(path, Some(old), Some(new))),
         },
         _ => found.push(edit(path, Some(old), Some(new))),
@@ -60,7 +63,8 @@ fn edit(path: &str, old: Option<&Value>, new: Option<&Value>) -> Edit {
     Edit { path: path.to_owned(), old: old.cloned(), new: new.cloned() }
 }
 
-/// The elements of a list by their names; `None` unless each is a mapping with a name of its own.
+/// Returns the elements of a list by name; `None` unless each element is a mapping with a unique
+/// name.
 fn named(list: &[Value]) -> Option<Map<String, Value>> {
     let pairs = list.iter().map(|element| Some((element.get("name")?.as_str()?.to_owned(), element.clone())));
     let by_name = pairs.collect::<Option<Map<String, Value>>>()?;
@@ -72,7 +76,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// The edits as `path: old -> new`.
+    /// Asserts the edits, written as `path: old -> new`.
     fn t(old: &Value, new: &Value, wanted: &[&str]) {
         let shown = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
         let told: Vec<String> = edits(old, new)
@@ -124,7 +128,7 @@ mod tests {
         let both = [base.clone(), mini.clone()];
         t(&list(std::slice::from_ref(&base)), &list(&both), &[&format!("trajectories.mini: {come}")]);
         t(&list(&both), &list(std::slice::from_ref(&base)), &[&format!("trajectories.mini: {gone}")]);
-        // Two of one name are not known by it.
+        // Two elements with the same name cannot be identified by name.
         t(
             &list(&[base.clone(), base]),
             &list(&[path("base", 2), mini]),

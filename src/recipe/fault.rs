@@ -1,4 +1,4 @@
-//! What is wrong with a recipe, and where: the four-part message of the command line.
+//! Faults of a recipe with their places: the four-part message of the command line.
 
 use super::text::{Place, Text};
 use std::collections::BTreeSet;
@@ -6,13 +6,13 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-/// As many faults are listed; the rest are counted.
+/// Maximum number of listed faults; the rest are counted.
 pub const LISTED: usize = 20;
 
 /// Longest excerpt of a source line, in characters.
 const EXCERPT: usize = 120;
 
-/// One thing that is wrong with a recipe.
+/// A fault of a recipe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     message: String,
@@ -22,49 +22,50 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// A fault at a place in a file; without a place it is about the file as a whole.
+    /// Creates a fault at a place in a file. Without a place, the fault concerns the whole file.
     pub(super) fn new(message: String, help: Option<String>, text: Arc<Text>, place: Option<Place>) -> Self {
         let span = place.map(|p| (p.start as usize, p.end.max(p.start) as usize));
         Self { message, help, text, span }
     }
 
-    /// A fault of a file as a whole, which may not even be there.
+    /// Creates a fault of a whole file, which may not exist.
     pub(super) fn of_file(path: &Path, message: &str, help: Option<&str>) -> Self {
         let text = Text { path: path.to_owned(), body: String::new() };
         Self::new(message.to_owned(), help.map(str::to_owned), Arc::new(text), None)
     }
 
-    /// The stable code of this kind of fault.
+    /// Stable code of this kind of fault.
     #[must_use]
     pub fn code(&self) -> &'static str {
         "recipe-invalid"
     }
 
-    /// What is wrong, in one line.
+    /// The message, in one line.
     #[must_use]
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// What to do about it.
+    /// The advice, if there is any.
     #[must_use]
     pub fn help(&self) -> Option<&str> {
         self.help.as_deref()
     }
 
-    /// The file that the fault is in.
+    /// The file that contains the fault.
     #[must_use]
     pub fn file(&self) -> &Path {
         &self.text.path
     }
 
-    /// Line and column, both from 1, columns in characters; `None` where the whole file is meant.
+    /// Line and column, both from 1, columns in characters; `None` if the fault concerns the whole
+    /// file.
     #[must_use]
     pub fn position(&self) -> Option<(usize, usize)> {
         self.span.map(|(start, _)| self.text.position(start))
     }
 
-    /// The message in its four parts, without colours, ending in a line break.
+    /// Returns the message in its four parts, without colours. It ends with a line break.
     #[must_use]
     pub fn render_text(&self) -> String {
         let mut out = format!("error: {}\n {}\n", self.message, self.location());
@@ -77,8 +78,8 @@ impl Fault {
         out
     }
 
-    /// The message as one JSON object: `level, code, message, scene, step, path, line, column, help`; what there is not
-    /// is null.
+    /// Returns the message as one JSON object:
+    /// `level, code, message, scene, step, path, line, column, help`. Absent parts are null.
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
         let position = self.position();
@@ -95,7 +96,7 @@ impl Fault {
         })
     }
 
-    /// `file:line:column`, or the file alone.
+    /// Returns `file:line:column`, or the file alone.
     #[must_use]
     pub fn location(&self) -> String {
         let file = shown(self.file());
@@ -131,7 +132,7 @@ fn printable(c: char) -> char {
     }
 }
 
-/// A path with `/` between its parts on every system.
+/// Returns a path with `/` between its parts on every system.
 pub(super) fn shown(path: &Path) -> String {
     path.display().to_string().replace('\\', "/")
 }
@@ -182,7 +183,7 @@ impl miette::SourceCode for Text {
     }
 }
 
-/// What is wrong with the recipes: at least one fault, at most [`LISTED`] of them in full.
+/// The faults of the recipes: at least one, and at most [`LISTED`] of them in full.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Faults {
     listed: Vec<Fault>,
@@ -190,7 +191,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// The value, unless there are faults. One that several recipes share, through their defaults, is told once.
+    /// Returns the value if there are no faults. A fault of shared defaults is reported once.
     pub(super) fn or<T>(value: T, mut faults: Vec<Fault>) -> Result<T, Self> {
         let mut seen = BTreeSet::new();
         faults.retain(|fault| seen.insert(fault.to_string()));
@@ -202,19 +203,19 @@ impl Faults {
         Err(Self { listed: faults, more })
     }
 
-    /// The faults that are listed.
+    /// The listed faults.
     #[must_use]
     pub fn listed(&self) -> &[Fault] {
         &self.listed
     }
 
-    /// How many more there are.
+    /// Number of faults that are not listed.
     #[must_use]
     pub fn more(&self) -> usize {
         self.more
     }
 
-    /// All messages, with an empty line between two, and the count of those that are not shown.
+    /// Returns all messages, separated by empty lines, and the number of faults that are not shown.
     #[must_use]
     pub fn render_text(&self) -> String {
         let mut parts: Vec<String> = self.listed.iter().map(Fault::render_text).collect();
@@ -224,7 +225,7 @@ impl Faults {
         parts.join("\n")
     }
 
-    /// One object a fault that is listed.
+    /// Returns one object per listed fault.
     #[must_use]
     pub fn to_json(&self) -> Vec<serde_json::Value> {
         self.listed.iter().map(Fault::to_json).collect()

@@ -1,30 +1,30 @@
-//! A field of the schema: its value with its place, or what became of it.
+//! A field of the schema: its value with its place, or the reason for its absence.
 
 use super::text::Place;
 use serde::de::{self, Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// Name of the newtype by which [`super::reader::Reader`] knows that it reads a [`Field`].
+/// Newtype name by which [`super::reader::Reader`] recognizes a [`Field`].
 pub(super) const FIELD: &str = "gs2e recipe field";
 
-/// Name of the newtype by which it knows that it reads a [`Literal`].
+/// Newtype name by which the reader recognizes a [`Literal`].
 pub(super) const LITERAL: &str = "gs2e recipe literal";
 
 /// A field of a mapping, or an item of a list.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) enum Field<T> {
-    /// Not there.
+    /// The field is absent.
     #[default]
     Absent,
-    /// There, and faulty, which was reported where it was seen.
+    /// The field is present but faulty. The fault is already reported.
     Bad,
-    /// There.
+    /// The field is present and valid.
     Given(T, Place),
 }
 
 impl<T> Field<T> {
-    /// The value, where there is a sound one.
+    /// Returns the value, if it is valid.
     pub(super) fn given(&self) -> Option<(&T, Place)> {
         match self {
             Self::Given(value, place) => Some((value, *place)),
@@ -32,12 +32,12 @@ impl<T> Field<T> {
         }
     }
 
-    /// Where the sound value stands.
+    /// Returns the place of the valid value.
     pub(super) fn place(&self) -> Option<Place> {
         self.given().map(|(_, place)| place)
     }
 
-    /// Whether the recipe does not name it.
+    /// Returns true if the recipe does not contain the field.
     pub(super) fn is_absent(&self) -> bool {
         matches!(self, Self::Absent)
     }
@@ -65,7 +65,7 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for FieldVisitor<T> {
     }
 }
 
-/// A number that must not pass through floating point, as written.
+/// A number as written, because it must not pass through floating point.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Literal(pub String);
 
@@ -89,7 +89,7 @@ impl<'de> Deserialize<'de> for Literal {
     }
 }
 
-/// A field whose feature is not there yet: any value is read, and refused by name.
+/// A field of a feature that is not built yet. Any value is read, and the field is refused by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Later;
 

@@ -1,4 +1,5 @@
-//! From files and folders to recipes: all are read, and every fault is found, before anything runs.
+//! Search for recipes in files and folders. All recipes are read and every fault is found before
+//! anything runs.
 
 use super::Recipe;
 use super::clash::clashes;
@@ -10,26 +11,26 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use walkdir::{DirEntry, WalkDir};
 
-/// Defaults of the recipes below its folder.
+/// Name of the file with defaults for the recipes in and below its folder.
 pub(super) const DEFAULTS: &str = "defaults.yaml";
-/// What the release is called, beside the recipes.
+/// Name of the file with the description of the release.
 pub(super) const RELEASE: &str = "release.yaml";
-/// What may be passed on, beside the recipes.
+/// Name of the file with statements about redistribution.
 pub(super) const SOURCES: &str = "sources.yaml";
-/// What is no longer made or passed on, beside the recipes.
+/// Name of the file with scenes that are no longer made or redistributed.
 pub(super) const TAKEDOWN: &str = "takedown.txt";
 
-/// A recipe file that was found, not yet read.
+/// A recipe file that was found but not yet read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecipeFile {
-    /// The file, as the user named it or its folder.
+    /// The file, named as the user named it or its folder.
     pub path: PathBuf,
-    /// The defaults that lie under it.
+    /// The defaults file that applies.
     pub defaults: Option<PathBuf>,
 }
 
 impl RecipeFile {
-    /// Both paths in one text: what this recipe is, as long as no file moves.
+    /// Returns both paths in one text, which identifies the recipe as long as no file moves.
     #[must_use]
     pub fn name(&self) -> String {
         let defaults = self.defaults.as_deref().unwrap_or(Path::new(""));
@@ -37,24 +38,25 @@ impl RecipeFile {
     }
 }
 
-/// Finds the recipes of files and folders, each once, in no promised order.
+/// Finds the recipes in files and folders, each once, in unspecified order.
 ///
-/// A folder stands for every `.yaml` and `.yml` file below it but `defaults.yaml`, `sources.yaml`, `release.yaml` and
-/// hidden ones. Under each recipe the nearest `defaults.yaml` is merged, upward to the folder that was given, or beside
-/// the file that was given.
+/// A folder contributes every `.yaml` and `.yml` file in and below it, except `defaults.yaml`,
+/// `sources.yaml`, `release.yaml` and hidden files. Each recipe is merged over the nearest
+/// `defaults.yaml`, searched upward to the given folder, or next to the given file.
 ///
 /// # Errors
-/// When a path is no recipe, or a folder cannot be searched or holds none.
+/// A path is no recipe, or a folder cannot be searched or contains no recipe.
 pub fn find_all(paths: &[PathBuf]) -> Result<Vec<RecipeFile>, Faults> {
     let (found, faults) = find(paths);
     Faults::or(found, faults)
 }
 
-/// Reads the recipes of files and folders, sorted by scene id; see [`find_all`] for which they are.
+/// Reads the recipes in files and folders, sorted by scene id. See [`find_all`] for the search.
 ///
 /// # Errors
-/// Every fault of every recipe, the first [`super::LISTED`] of them in full: files that cannot be read or parsed,
-/// fields that are unknown, missing, out of range or not built yet, and scenes that share an id or a folder.
+/// The recipes have faults: unreadable or unparsable files, fields that are unknown, missing, out
+/// of range or not built yet, and scenes that share an id or a folder. The first [`super::LISTED`]
+/// faults are returned in full.
 pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, Faults> {
     let (found, faults) = find(paths);
     read_after(&found, faults)
@@ -63,7 +65,7 @@ pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, Faults> {
 /// Reads recipes that were found, sorted by scene id.
 ///
 /// # Errors
-/// As [`read_all`].
+/// Same as for [`read_all`].
 pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, Faults> {
     read_after(files, Vec::new())
 }
@@ -84,7 +86,7 @@ fn read_after(files: &[RecipeFile], mut faults: Vec<Fault>) -> Result<Vec<Recipe
     Faults::or(recipes, faults)
 }
 
-/// The recipe files that paths stand for, each once.
+/// Returns the recipe files of these paths, each once.
 fn find(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
     let (mut found, mut faults) = (Found::default(), Vec::new());
     for path in paths {
@@ -102,18 +104,18 @@ fn find(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<Fault>) {
     (found.files, faults)
 }
 
-/// What was found so far.
+/// The recipes found so far.
 #[derive(Default)]
 struct Found {
     files: Vec<RecipeFile>,
-    /// Device and inode of each file that is there: links and repetitions lead to one.
+    /// Device and inode of each existing file. Links and repetitions have the same pair.
     known: BTreeSet<(u64, u64)>,
-    /// The defaults of each folder and topmost folder.
+    /// The defaults, by folder and topmost folder.
     defaults: BTreeMap<(PathBuf, PathBuf), Option<PathBuf>>,
 }
 
 impl Found {
-    /// Adds a recipe, whose defaults are looked for from its own folder up to `root`.
+    /// Adds a recipe. Its defaults are searched from its own folder up to `root`.
     fn add(&mut self, path: PathBuf, root: &Path) {
         let about = std::fs::metadata(&path);
         if about.is_ok_and(|about| !self.known.insert((about.dev(), about.ino()))) {
@@ -121,6 +123,7 @@ impl Found {
         }
         let place = (folder(&path), root.to_owned());
         let defaults = self.defaults.entry(place).or_insert_with_key(|(folder, root)| {
+            // Defaults above the given folder do not apply, so the search ends at the root.
             let folders = folder.ancestors().take_while(|folder| folder.starts_with(root));
             folders.map(|folder| folder.join(DEFAULTS)).find(|path| path.is_file())
         });
@@ -128,7 +131,7 @@ impl Found {
     }
 }
 
-/// The folder that a file lies in.
+/// Returns the folder of a file.
 pub(super) fn folder(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }

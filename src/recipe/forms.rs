@@ -1,14 +1,14 @@
-//! Texts of a form: versions, addresses, days.
+//! Fixed text formats: versions, addresses, days.
 
 use super::field::Field;
 use super::problem::{Problem, quoted};
 use super::resolve::Resolver;
 
-/// A form of texts.
+/// A text format.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Form {
     holds: fn(&str) -> bool,
-    /// In words, after "wanted".
+    /// Description, to follow "wanted".
     wanted: &'static str,
 }
 
@@ -20,14 +20,14 @@ pub(super) const URL: Form = Form { holds: is_url, wanted: "an address such as h
 pub(super) const DAY: Form = Form { holds: is_date, wanted: "a day such as 2025-05-21" };
 
 impl Form {
-    /// Whether a text is of this form.
+    /// Returns true if a text has this format.
     pub(super) fn holds(self, text: &str) -> bool {
         (self.holds)(text)
     }
 }
 
 impl Resolver<'_> {
-    /// A text of a form, if one is there.
+    /// Returns a text in this format, if one is present.
     pub(super) fn formed(&self, field: &Field<String>, form: Form) -> Option<Option<String>> {
         let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
         if form.holds(text) {
@@ -37,7 +37,8 @@ impl Resolver<'_> {
     }
 }
 
-/// A semantic version (semver.org 2.0.0), without a check of the identifiers behind `-` and `+` beyond their letters.
+/// Checks a semantic version (semver.org 2.0.0). In the identifiers after `-` and `+`, only the
+/// characters are checked.
 fn is_version(text: &str) -> bool {
     let core_end = text.find(['-', '+']).unwrap_or(text.len());
     let (core, suffix) = text.split_at(core_end);
@@ -59,7 +60,7 @@ fn is_url(text: &str) -> bool {
         && !text.contains(|c: char| c.is_whitespace() || c.is_control())
 }
 
-/// A day of the Gregorian calendar.
+/// Checks a day of the Gregorian calendar.
 fn is_date(text: &str) -> bool {
     let shape = text.len() == 10
         && text

@@ -1,5 +1,5 @@
-//! Trajectories, or the sensor, out of a recipe or out of a file that holds hardly more than them: what a single step
-//! reads.
+//! Trajectories or the sensor alone, read from a recipe or from a partial file. Single steps use
+//! them.
 
 use super::fault::{Fault, Faults};
 use super::find::find_all;
@@ -12,22 +12,22 @@ use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 use std::path::{Path, PathBuf};
 
-/// The trajectories of a file, and what of it bears on them.
+/// The trajectories of a file, with the other settings that affect them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fragment {
-    /// The camera, where it differs from the capture's own.
+    /// The camera, if it differs from the camera of the capture.
     pub camera: Option<CameraChoice>,
-    /// The trajectories, in the order of the file, names unique.
+    /// The trajectories, in file order and with unique names.
     pub trajectories: Vec<TrajectoryRecipe>,
     /// Frame rate.
     pub rate: Hertz,
-    /// How speed laws are summed.
+    /// Summation of the speed laws.
     pub law: Summation,
     /// Rendering.
     pub render: RenderChoice,
 }
 
-/// The keys of a recipe that bear on no trajectory: whatever they hold, and whether they are there, is not looked at.
+/// Keys of a recipe that do not affect trajectories. They are ignored, present or not.
 const OTHERS: [&str; 13] = [
     "source",
     "reconstruct",
@@ -44,14 +44,15 @@ const OTHERS: [&str; 13] = [
     "attributes",
 ];
 
-/// What stands in for them. A file without a scene id draws its key poses as a scene of this name does.
+/// Replacement for these keys. A file without a scene id draws its key poses as a scene with this
+/// name does.
 const STAND_IN: &str = "scene: trajectories\nsource: { procedural: {} }\n";
 
-/// Reads the trajectories of the one recipe at `path`, its source, sensor, products and licence left aside, so that a
-/// file of trajectories alone will do. Its defaults are merged under it.
+/// Reads the trajectories of the one recipe at `path`, merged over its defaults. Source, sensor,
+/// products and licence are ignored, so a file with trajectories alone is enough.
 ///
 /// # Errors
-/// Every fault of what is read, and where the path is that of no recipe or of several.
+/// The fragment has faults, or the path leads to no recipe or to several.
 pub fn read_fragment(path: &Path) -> Result<Fragment, Faults> {
     let files = find_all(&[PathBuf::from(path)])?;
     let faulty = |faults| Faults::or((), faults).expect_err("there are faults");
@@ -62,7 +63,7 @@ pub fn read_fragment(path: &Path) -> Result<Fragment, Faults> {
     read(file).map_err(faulty)
 }
 
-/// The keys of a recipe that bear on no sensor.
+/// Keys of a recipe that do not affect the sensor.
 const NOT_OF_THE_SENSOR: [&str; 16] = [
     "scene",
     "source",
@@ -82,16 +83,16 @@ const NOT_OF_THE_SENSOR: [&str; 16] = [
     "attributes",
 ];
 
-/// What stands in for them. How much noise a frame interval has is judged where its length is known: here by one of a
-/// microsecond.
+/// Replacement for these keys. The check of the noise per frame interval needs an interval; it uses
+/// one microsecond here.
 const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural: {} }\n\
     trajectories: [{ name: base, refine: {} }]\nsampling: { rate: 1000000 }\n";
 
-/// Reads the sensor of a file that holds what a recipe has under `sensor`, or of a recipe, the rest of which but its
-/// `sampling` is left aside.
+/// Reads the sensor of a file. The file contains either the content of the key `sensor` or a
+/// recipe. Of a recipe, only `sensor` and `sampling` are read.
 ///
 /// # Errors
-/// Every fault of what is read.
+/// The fragment has faults.
 pub fn read_sensor(path: &Path) -> Result<Sensor, Faults> {
     let read = || {
         let parts = Parts::alone(path)?;
@@ -121,7 +122,7 @@ mod tests {
     use super::*;
     use crate::recipe::read_all;
 
-    /// What is read of a file with this text.
+    /// Reads a fragment from a file with this text.
     fn fragment(text: &str) -> Result<Fragment, String> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.yaml");
@@ -177,7 +178,7 @@ mod tests {
         assert!(read_fragment(dir.path()).is_ok());
     }
 
-    /// The sensor of a file with this text.
+    /// Reads the sensor of a file with this text.
     fn sensor(text: &str) -> Result<Sensor, String> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s.yaml");

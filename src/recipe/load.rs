@@ -1,4 +1,4 @@
-//! From one file, and the defaults under it, to one recipe.
+//! Loading of one recipe from its file and the defaults file under it.
 
 use super::fault::{Fault, shown};
 use super::field::Field;
@@ -20,11 +20,11 @@ use std::sync::Arc;
 /// The version of the schema.
 const VERSION: u64 = 1;
 
-/// A recipe, and what can still be said about its scene id.
+/// A recipe, with the data for later messages about its scene id.
 pub(super) struct Read {
     pub recipe: Recipe,
     pub texts: Texts,
-    /// Where the scene id stands.
+    /// Place of the scene id.
     pub scene: Place,
 }
 
@@ -32,13 +32,13 @@ pub(super) struct Read {
 #[derive(Clone)]
 struct Parsed {
     text: Arc<Text>,
-    /// Absent where the file is empty.
+    /// The tree; absent if the file is empty.
     tree: Option<Node>,
-    /// The file before it was read.
+    /// State of the file before it was read.
     seen: Sighting,
 }
 
-/// The defaults of some recipes: one file lies under many.
+/// The defaults files of some recipes. Many recipes can share one file.
 pub(super) struct Library {
     defaults: BTreeMap<PathBuf, Result<Parsed, Vec<Fault>>>,
 }
@@ -48,17 +48,18 @@ impl Library {
     pub(super) fn of(files: &[RecipeFile]) -> Self {
         let mut defaults = BTreeMap::new();
         for path in files.iter().filter_map(|file| file.defaults.as_ref()) {
+            // One defaults file can apply to many recipes; it is read once.
             defaults.entry(path.clone()).or_insert_with(|| parse(path, 1));
         }
         Self { defaults }
     }
 
-    /// Reads one of the recipes.
+    /// Reads a recipe.
     pub(super) fn recipe(&self, file: &RecipeFile) -> Result<Read, Vec<Fault>> {
         self.parts(file)?.recipe(file)
     }
 
-    /// One of the recipes with the defaults under it, not yet resolved.
+    /// Reads a recipe and merges it over its defaults, without resolving it.
     pub(super) fn parts(&self, file: &RecipeFile) -> Result<Parts, Vec<Fault>> {
         let RecipeFile { path, defaults } = file;
         let own = parse(path, 0)?;
@@ -81,17 +82,17 @@ impl Library {
     }
 }
 
-/// The files that something is made from, and their merged tree.
+/// The files of a recipe and their merged tree.
 pub(super) struct Parts {
     texts: Texts,
     folders: Vec<PathBuf>,
     tree: Node,
-    /// The files before they were read.
+    /// State of the files before they were read.
     seen: Vec<(PathBuf, Sighting)>,
 }
 
 impl Parts {
-    /// One file, with nothing merged under it.
+    /// Reads one file without merging.
     pub(super) fn alone(file: &Path) -> Result<Self, Vec<Fault>> {
         let Parsed { text, tree, seen } = parse(file, 0)?;
         let nothing = Node { place: Place { file: 0, start: 0, end: 0 }, kind: Kind::Map(Vec::new()) };
@@ -100,12 +101,12 @@ impl Parts {
         Ok(Self { texts: vec![text], folders: vec![folder(file)], tree, seen })
     }
 
-    /// Whether the tree is a mapping with this key.
+    /// Returns true if the tree is a mapping with this key.
     pub(super) fn has(&self, key: &str) -> bool {
         matches!(&self.tree.kind, Kind::Map(entries) if entries.iter().any(|entry| entry.key == key))
     }
 
-    /// The same with the whole tree as the value of one key.
+    /// Wraps the whole tree as the value of one key.
     pub(super) fn under(mut self, key: &str) -> Self {
         let place = self.tree.place;
         let entry = Entry { key: key.to_owned(), place, value: self.tree };
@@ -113,10 +114,10 @@ impl Parts {
         self
     }
 
-    /// The same without some of its keys, and with what a text of this program says under the rest.
+    /// Removes some keys and merges the result over a constant text of this program.
     ///
     /// # Panics
-    /// If the text is no mapping.
+    /// The text is no mapping.
     pub(super) fn standing_in(mut self, without: &[&str], text: &str) -> Self {
         if let Kind::Map(entries) = &mut self.tree.kind {
             entries.retain(|entry| !without.contains(&entry.key.as_str()));
@@ -130,7 +131,7 @@ impl Parts {
         self
     }
 
-    /// What the recipe says, without its file and its merged form.
+    /// Resolves the recipe, without its file and its merged form.
     pub(super) fn resolved(&self) -> Result<Resolved, Vec<Fault>> {
         Ok(self.read()?.1)
     }
@@ -142,7 +143,8 @@ impl Parts {
         }
     }
 
-    /// Reads the tree as `T`, then lets `resolve` make something of it; every fault of both, in the order of the file.
+    /// Reads the tree as `T`, then resolves it. All faults of both steps are returned in file
+    /// order.
     pub(super) fn resolve<T: DeserializeOwned + Default, R>(
         &self,
         resolve: impl FnOnce(&T, &Resolver<'_>) -> Option<R>,
@@ -153,6 +155,7 @@ impl Parts {
         let resolver = Resolver { problems: &problems, folders: &self.folders, root: self.tree.place };
         let resolved = resolve(&raw, &resolver);
         let mut problems = problems.into_inner();
+        // Reading and resolving report in different orders; the user reads the file from the top.
         problems.sort_by_key(Problem::order);
         match resolved {
             Some(resolved) if problems.is_empty() => Ok((raw, resolved)),
@@ -174,7 +177,7 @@ impl Parts {
         Ok(Read { recipe, texts: self.texts, scene })
     }
 
-    /// What is wrong with a recipe of another version is its version, whatever else is seen.
+    /// In a recipe of another version, only the version is reported.
     fn other_version(&self) -> Option<Fault> {
         #[derive(Default, serde::Deserialize)]
         #[serde(default)]
@@ -228,7 +231,7 @@ fn assemble(file: &RecipeFile, named_at: NamedAt, resolved: Resolved, merged: se
     }
 }
 
-/// Reads and parses a file, whose places carry the number `index`.
+/// Reads and parses a file. Its places carry the number `index`.
 fn parse(file: &Path, index: u32) -> Result<Parsed, Vec<Fault>> {
     let (body, seen) = read(file).map_err(|fault| vec![fault])?;
     let text = Arc::new(Text { path: file.to_owned(), body });
@@ -260,12 +263,12 @@ fn read(file: &Path) -> Result<(String, Sighting), Fault> {
     Ok((text, seen))
 }
 
-/// The text of a file beside the recipes that is none of YAML.
+/// Reads the text of a file next to the recipes that is not YAML.
 pub(super) fn read_text(file: &Path) -> Result<String, Fault> {
     read(file).map(|(body, _)| body)
 }
 
-/// What the system says, without its error number.
+/// Returns the message of the operating system without its error number.
 pub(super) fn words(error: &std::io::Error) -> String {
     let text = error.to_string();
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()

@@ -1,9 +1,10 @@
-//! `defaults.yaml` under a recipe: mappings merge deeply, lists replace, and of an enumeration another key replaces the
-//! whole. Every value keeps the place that it came from.
+//! Merging of a recipe over `defaults.yaml`. Mappings merge deeply, and lists replace. In an
+//! enumeration, a different key replaces the whole mapping. Every value keeps its original place.
 
 use super::tree::{Entry, Kind, Node};
 
-/// Mappings of which one key is chosen, `*` for any name. Those inside lists are not named: lists replace.
+/// Mappings with one chosen key; `*` matches any name. Lists replace, so mappings inside lists are
+/// not listed.
 const ENUMERATIONS: [&str; 6] = [
     "source",
     "reconstruct",
@@ -13,14 +14,14 @@ const ENUMERATIONS: [&str; 6] = [
     "sensors.*.*.front_end.luminance",
 ];
 
-/// Groups of keys that say the same thing in other ways: one of the recipe's own takes the place of the other groups.
+/// Groups of mutually exclusive keys. A key of the recipe removes the other groups of the defaults.
 const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
     ("", [&["sensor"], &["sensors"]]),
     ("sensor.voltmeter", [&["preset"], &["k", "units"]]),
     ("sensors.*.voltmeter", [&["preset"], &["k", "units"]]),
 ];
 
-/// The values of `over`, and where it has none those of `under`.
+/// Merges `over` with `under`; values of `over` win.
 pub(super) fn merge(over: Node, under: &Node) -> Node {
     merge_at("", over, under)
 }
@@ -28,6 +29,7 @@ pub(super) fn merge(over: Node, under: &Node) -> Node {
 fn merge_at(path: &str, over: Node, under: &Node) -> Node {
     let Node { place, kind: Kind::Map(entries) } = over else { return over };
     let Kind::Map(defaults) = &under.kind else { return Node { place, kind: Kind::Map(entries) } };
+    // A merge of two different choices would be neither of them.
     if is_enumeration(path) && !same_key(&entries, defaults) {
         return Node { place, kind: Kind::Map(entries) };
     }
@@ -47,7 +49,7 @@ fn same_key(a: &[Entry], b: &[Entry]) -> bool {
     matches!((a, b), ([a], [b]) if a.key == b.key)
 }
 
-/// Whether a default's key gives way: to itself, or to a key of another group.
+/// Returns true if a default's key is overridden by the same key or by a key of another group.
 fn overruled(path: &str, key: &str, entries: &[Entry]) -> bool {
     let given = |key: &str| entries.iter().any(|e| e.key == key);
     let groups = EXCLUSIVE.iter().filter(|(at, _)| matches(at, path)).flat_map(|(_, groups)| groups);

@@ -1,17 +1,17 @@
 //! Names that become folders and files: scene ids, trajectory names, sensors.
 
-/// What a scene id may look like.
+/// Help text for scene ids.
 pub(super) const SCENE_HELP: &str =
     "a scene id is made of letters, digits, \".\", \"_\" and \"-\", in parts separated by \"/\"";
 
-/// What a trajectory name may look like.
+/// Help text for trajectory names.
 pub(super) const TRAJECTORY_HELP: &str =
     "a trajectory name is made of letters, digits, \".\", \"_\" and \"-\"";
 
-/// What the name of one of several sensors may look like.
+/// Help text for names of several sensors.
 pub(super) const SENSOR_HELP: &str = "a sensor's name is made of letters, digits, \".\", \"_\" and \"-\"";
 
-/// Names that the release itself uses at its top.
+/// Names reserved at the top of a release.
 const TAKEN_AT_TOP: [&str; 13] = [
     "b3sums",
     "croissant.json",
@@ -28,13 +28,13 @@ const TAKEN_AT_TOP: [&str; 13] = [
     "takedown.txt",
 ];
 
-/// Names that a scene's own folder uses.
+/// Names reserved in a scene's folder.
 const TAKEN_IN_SCENE: [&str; 2] = ["scene.json", "checks.json"];
 
-/// Device names that Windows finds in every folder.
+/// Device names that Windows reserves in every folder.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// Whether an id stays inside the release folder, on every system; else what speaks against it.
+/// Checks that an id stays inside the release folder on every system. The error says what is wrong.
 pub(super) fn scene_id(id: &str) -> Result<(), String> {
     if id.len() > 200 {
         return Err(format!("of {} bytes, wanted at most 200", id.len()));
@@ -49,13 +49,14 @@ pub(super) fn scene_id(id: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether a trajectory name is one folder inside its scene's; else what speaks against it.
+/// Checks that a trajectory name is one folder inside its scene's folder. The error says what is
+/// wrong.
 pub(super) fn trajectory(name: &str) -> Result<(), String> {
     sensor(name)?;
     not_taken(name, &TAKEN_IN_SCENE)
 }
 
-/// Whether a sensor may have this name, which names a file of the release.
+/// Checks the name of a sensor, which becomes a file name in the release.
 pub(super) fn sensor(name: &str) -> Result<(), String> {
     if name.len() > 100 {
         return Err(format!("of {} bytes, wanted at most 100", name.len()));

@@ -1,14 +1,15 @@
-//! "Did you mean": the known word nearest to one that is not.
+//! "Did you mean": the known word nearest to an unknown word.
 
-/// The word nearest to `word` by edit distance, where it is near enough to be a slip; the first of equals.
+/// Returns the word nearest to `word` by edit distance, if it is near enough to be a typing error.
+/// The first of equal words wins.
 pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let reach = (word.chars().count() / 3).clamp(1, 3);
     let ranked = known.iter().map(|k| (distance(&word.to_lowercase(), &k.to_lowercase()), *k));
     ranked.filter(|(d, _)| *d <= reach).min_by_key(|(d, _)| *d).map(|(_, k)| k)
 }
 
-/// Insertions, deletions, substitutions and swaps of neighbours that turn one word into the other
-/// (optimal string alignment).
+/// Returns the number of insertions, deletions, substitutions and swaps of neighbours that turn one
+/// word into the other (optimal string alignment).
 fn distance(a: &str, b: &str) -> usize {
     let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
     let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];

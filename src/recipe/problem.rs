@@ -1,4 +1,4 @@
-//! A fault before its files are at hand: what readers of the value tree report.
+//! A fault before its files are known, as reported by readers of the value tree.
 
 use super::fault::Fault;
 use super::nearest::nearest;
@@ -7,55 +7,56 @@ use super::tree::Node;
 use serde::de;
 use std::fmt;
 
-/// What is wrong, and at which place.
+/// A fault and its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Problem {
     message: String,
     about: About,
     help: Option<String>,
-    /// The value, key or mapping that it is about.
+    /// The value, key or mapping with the fault.
     place: Option<Place>,
-    /// The part of it that is to be shown, where that is less.
+    /// The part of it to be shown, if smaller.
     part: Option<Place>,
 }
 
-/// How the message goes with the name of the field at the place.
+/// Relation between the message and the name of the field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum About {
-    /// It says everything: `unknown field "treshold"`.
+    /// The message is complete: `unknown field "treshold"`.
     Itself,
-    /// It goes on from the name: `"sampling.rate" is 0, wanted …`.
+    /// The message continues the name: `"sampling.rate" is 0, wanted …`.
     Field,
-    /// The same, and the key is meant, not the value.
+    /// The message continues the name, and the place is the key instead of the value.
     Key,
-    /// It is the name of a field that is not there: `missing field "camera.width"`.
+    /// The message is the name of an absent field: `missing field "camera.width"`.
     Missing,
-    /// It is a sentence about the field: `"checks.speed.max": a limit is …`.
+    /// The message is a sentence about the field: `"checks.speed.max": a limit is …`.
     Sentence,
 }
 
 impl Problem {
-    /// A complete message.
+    /// Creates a complete message.
     pub(super) fn new(message: impl Into<String>) -> Self {
         Self { message: message.into(), about: About::Itself, help: None, place: None, part: None }
     }
 
-    /// A message that goes on from the path of the field at the problem's place.
+    /// Creates a message that continues the path of the field at the problem's place.
     pub(super) fn of_field(message: impl Into<String>) -> Self {
         Self { about: About::Field, ..Self::new(message) }
     }
 
-    /// The same, pointing to the field's key.
+    /// Like [`Self::of_field`], but points to the field's key.
     pub(super) fn of_key(message: impl Into<String>) -> Self {
         Self { about: About::Key, ..Self::new(message) }
     }
 
-    /// A field that the mapping at the problem's place does not have.
+    /// Creates a problem for a field that is missing in the mapping at the problem's place.
     pub(super) fn missing(field: &str) -> Self {
         Self { about: About::Missing, ..Self::new(field) }
     }
 
-    /// A name that is not among those known: the nearest one is offered, and all are listed.
+    /// Creates a problem for an unknown name. The help lists all known names and suggests the
+    /// nearest.
     pub(super) fn unknown(what: &str, found: &str, known: &[&str]) -> Self {
         let all = format!("{what}s here: {}", known.join(", "));
         let help = match nearest(found, known) {
@@ -65,20 +66,21 @@ impl Problem {
         Self::new(format!("unknown {what} {}", quoted(found))).help(help)
     }
 
-    /// Adds what to do.
+    /// Adds the advice.
     pub(super) fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 
-    /// Sets the place, unless one nearer to the cause is known.
+    /// Sets the place, unless a place nearer to the cause is known.
     pub(super) fn at(mut self, place: Place) -> Self {
         self.place = self.place.or(Some(place));
         self
     }
 
-    /// Points to a part of the text at `place`, by its bytes in `text`, where the file holds that text as it is: plain, or
-    /// in quotes without an escape. The problem must be `at` the same place.
+    /// Points to a part of the text at `place`, given as a byte range of `text`. The part is set
+    /// only if the file contains the text unchanged: plain, or in quotes without an escape. The
+    /// problem must be `at` the same place.
     pub(super) fn in_text(mut self, place: Place, text: &str, bytes: std::ops::Range<usize>) -> Self {
         let written = (place.end - place.start) as usize;
         let quote = if written == text.len() { 0 } else { 1 };
@@ -89,7 +91,7 @@ impl Problem {
         self
     }
 
-    /// The fault, with the field's name found in the tree that was read.
+    /// Creates the fault. The name of the field is found in the tree that was read.
     pub(super) fn fault(self, texts: &Texts, root: Option<&Node>) -> Fault {
         let (path, key) = self.place.and_then(|p| root?.find(p)).unwrap_or_default();
         let place = if self.about == About::Key { key.or(self.place) } else { self.part.or(self.place) };
@@ -105,18 +107,18 @@ impl Problem {
         Fault::new(message, self.help, text.clone(), place)
     }
 
-    /// Order in which faults of one recipe are shown.
+    /// Order of the faults of one recipe in the output.
     pub(super) fn order(&self) -> Option<Place> {
         self.place
     }
 }
 
-/// A text of a recipe in a message: quoted, short, and without control characters.
+/// Formats a text of a recipe for a message: quoted, short, and without control characters.
 pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", bare(text))
 }
 
-/// The same without the quotes.
+/// Like [`quoted`], without the quotes.
 pub(super) fn bare(text: &str) -> String {
     const SHOWN: usize = 60;
     let mut short = String::new();

@@ -1,7 +1,7 @@
-//! From the value tree to typed values, through serde, with every fault on its place.
+//! Conversion of the value tree to typed values through serde, with a place for every fault.
 //!
-//! A plain serde reader stops at the first fault. This one goes on: unknown fields are reported and passed over, and a
-//! [`super::field::Field`] whose value is faulty reports it and counts as bad.
+//! A plain serde reader stops at the first fault. This reader continues: it reports unknown fields
+//! and skips them, and a [`super::field::Field`] with a faulty value reports it and counts as bad.
 
 mod access;
 mod number;
@@ -24,7 +24,7 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// A reader of `node` that leaves what it finds in `problems`.
+    /// Creates a reader of `node` that adds its faults to `problems`.
     pub(super) fn new(node: &'a Node, problems: &'a Problems) -> Self {
         Self { node, problems }
     }
@@ -37,12 +37,12 @@ impl<'a> Reader<'a> {
         Self { node, ..self }
     }
 
-    /// Gives a problem this value's place, unless it has one.
+    /// Sets the place of a problem to this value, unless it has a place.
     fn here(self) -> impl Fn(Problem) -> Problem {
         move |problem| problem.at(self.node.place)
     }
 
-    /// The value is not of the kind that is wanted.
+    /// Creates the problem of a value that has the wrong kind.
     fn wanted(self, what: &str) -> Problem {
         Problem::of_field(format!("is {}, wanted {what}", self.node.kind.described())).at(self.node.place)
     }
@@ -68,7 +68,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The text of a scalar that may be a number or a truth value: not quoted.
+    /// Returns the text of an unquoted scalar, which may be a number or a truth value.
     fn plain(self, what: &str) -> Result<&'a str, Problem> {
         match &self.node.kind {
             Kind::Scalar { text, plain: true } => Ok(text),
@@ -86,7 +86,7 @@ impl<'a> Reader<'a> {
         if within { Ok(whole) } else { Err(self.wanted(&format!("{wanted} from {low} to {high}"))) }
     }
 
-    /// The one key of an enumeration, or its bare word.
+    /// Returns the one key of an enumeration, or its bare word.
     fn choice(self, variants: &[&str]) -> Result<Choice<'a>, Problem> {
         let one_of = || format!("one of {}", variants.join(", "));
         let (name, place, value) = match &self.node.kind {
@@ -108,7 +108,7 @@ impl<'a> Reader<'a> {
 }
 
 impl Kind {
-    /// The value in a message: what kind it is, and its text where it has one.
+    /// Describes the value for a message: its kind, and its text if it has one.
     fn described(&self) -> String {
         match self {
             Self::Null => "empty".into(),
@@ -213,7 +213,7 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         visitor.visit_map(entries).map_err(|problem| problem.at(last.get()))
     }
 
-    /// Every key that is not among `fields` is reported, here and once.
+    /// All keys outside `fields` are reported here, and only here.
     fn deserialize_struct<V: Visitor<'de>>(
         self,
         _: &'static str,

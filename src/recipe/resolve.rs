@@ -1,4 +1,4 @@
-//! From what is written to what is meant: required fields, ranges, defaults, presets, and paths.
+//! Resolution of a written recipe: required fields, ranges, defaults, presets, and paths.
 
 mod licence;
 mod number;
@@ -31,20 +31,20 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::Setting;
 
-/// Most frames of a trajectory (pipeline 2.10).
+/// Maximum number of frames of a trajectory (pipeline 2.10).
 const MAX_FRAMES: u64 = 20_000_000;
 
-/// Resolves what was read from a file, collecting what is wrong with it.
+/// Resolves the content of a file and collects its faults.
 pub(super) struct Resolver<'a> {
-    /// Where faults are left.
+    /// The faults found so far.
     pub problems: &'a Problems,
-    /// The folder of each file that the recipe is made from; its relative paths start there.
+    /// Folder of each file of the recipe. Relative paths start there.
     pub folders: &'a [PathBuf],
-    /// The file as a whole, for what is missing.
+    /// Place of the whole file, for missing fields.
     pub root: Place,
 }
 
-/// Everything of a recipe but its file and its merged form.
+/// A resolved recipe without its file and its merged form.
 pub(super) struct Resolved {
     pub scene: String,
     pub seed: u64,
@@ -67,7 +67,7 @@ pub(super) struct Resolved {
 }
 
 impl Resolver<'_> {
-    /// The recipe, or `None` where something is wrong with it, which then was reported.
+    /// Resolves a recipe; `None` after reporting a fault.
     pub(super) fn recipe(&self, raw: &schema::Recipe) -> Option<Resolved> {
         self.required(&raw.version, "version", self.root, "write version: 1");
         self.later(&raw.release, "this gs2e releases the products alone");
@@ -138,7 +138,7 @@ impl Resolver<'_> {
         self.filled(text, place).map(Some)
     }
 
-    /// A name, where nothing speaks against it.
+    /// Returns a name if the verdict accepts it.
     fn named(&self, name: &str, place: Place, verdict: Result<(), String>, help: &str) -> Option<String> {
         match verdict {
             Ok(()) => Some(name.to_owned()),
@@ -153,20 +153,21 @@ impl Resolver<'_> {
         self.problems.borrow_mut().push(problem);
     }
 
-    /// Reports a problem that leaves no value.
+    /// Reports a problem and returns no value.
     pub(super) fn refuse<T>(&self, problem: Problem) -> Option<T> {
         self.report(problem);
         None
     }
 
-    /// Refuses a field whose feature is not there yet; `instead` says what is.
+    /// Refuses a field whose feature is not built yet; `instead` describes the existing
+    /// alternative.
     pub(super) fn later(&self, field: &Field<Later>, instead: &str) {
         if let Some(place) = field.place() {
             self.report(Problem::of_key("is not built yet").help(instead).at(place));
         }
     }
 
-    /// A section that may be left out; `None` where it is faulty.
+    /// Returns an optional section; `None` if it is faulty.
     fn section<'f, T>(&self, field: &'f Field<T>, absent: &'f T) -> Option<&'f T> {
         match field {
             Field::Absent => Some(absent),
@@ -175,12 +176,12 @@ impl Resolver<'_> {
         }
     }
 
-    /// The value, or the default where there is none.
+    /// Returns the value, or the default if the field is absent.
     fn or<T: Clone>(&self, field: &Field<T>, default: T) -> Option<T> {
         self.section(field, &default).cloned()
     }
 
-    /// The value of a field that must be there, in the mapping at `within`.
+    /// Returns the value of a required field in the mapping at `within`.
     pub(super) fn required<'f, T>(
         &self,
         field: &'f Field<T>,
@@ -194,7 +195,7 @@ impl Resolver<'_> {
         field.given()
     }
 
-    /// A text that says something.
+    /// Returns a text that is not blank.
     pub(super) fn filled(&self, text: &str, place: Place) -> Option<String> {
         if text.trim().is_empty() {
             return self.refuse(Problem::of_field("is empty").at(place));
@@ -203,9 +204,9 @@ impl Resolver<'_> {
     }
 }
 
-/// The rules of rendering where the recipe has none: those whose pictures have no jumps at cuts of alpha
-/// where it asks for an error (docs/design/numerics-sampling.md, "Jumps of the renderer"), else those of
-/// the reference implementation.
+/// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of
+/// alpha (docs/design/numerics-sampling.md, "Jumps of the renderer"). Otherwise they are the rules
+/// of the reference implementation.
 fn usual_rules(sampling: &Field<schema::Sampling>) -> schema::Rules {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
     if tolerant { schema::Rules::Soft } else { schema::Rules::Official }

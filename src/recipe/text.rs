@@ -3,31 +3,34 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A file that was read, kept for as long as something in it may have to be shown.
+/// A file that was read. It is kept as long as a message may quote it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Text {
-    /// Its path, as the user named it.
+    /// Path of the file, as the user named it.
     pub path: PathBuf,
-    /// What it holds; empty where it could not be read.
+    /// Content of the file; empty if it could not be read.
     pub body: String,
 }
 
-/// The files that one recipe is made from: its own, and the defaults under it.
+/// The files of one recipe: its own, and its defaults.
 pub(super) type Texts = Vec<Arc<Text>>;
 
-/// A stretch of bytes in one of the files of a recipe.
+/// A range of bytes in one of the files of a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Place {
     /// Index into [`Texts`].
     pub file: u32,
-    /// Its first byte.
+    /// First byte.
     pub start: u32,
-    /// The byte behind its last one.
+    /// One past the last byte.
     pub end: u32,
 }
 
 impl Text {
-    /// Line and column of a byte, both from 1, columns in characters. Lines end as YAML says: at `\n`, `\r\n`, `\r`.
+    /// Returns line and column of a byte, both from 1, columns in characters. Lines end as in YAML:
+    /// at `
+    /// `, `\r
+    /// `, `\r`.
     pub(super) fn position(&self, offset: usize) -> (usize, usize) {
         let before = self.until(offset);
         let breaks =
@@ -35,13 +38,14 @@ impl Text {
         (breaks + 1, self.until(offset)[self.line_start(offset)..].chars().count() + 1)
     }
 
-    /// The line that a byte lies in, without its end.
+    /// Returns the line that contains a byte, without its end.
     pub(super) fn line(&self, offset: usize) -> &str {
         let rest = &self.body[self.line_start(offset)..];
         rest.split(['\n', '\r']).next().unwrap_or(rest)
     }
 
-    /// The byte at a line and column, both from 1; the end of the text where it has no such place.
+    /// Returns the byte at a line and column, both from 1; the end of the text if the place does
+    /// not exist.
     pub(super) fn offset(&self, line: usize, column: usize) -> usize {
         let mut start = 0;
         for _ in 1..line {

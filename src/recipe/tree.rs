@@ -1,7 +1,7 @@
-//! YAML as a tree of values, each with the place that it came from.
+//! YAML as a tree of values, each with its place in the file.
 //!
-//! Scalars keep their text: whether `2400` is an integer, a rational or a real is said by the schema that reads the
-//! tree, never by the spelling.
+//! Scalars keep their text. The schema that reads the tree decides if `2400` is an integer, a
+//! rational or a real; the spelling never decides.
 
 mod parse;
 
@@ -9,28 +9,29 @@ use super::text::Place;
 
 pub(super) use parse::parse;
 
-/// Files beyond this many bytes are refused unread: hundreds of times the length of a real recipe.
+/// Maximum file size in bytes, hundreds of times the length of a real recipe. Larger files are
+/// refused unread.
 pub(super) const MAX_BYTES: usize = 1 << 20;
 
 /// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Node {
-    /// Where it stands; of a mapping or list, its first byte.
+    /// Place of the value; of a mapping or list, its first byte.
     pub place: Place,
-    /// What it is.
+    /// Kind and content.
     pub kind: Kind,
 }
 
-/// What a value is.
+/// Kind and content of a value.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Kind {
-    /// Nothing: `~`, `null`, or a key without a value.
+    /// No value: `~`, `null`, or a key without a value.
     Null,
-    /// A number, a word, a text.
+    /// A number, a word or a text.
     Scalar {
-        /// As written; of a quoted or folded text, what it means.
+        /// The text as written; the decoded text of a quoted or folded scalar.
         text: String,
-        /// Not quoted: may be a number or a truth value.
+        /// True if not quoted; the scalar may then be a number or a truth value.
         plain: bool,
     },
     /// A sequence.
@@ -44,14 +45,15 @@ pub(super) enum Kind {
 pub(super) struct Entry {
     /// The key.
     pub key: String,
-    /// Where the key stands.
+    /// Place of the key.
     pub place: Place,
     /// Its value.
     pub value: Node,
 }
 
 impl Node {
-    /// Dotted path and key of the value that stands at a place, such as `trajectories[0].name`.
+    /// Returns the dotted path of the value at a place, for example `trajectories[0].name`, and the
+    /// place of its key.
     pub(super) fn find(&self, place: Place) -> Option<(String, Option<Place>)> {
         let seek = |step: &str, key: Option<Place>, value: &Self| {
             if value.place == place {

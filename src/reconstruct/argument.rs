@@ -1,5 +1,5 @@
-//! What a program is started with: texts with places left open in braces, `{capture}` for one, and `{{`, `}}` for braces
-//! themselves. No shell ever reads them.
+//! Arguments of a program: texts with placeholders in braces, for example `{capture}`. `{{` and
+//! `}}` are literal braces. No shell reads them.
 
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// A text with places left open.
+/// A text with placeholders.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Argument(Vec<Part>);
 
@@ -17,22 +17,23 @@ enum Part {
     Place(String),
 }
 
-/// Why a text is no argument.
+/// The reason why a text is not an argument.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArgumentError {
-    /// A name in braces that nothing has.
+    /// An unknown name in braces.
     #[error("{{{0}}}")]
     Unknown(String),
-    /// A brace without its partner.
+    /// A brace without a matching brace.
     #[error("a brace that stands alone")]
     Alone,
 }
 
 impl Argument {
-    /// Reads a text, whose places must be among `known`. A place that has its value there already is filled.
+    /// Parses a text whose placeholders must be in `known`. A placeholder with a known value is
+    /// filled.
     ///
     /// # Errors
-    /// When a place is not known, or a brace stands alone.
+    /// A placeholder is unknown, or a brace has no matching brace.
     pub fn parse(text: &str, known: &BTreeMap<&str, Option<String>>) -> Result<Self, ArgumentError> {
         let mut parts = Vec::new();
         let mut rest = text;
@@ -60,7 +61,7 @@ impl Argument {
         Ok(Self(parts))
     }
 
-    /// The text with its places filled. One that is not among them stays open.
+    /// Fills the placeholders. Placeholders without a value remain.
     #[must_use]
     pub fn fill(&self, places: &BTreeMap<&str, PathBuf>) -> OsString {
         let mut filled = OsString::new();
@@ -76,7 +77,7 @@ impl Argument {
         filled
     }
 
-    /// Whether this place is left open somewhere in it.
+    /// Returns true if this placeholder is still open.
     #[must_use]
     pub fn names(&self, place: &str) -> bool {
         self.0.iter().any(|part| matches!(part, Part::Place(name) if name == place))
@@ -91,7 +92,7 @@ fn append(parts: &mut Vec<Part>, text: &str) {
     }
 }
 
-/// As it may be written: what is equal is written alike.
+/// Canonical spelling: equal arguments are displayed identically.
 impl fmt::Display for Argument {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.iter().try_for_each(|part| match part {
@@ -107,8 +108,8 @@ impl Serialize for Argument {
     }
 }
 
-/// Words as a person may paste them into a shell: in quotes where one would be read as something else, and with what a
-/// terminal would act upon, or show elsewhere, told by number.
+/// Quotes words for pasting into a shell. A word is quoted if the shell would interpret it.
+/// Characters that a terminal would execute or hide are written as numbers.
 #[must_use]
 pub fn quoted<'a>(words: impl IntoIterator<Item = &'a Path>) -> String {
     words.into_iter().map(|word| quoted_word(&word.to_string_lossy())).collect::<Vec<_>>().join(" ")
@@ -116,7 +117,7 @@ pub fn quoted<'a>(words: impl IntoIterator<Item = &'a Path>) -> String {
 
 fn quoted_word(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%{}".contains(c);
-    // Braces that hold a comma or dots would be more than one word.
+    // A shell expands braces with a comma or dots into several words.
     if !word.is_empty() && word.chars().all(is_plain) && !(word.contains('{') && word.contains([',', '.'])) {
         return word.to_owned();
     }
@@ -131,7 +132,8 @@ fn quoted_word(word: &str) -> String {
     quoted + "'"
 }
 
-/// Control characters, and those that turn the direction of writing around or take no room.
+/// Returns true for control characters, characters that change the direction of writing, and
+/// characters without width.
 fn hides(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{ad}' | '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')

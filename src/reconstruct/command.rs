@@ -1,4 +1,4 @@
-//! A trainer as a recipe names it, and one training.
+//! A trainer as named by a recipe, and the execution of one training.
 
 use super::argument::{Argument, quoted};
 use super::layout::{LayoutError, lay_out};
@@ -11,68 +11,69 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A program, and how it is run. What enters the key of a training is what is serialised: no path is.
+/// A program and its settings. The serialised fields enter the key of a training; paths do not.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Command {
-    /// A name that is looked for where the system looks, or one of `files`.
+    /// A name that the system searches for, or a placeholder for one of `files`.
     pub program: Argument,
-    /// What it is started with.
+    /// Its arguments.
     pub arguments: Vec<Argument>,
-    /// Which version it is.
+    /// Its version.
     pub version: String,
-    /// Variables of its environment, beside those that this program was started with.
+    /// Additional environment variables.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub environment: BTreeMap<String, String>,
-    /// Where below `{out}` it leaves the scene; else the newest of a 3DGS model folder is taken.
+    /// Path of the resulting scene below `{out}`. By default, the newest scene of a 3DGS model
+    /// folder is used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
-    /// It is not given every `n`th view, the first of them included.
+    /// Every `n`th view is held out from training, starting with the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hold_out: Option<u32>,
-    /// How many Gaussians it has to bring.
+    /// Accepted number of Gaussians.
     #[serde(skip_serializing_if = "Count::is_any")]
     pub gaussians: Count,
-    /// Mean PSNR, dB, that its scene has to have where views are held out, for it to be kept. What was kept is judged by the
-    /// check `recon_psnr`: a limit that is raised trains nothing again.
+    /// Minimum mean PSNR on held-out views, dB, for the scene to be kept. The check `recon_psnr`
+    /// judges a kept scene, so a raised limit does not train it again.
     #[serde(skip)]
     pub min_psnr: f64,
-    /// What it is started with to say its version, where it does.
+    /// Arguments that make the program print its version, if it can.
     #[serde(skip)]
     pub probe: Option<Vec<Argument>>,
-    /// Files that arguments name: their content enters the key, as sources do.
+    /// Files that arguments refer to. Their content enters the key, like that of sources.
     #[serde(skip)]
     pub files: BTreeMap<String, PathBuf>,
     /// SPDX expression of its terms.
     #[serde(skip)]
     pub licence: String,
-    /// Training iterations, where the recipe says how many.
+    /// Number of training iterations, if the recipe states it.
     #[serde(skip)]
     pub iterations: Option<u64>,
 }
 
-/// Names of the places in arguments that each training fills, beside those of files.
+/// Names of the placeholders that each training fills, in addition to those of files.
 #[derive(Debug)]
 pub struct Places;
 
 impl Places {
     /// The capture: a folder with `images` and `sparse/0`.
     pub const CAPTURE: &'static str = "capture";
-    /// The photos.
+    /// The folder of the photos.
     pub const IMAGES: &'static str = "images";
-    /// An empty folder for what it makes.
+    /// An empty folder for the results.
     pub const OUT: &'static str = "out";
-    /// All of them.
+    /// All names.
     pub const ALL: [&'static str; 3] = [Self::CAPTURE, Self::IMAGES, Self::OUT];
 }
 
-/// Where a training happens.
+/// Folder, log and stop signal of a training.
 #[derive(Clone, Copy)]
 pub struct Desk<'a> {
-    /// An empty folder. Nothing in it is needed afterwards.
+    /// An empty folder. Its content is not needed afterwards.
     pub folder: &'a Path,
-    /// The file for what the program says; one that is there is written over.
+    /// The log file of the program's output. An existing file is overwritten.
     pub log: &'a Path,
-    /// Asked again and again; where it says no the program is stopped.
+    /// Polled during the training. The program is stopped when it returns false.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
 }
 
@@ -82,31 +83,31 @@ impl std::fmt::Debug for Desk<'_> {
     }
 }
 
-/// What a training brought.
+/// The result of a training.
 #[derive(Debug)]
 pub struct Trained {
     /// The scene.
     pub gaussians: Gaussians,
-    /// Views that it could not be given: their photos are not there.
+    /// Number of views without a photo, which could not be used.
     pub without_photo: usize,
 }
 
-/// Why a training brought nothing.
+/// The reason why a training failed.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// It was asked to stop.
+    /// The training was asked to stop.
     #[error("finish: it was interrupted")]
     Stopped,
     /// The program failed.
     #[error(transparent)]
     Failed(#[from] Box<Failed>),
-    /// It could not be given the capture.
+    /// The capture could not be prepared.
     #[error(transparent)]
     Layout(#[from] LayoutError),
     /// A folder or the log cannot be written.
     #[error("use {}: {cause}", path.display())]
     Io {
-        /// Which.
+        /// The folder or the log.
         path: PathBuf,
         /// Cause.
         cause: io::Error,
@@ -114,11 +115,11 @@ pub enum TrainError {
 }
 
 impl Command {
-    /// The PSNR of plain grey against a picture in which all greys are equally frequent: `10 log10(12)`. A scene below it
-    /// shows less than nothing of its photos, as one does whose world was moved.
+    /// PSNR of plain grey against a picture with a uniform distribution of greys: `10 log10(12)`. A
+    /// scene below this value is worse than plain grey, for example because its world was moved.
     pub const MIN_PSNR_DB: f64 = 10.79;
 
-    /// The program's name: that of its file, where it is one of `files`.
+    /// Returns the program's name, which is its file name if it is one of `files`.
     #[must_use]
     pub fn name(&self) -> String {
         let filled = PathBuf::from(self.program.fill(&self.places()));
@@ -126,7 +127,7 @@ impl Command {
         last.to_string_lossy().into_owned()
     }
 
-    /// The training as the recipe has it, with its places in braces: no path is in it.
+    /// Returns the command as the recipe has it, with placeholders in braces and without paths.
     #[must_use]
     pub fn written(&self) -> String {
         let words = std::iter::once(&self.program).chain(&self.arguments);
@@ -134,7 +135,8 @@ impl Command {
         quoted(words.iter().map(PathBuf::as_path))
     }
 
-    /// What would be run, a command a line, as a person may type it, the places of a training left open.
+    /// Returns the commands of a training, one per line, as a person could type them. Placeholders
+    /// of a training stay open.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let (open, folder) = (self.places(), Path::new(""));
@@ -142,10 +144,10 @@ impl Command {
         probe.chain([self.invocation(&self.arguments, &open, folder).to_text()]).collect()
     }
 
-    /// Trains a scene. `files` are those of the capture's source, by their names in it.
+    /// Trains a scene. `files` are the files of the capture's source, by their names in the source.
     ///
     /// # Errors
-    /// Where the capture cannot be laid out, the program fails or is not the version that it should be, or what it makes
+    /// The capture cannot be prepared, the program fails or has the wrong version, or its result
     /// cannot be used.
     pub fn train(
         &self,
@@ -158,13 +160,14 @@ impl Command {
             move |cause| TrainError::Io { path, cause }
         };
         std::fs::write(desk.log, "").map_err(io(desk.log))?;
-        // The program works elsewhere.
+        // The program runs in another working folder.
         let root = std::path::absolute(desk.folder).map_err(io(desk.folder))?;
         let [given, out, work] = ["capture", "out", "work"].map(|name| root.join(name));
         for folder in [&out, &work] {
             std::fs::create_dir_all(folder).map_err(io(folder))?;
         }
         let places = self.places();
+        // A wrong version must stop the training before the capture is copied.
         if let Some(probe) = &self.probe {
             self.ask_version(&self.invocation(probe, &places, &work), desk)?;
         }
@@ -179,7 +182,7 @@ impl Command {
         Ok(Trained { gaussians, without_photo: laid.without_photo })
     }
 
-    /// The places of files.
+    /// Returns the values of the placeholders of files.
     fn places(&self) -> BTreeMap<&str, PathBuf> {
         let whole = |path: &PathBuf| std::path::absolute(path).unwrap_or_else(|_| path.clone());
         self.files.iter().map(|(name, path)| (name.as_str(), whole(path))).collect()
@@ -199,7 +202,7 @@ impl Command {
         }
     }
 
-    /// Runs it to its end; where in the log what it says begins.
+    /// Runs a command to its end. Returns the offset of its output in the log.
     fn run(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<u64, TrainError> {
         let from = process::length(desk.log);
         match process::run(invocation, desk.log, desk.goes_on) {
@@ -209,7 +212,7 @@ impl Command {
         }
     }
 
-    /// Has the program say its version, which must be the one that the key holds.
+    /// Runs the version command. The output must contain the version in the key.
     fn ask_version(&self, invocation: &Invocation, desk: Desk<'_>) -> Result<(), TrainError> {
         let from = self.run(invocation, desk)?;
         if process::says(desk.log, from, &self.version) {

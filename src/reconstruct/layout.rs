@@ -1,8 +1,9 @@
-//! A capture as trainers take it: a folder with `images` and, in `sparse/0`, a COLMAP model with pinhole cameras and the
-//! points of the source.
+//! A capture in the form that trainers read: a folder with `images` and, in `sparse/0`, a COLMAP
+//! model with pinhole cameras and the points of the source.
 //!
-//! Photos are copied, never linked: a program that writes into one must not reach the user's own. They are numbered in
-//! capture order, so that what a trainer holds out by counting names is what is held out here.
+//! Photos are copied, never linked, so that a program cannot modify the user's files. They are
+//! numbered in capture order, so that a trainer that holds out photos by counting names holds out
+//! the same views as this program.
 
 use crate::image::{Image, Shades, jpeg, png, to_byte};
 use crate::source::colmap::write::{Taken, write};
@@ -15,13 +16,14 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Cursor};
 use std::path::{Path, PathBuf};
 
-/// Raised when the same capture comes to be laid out in other bytes: it is in the key of trainings.
+/// Version of the layout, part of the key of trainings. It must be raised when the same capture is
+/// laid out in different bytes.
 pub const LAYOUT: u32 = 1;
 
-/// Why a trainer cannot be given a capture.
+/// The reason why a capture cannot be prepared for a trainer.
 #[derive(Debug, thiserror::Error)]
 pub enum LayoutError {
-    /// The system's reason.
+    /// An operation on a file or folder failed.
     #[error("use {}: {cause}", path.display())]
     Io {
         /// File or folder.
@@ -32,27 +34,27 @@ pub enum LayoutError {
     /// A photo cannot be read.
     #[error("read the photo {}: {because}", path.display())]
     Photo {
-        /// Which.
+        /// The photo.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         because: String,
     },
     /// The source's points cannot be read.
     #[error("read the points: {0}")]
     Points(#[from] SourceError),
-    /// Nothing is left to train on.
+    /// No view is left for training.
     #[error(
         "find a photo to train on: {views} views, {without_photo} of them without a photo, {held_out} held out"
     )]
     Nothing {
-        /// All of them.
+        /// Number of all views.
         views: usize,
-        /// Those whose photo is not there.
+        /// Number of views without a photo.
         without_photo: usize,
-        /// Those that are held out.
+        /// Number of held-out views.
         held_out: usize,
     },
-    /// It was asked to stop.
+    /// The work was asked to stop.
     #[error("finish: it was interrupted")]
     Stopped,
 }
@@ -61,14 +63,15 @@ fn at(path: &Path) -> impl FnOnce(io::Error) -> LayoutError {
     move |cause| LayoutError::Io { path: path.to_owned(), cause }
 }
 
-/// What was laid out.
+/// Summary of a prepared capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Laid {
-    /// Views that were left out because their photos are not there.
+    /// Number of views that were left out because their photos are missing.
     pub(super) without_photo: usize,
 }
 
-/// Bytes that a trainer may need for the photos of a capture, as 32-bit colours, and for all else.
+/// Returns the estimated memory of a trainer in bytes: the photos of a capture as 32-bit colours,
+/// and the rest.
 #[must_use]
 pub fn memory(capture: &Capture) -> u64 {
     const COLOUR_BYTES: u64 = 12;
@@ -77,7 +80,8 @@ pub fn memory(capture: &Capture) -> u64 {
     capture.views.iter().map(|view| COLOUR_BYTES * pixels(view)).fold(ELSE, u64::saturating_add)
 }
 
-/// Lays a capture out in the folder `to`, which is made; `files` are those of its source, by their names in it.
+/// Writes a capture to the new folder `to`. `files` are the files of its source, by their names in
+/// the source.
 pub(super) fn lay_out(
     capture: &Capture,
     files: &[(String, PathBuf)],
@@ -107,19 +111,19 @@ pub(super) fn lay_out(
     Ok(Laid { without_photo })
 }
 
-/// The photo of a view, where it is there.
+/// Returns the photo of a view, if it exists.
 fn photo<'f>(view: &View, files: &'f [(String, PathBuf)]) -> Option<&'f Path> {
     let is_its = |name: &str| name == view.name || name.strip_prefix("images/") == Some(&view.name);
     files.iter().find(|(name, _)| is_its(name)).map(|(_, path)| path.as_path())
 }
 
-/// The points of the source's COLMAP model, where it is one.
+/// Returns the points of the source's COLMAP model, if it has one.
 fn points(files: &[(String, PathBuf)]) -> Result<Vec<Point>, SourceError> {
     let file = files.iter().find(|(name, _)| ["points3D.bin", "points3D.txt"].contains(&name.as_str()));
     file.map(|(_, path)| read_points(path)).transpose().map(Option::unwrap_or_default)
 }
 
-/// Puts a photo into the folder `images`, undistorted where its lens bends it.
+/// Writes a photo to the folder `images`, undistorted if its lens has distortion.
 fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, LayoutError> {
     let is_bent = view.lens.max_displacement_px(&view.camera) > NEGLIGIBLE_PX;
     let name = if is_bent {
@@ -136,7 +140,7 @@ fn put(index: usize, view: &View, photo: &Path, images: &Path) -> Result<Taken, 
     Ok(Taken { name, world_from_camera, camera })
 }
 
-/// Writes the photo as a pinhole would have taken it; the name of the file.
+/// Writes the undistorted photo and returns its file name.
 fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<String, LayoutError> {
     let unreadable = |because: String| LayoutError::Photo { path: photo.to_owned(), because };
     let taken = decode(photo).map_err(unreadable)?;
@@ -151,7 +155,7 @@ fn straighten(index: usize, view: &View, photo: &Path, images: &Path) -> Result<
     Ok(name)
 }
 
-/// The colours of a PNG or a JPEG; of a grey one three equal channels.
+/// Decodes the colours of a PNG or a JPEG. A grey picture becomes three equal channels.
 fn decode(photo: &Path) -> Result<Image<[u8; 3]>, String> {
     let bytes = fs::read(photo).map_err(|e| e.to_string())?;
     let shades = if bytes.starts_with(b"\x89PNG") {
@@ -168,7 +172,7 @@ fn decode(photo: &Path) -> Result<Image<[u8; 3]>, String> {
     Ok(Image::from_vec(size, pixels))
 }
 
-/// A sample on the scale 0..255.
+/// Scales a sample to 0..255.
 fn byte(sample: f32) -> u8 {
     to_byte(sample / 255.0)
 }

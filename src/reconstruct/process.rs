@@ -1,6 +1,8 @@
-//! A program run to its end: in a group of its own, without input, with all that it says in a file.
+//! Execution of a program to its end: in its own process group, without standard input, with all
+//! output in a file.
 //!
-//! A group can be stopped whole: what the program has started itself ends with it. Nothing of it outlives its leader.
+//! A group can be stopped as a whole, including processes that the program started. No process of
+//! the group outlives its leader.
 
 use super::argument::quoted;
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, WaitIdStatus, kill_process_group, waitid};
@@ -14,20 +16,20 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
-/// What is started.
+/// The program to start.
 #[derive(Debug, Clone)]
 pub(crate) struct Invocation {
-    /// Looked for where the system looks, unless it is a path.
+    /// The system searches for it, unless it is a path.
     pub(crate) program: PathBuf,
     pub(crate) arguments: Vec<OsString>,
-    /// Beside what this program was started with.
+    /// Variables in addition to the inherited environment.
     pub(crate) environment: BTreeMap<String, String>,
-    /// Where it works.
+    /// Working folder.
     pub(crate) folder: PathBuf,
 }
 
 impl Invocation {
-    /// As a person may type it.
+    /// Returns the command as a person could type it.
     pub(crate) fn to_text(&self) -> String {
         let assigned = self.environment.iter().map(|(name, value)| PathBuf::from(format!("{name}={value}")));
         let words: Vec<PathBuf> =
@@ -36,77 +38,78 @@ impl Invocation {
     }
 }
 
-/// A program that did not do what it was for.
+/// A program that failed.
 #[derive(Debug, thiserror::Error)]
 #[error("run {program}: {how}")]
 pub struct Failed {
-    /// Its name.
+    /// Name of the program.
     pub program: String,
-    /// The command as it was run.
+    /// The executed command.
     pub command: String,
-    /// What happened.
+    /// The kind of failure.
     pub how: How,
-    /// The last of what it said, a line each.
+    /// Last lines of its output.
     pub last: Vec<String>,
-    /// Where all of what it said is.
+    /// Path of the complete output.
     pub log: PathBuf,
 }
 
-/// What happened to a program.
+/// The kinds of failure of a program.
 #[derive(Debug, thiserror::Error)]
 pub enum How {
     /// It did not start.
     #[error("it cannot be started: {0}")]
     NotStarted(io::Error),
-    /// The system no longer tells what it does.
+    /// The system no longer reports its state.
     #[error("it was lost sight of: {0}")]
     Lost(io::Error),
-    /// It ended with another code than 0.
+    /// It ended with an exit code other than 0.
     #[error("it ended with exit code {0}")]
     Code(i32),
     /// A signal ended it.
     #[error("signal {0} ended it")]
     Signal(i32),
-    /// It is another one than the recipe says.
+    /// It is another version than the recipe states.
     #[error("it does not say that it is version {0}")]
     Version(String),
     /// It took too long, and was stopped.
     #[error("it had not ended after {0} s and was stopped")]
     TooLong(u32),
-    /// What it made cannot be used.
+    /// Its result cannot be used.
     #[error("{0}")]
     Product(String),
 }
 
-/// Why a program was not run to its end.
+/// The reason why a program did not run to its end.
 #[derive(Debug)]
 pub(crate) enum Ended {
-    /// It was asked to stop, and has.
+    /// It was asked to stop, and stopped.
     Stopped,
     /// It failed.
     Failed(How),
 }
 
-/// How often a program is looked at.
+/// Interval between polls.
 const LOOK: Duration = Duration::from_millis(20);
-/// How many looks a program has to end by itself: 5 s.
+/// Number of polls before a program is killed: 5 s.
 const LOOKS_TO_END: u32 = 250;
-/// Lines of its output that are told where it fails.
+/// Number of output lines in the error message.
 const LAST_LINES: usize = 20;
-/// No more of them than this is read, bytes.
+/// Maximum number of bytes read for these lines.
 const LAST_BYTES: u64 = 1 << 14;
-/// A version stands within so many bytes.
+/// Maximum number of bytes searched for a version.
 const MOST_VERSION_BYTES: u64 = 1 << 20;
 
-/// Runs a program to its end, or until `goes_on` says no or so many seconds of looking at it are over. What it says is
-/// added to the file `log`.
+/// Runs a program to its end, or until `goes_on` returns false or the time limit in seconds is
+/// over. The output is appended to the file `log`.
 pub(crate) fn run_within(
     seconds: u32,
     invocation: &Invocation,
     log: &Path,
     goes_on: &dyn Fn() -> bool,
 ) -> Result<(), Ended> {
-    // Counted in looks, so that no clock is read: a machine that was asleep has not spent them.
+    // The time is counted in polls instead of a clock, so that time while the machine sleeps does
+    // not count.
     let most = u64::from(seconds) * 1000 / u64::from(LOOK.subsec_millis());
     let looks = Cell::new(0);
     let ended = run(invocation, log, &|| {
@@ -119,7 +122,8 @@ pub(crate) fn run_within(
     }
 }
 
-/// Runs a program to its end, or until `goes_on` says no. What it says is added to the file `log`.
+/// Runs a program to its end, or until `goes_on` returns false. The output is appended to the file
+/// `log`.
 pub(crate) fn run(invocation: &Invocation, log: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), Ended> {
     let mut child = start(invocation, log).map_err(|e| Ended::Failed(How::NotStarted(e)))?;
     let group = Pid::from_child(&child);
@@ -134,14 +138,14 @@ pub(crate) fn run(invocation: &Invocation, log: &Path, goes_on: &dyn Fn() -> boo
             Err(cause) => break Err(Ended::Failed(How::Lost(cause))),
         }
     };
-    // Whatever is left of it, in any case.
+    // The rest of the group ends in every case.
     end(group, &mut child);
     ended
 }
 
-/// Lets a group end by itself, for a while.
+/// Asks a group to end, and waits for a while.
 fn ask_to_end(group: Pid) {
-    // It may have ended meanwhile.
+    // The group may have ended already, so an error means nothing.
     let _ = kill_process_group(group, Signal::TERM);
     for _ in 0..LOOKS_TO_END {
         if !matches!(look(group), Ok(None)) {
@@ -165,15 +169,16 @@ fn start(invocation: &Invocation, log: &Path) -> io::Result<Child> {
         .spawn()
 }
 
-/// How a process ended, if it has. Its number stays taken, so that its group can be told from any other.
+/// Returns the status of an ended process. The process is not reaped, so its id stays taken and the
+/// group id stays valid.
 fn look(process: Pid) -> io::Result<Option<WaitIdStatus>> {
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
     Ok(waitid(WaitId::Pid(process), options)?)
 }
 
-/// Ends whatever is left of a group.
+/// Kills the rest of a group.
 fn end(group: Pid, child: &mut Child) {
-    // Where nothing is left there is nobody to tell.
+    // An error means that no process is left.
     let _ = kill_process_group(group, Signal::KILL);
     let _ = child.wait();
 }
@@ -186,12 +191,12 @@ fn outcome(status: &WaitIdStatus) -> Result<(), How> {
     }
 }
 
-/// How long the log is.
+/// Returns the length of the log in bytes.
 pub(crate) fn length(log: &Path) -> u64 {
     std::fs::metadata(log).map_or(0, |about| about.len())
 }
 
-/// What the log holds from byte `from`, at most so many bytes.
+/// Reads the log from byte `from`, at most `most` bytes.
 fn said(log: &Path, from: u64, most: u64) -> String {
     let read = || {
         let mut file = File::open(log)?;
@@ -203,10 +208,10 @@ fn said(log: &Path, from: u64, most: u64) -> String {
     read().unwrap_or_default()
 }
 
-/// Whether a program whose log begins at byte `from` says this version, and no longer one.
+/// Returns true if the output from byte `from` contains this version as a whole.
 pub(crate) fn says(log: &Path, from: u64, version: &str) -> bool {
     let text = said(log, from, MOST_VERSION_BYTES);
-    // The first line is the command, which may hold anything.
+    // The first line is the command, which can contain any text.
     text.split_once('\n').is_some_and(|(_, said)| holds(said, version))
 }
 
@@ -228,8 +233,8 @@ fn holds(said: &str, version: &str) -> bool {
     })
 }
 
-/// The last lines of what the log holds from byte `from`. Of a line that was written over, as progress is, the last
-/// writing counts.
+/// Returns the last lines of the log from byte `from`. For a line that was overwritten by carriage
+/// returns, as progress bars do, only the last text counts.
 pub(crate) fn last_lines(log: &Path, from: u64) -> Vec<String> {
     let from = from.max(length(log).saturating_sub(LAST_BYTES));
     let text = said(log, from, LAST_BYTES);
@@ -292,7 +297,7 @@ mod tests {
         t("", "1.1.4", false);
     }
 
-    /// A command that names the version says nothing of the program.
+    /// A version in the command line itself proves nothing about the program.
     #[test]
     fn the_command_itself_says_no_version() {
         let folder = tempfile::tempdir().unwrap();
@@ -312,7 +317,8 @@ mod tests {
         assert!(how.to_string().starts_with("it cannot be started: "), "{how}");
     }
 
-    /// Runs a script that holds the pipe `held` open, and returns when nothing holds it any more.
+    /// Runs a script that holds the pipe `held` open, and returns when no process holds it any
+    /// more.
     fn run_holding(script: &str, folder: &Path, goes_on: &dyn Fn() -> bool) -> Result<(), Ended> {
         let pipe = folder.join("held");
         let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();

@@ -1,26 +1,27 @@
-//! What a trainer brought, held against what a scene is.
+//! Checks of a trained scene.
 
 use crate::scene::{self, Gaussians, SceneError};
 use crate::source::{SourceError, model};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// The largest share of Gaussians that may hold a NaN or an infinity. They are dropped; a training that diverged has more.
+/// Maximum share of Gaussians with a NaN or an infinity. They are dropped; a diverged training has
+/// more.
 const MOST_NON_FINITE: f64 = 0.01;
 
-/// How many Gaussians a scene has to have.
+/// Accepted number of Gaussians of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Count {
-    /// At least these, where it is said.
+    /// Minimum, if stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min: Option<u64>,
-    /// At most these, where it is said.
+    /// Maximum, if stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max: Option<u64>,
 }
 
 impl Count {
-    /// Whether any number will do.
+    /// Returns true if there is no limit.
     #[must_use]
     pub fn is_any(&self) -> bool {
         *self == Self::default()
@@ -31,7 +32,7 @@ impl Count {
     }
 }
 
-/// Why what a trainer brought cannot be used.
+/// The reason why the result of a trainer cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum TrainedError {
     #[error("it left no scene: {} is not there", .0.display())]

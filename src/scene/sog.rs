@@ -1,9 +1,10 @@
-//! Scenes as SOG, version 2 (playcanvas/splat-transform, `read-sog.ts`): `meta.json` and lossless WebP images in which
-//! a Gaussian is a pixel, in a zip archive (`.sog`) or in a folder.
+//! Scenes as SOG, version 2 (playcanvas/splat-transform, `read-sog.ts`): `meta.json` and lossless
+//! WebP images with one pixel per Gaussian, in a zip archive (`.sog`) or in a folder.
 //!
-//! Positions have 16 bits on a logarithmic scale, in two images; scales, colours and harmonics are entries of
-//! codebooks, the harmonics by way of a palette; rotations are three bytes and the largest component's index.
-//! Axes are those of `.ply`. In errors, offsets count bytes of the part that they name, of images as decoded.
+//! Positions have 16 bits on a logarithmic scale, in two images. Scales, colours and harmonics are
+//! entries of codebooks; harmonics use a palette in addition. Rotations are three bytes and the
+//! index of the largest component. Axes are those of `.ply`. In errors, offsets count bytes of the
+//! named part; for images, bytes of the decoded image.
 
 mod meta;
 mod parts;
@@ -22,13 +23,13 @@ use std::path::Path;
 
 /// First bytes of a zip archive.
 pub const ZIP_MAGIC: [u8; 4] = *b"PK\x03\x04";
-/// The file of a folder that says what the others are.
+/// Name of the file that describes the other files of a folder.
 pub const META: &str = "meta.json";
 
 /// Reads a `.sog` archive.
 ///
 /// # Errors
-/// [`SceneError`] where the bytes are no such file.
+/// Returns a [`SceneError`] if the bytes are not a `.sog` archive.
 pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     read(&mut Archive::open(bytes)?)
 }
@@ -36,7 +37,7 @@ pub fn read_sog(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 /// Reads a folder of `meta.json` and images.
 ///
 /// # Errors
-/// [`SceneError`] where a file of it cannot be read or is not as it should be.
+/// Returns a [`SceneError`] if a file cannot be read or is invalid.
 pub fn read_sog_folder(folder: &Path) -> Result<Gaussians, SceneError> {
     read(&mut Folder(folder))
 }
@@ -65,7 +66,7 @@ fn read(parts: &mut impl Parts) -> Result<Gaussians, SceneError> {
     collector.finish(DVec3::ZERO, meta.antialiased())
 }
 
-/// The images as they are stored.
+/// The images as stored.
 struct Files {
     means: [Vec<u8>; 2],
     scales: Vec<u8>,
@@ -96,7 +97,7 @@ impl Files {
         })
     }
 
-    /// Bytes of all images.
+    /// Total size of all images in bytes.
     fn len(&self) -> usize {
         let palette = self.palette.iter().flatten();
         let all = self.means.iter().chain([&self.scales, &self.quats, &self.sh0]).chain(palette);
@@ -106,7 +107,7 @@ impl Files {
 
 const ROTATIONS: &str = ".sog (rotations)";
 
-/// The images as pixels, each but the palette with one for every Gaussian.
+/// The decoded images. Each except the palette has one pixel per Gaussian.
 struct Images {
     means: [Pixels; 2],
     scales: Pixels,
@@ -150,7 +151,7 @@ impl Images {
         })
     }
 
-    /// The quaternion `w x y z`.
+    /// Decodes the quaternion `w x y z`.
     #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
     fn rotation(&self, i: usize) -> Result<[f32; 4], SceneError> {
         let [a, b, c, tag] = self.quats.rgba(i);
@@ -169,19 +170,19 @@ impl Images {
     }
 }
 
-/// Entries of the palette that stand side by side.
+/// Number of palette entries per row of the image.
 const PALETTE_WIDTH: usize = 64;
 
-/// Sets of harmonics, and which of them each Gaussian has.
+/// Sets of harmonics, and the set of each Gaussian.
 struct Palette {
     sh_degree: u8,
-    /// Functions above degree 0.
+    /// Number of functions above degree 0.
     functions: usize,
     count: usize,
     codebook: Codebook,
-    /// A row holds [`PALETTE_WIDTH`] sets, a set a pixel for each function.
+    /// A row contains [`PALETTE_WIDTH`] sets; a set has one pixel per function.
     centroids: Pixels,
-    /// 16 bits a Gaussian, the low ones in red.
+    /// 16 bits per Gaussian, the low byte in red.
     labels: Pixels,
 }
 
@@ -193,7 +194,7 @@ impl Palette {
             let found = format!("an image {} pixels wide", centroids.width);
             return Err(centroids.at(0).malformed(found, format!("{wanted}, for {} bands", meta.bands)));
         }
-        // Writers round the stated count up; what is not in the image cannot be referred to.
+        // Writers round the stated count up. Entries outside the image cannot be referred to.
         let count = meta.count.min(PALETTE_WIDTH * centroids.height);
         Ok(Self {
             sh_degree: meta.bands,
@@ -205,7 +206,7 @@ impl Palette {
         })
     }
 
-    /// The harmonics of Gaussian `i` above degree 0.
+    /// Copies the harmonics of Gaussian `i` above degree 0.
     fn copy(&self, i: usize, coefficients: &mut [[f32; 3]]) -> Result<(), SceneError> {
         let [low, high, _] = self.labels.rgb(i);
         let label = usize::from(u16::from_le_bytes([low, high]));

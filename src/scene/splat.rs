@@ -1,7 +1,9 @@
-//! Scenes as `.splat` files (antimatter15/splat): 32 bytes a Gaussian, no header, no harmonics above degree 0.
+//! Scenes as `.splat` files (antimatter15/splat): 32 bytes per Gaussian, no header, no harmonics
+//! above degree 0.
 //!
-//! A record is three floats of position, three of standard deviation (linear), red, green, blue and opacity as
-//! bytes of the shown colour, and the quaternion `w x y z` as bytes `(b - 128) / 128`; all little endian.
+//! A record contains three floats of position, three of standard deviation (linear), red, green,
+//! blue and opacity as bytes of the displayed colour, and the quaternion `w x y z` as bytes
+//! `(b - 128) / 128`; all little endian.
 
 use super::collector::{Collector, Gaussian};
 use super::cursor::Cursor;
@@ -13,11 +15,12 @@ use std::io::{self, BufWriter, Write};
 
 const RECORD_LEN: usize = 32;
 
-/// Reads a `.splat` scene. A standard deviation of zero, a flat Gaussian, counts as the least normal number, whose
-/// logarithm is finite.
+/// Reads a `.splat` scene. A standard deviation of zero, a flat Gaussian, becomes the smallest
+/// normal number, whose logarithm is finite.
 ///
 /// # Errors
-/// [`SceneError`] where the length is no multiple of 32 bytes or no finite Gaussian is left.
+/// Returns a [`SceneError`] if the length is not a multiple of 32 bytes or no finite Gaussian is
+/// left.
 pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = Cursor::new(".splat", bytes);
     let count = bytes.len() / RECORD_LEN;
@@ -31,11 +34,11 @@ pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     collector.finish(DVec3::ZERO, None)
 }
 
-/// Writes `scene` as `.splat`, every number rounded to the nearest that the format has. Harmonics above degree 0 are left
-/// out, and so is whether the scene is antialiased.
+/// Writes `scene` as `.splat`, with every number rounded to the nearest value of the format.
+/// Harmonics above degree 0 and the flag of antialiasing are omitted.
 ///
 /// # Errors
-/// What `out` answers.
+/// Writing to `out` fails.
 pub fn write_splat(scene: &Gaussians, out: impl Write) -> io::Result<()> {
     let mut out = BufWriter::new(out);
     for i in 0..scene.len() {
@@ -76,7 +79,7 @@ fn log_scale(deviation: f32) -> f32 {
     libm::logf(if deviation == 0.0 { f32::MIN_POSITIVE } else { deviation })
 }
 
-/// The coefficient of degree 0 whose colour is `byte / 255`.
+/// Returns the coefficient of degree 0 for the colour `byte / 255`.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
 fn coefficient(byte: u8) -> f32 {
     ((f64::from(byte) / 255.0 - 0.5) / sh::C0) as f32

@@ -1,8 +1,9 @@
 //! Scenes as `.spz` files (nianticlabs/spz): versions 2, 3 and 4 are read, version 3 is written.
 //!
-//! Versions 2 and 3 are one gzip stream of a header and the planes (positions, opacities, colours, scales, rotations,
-//! harmonics); version 4 is a plain header, a table of sizes, and one zstd stream a plane. Everything is quantised
-//! to bytes. Axes are right, up, back unless an extension says otherwise; they are turned into those of `.ply`.
+//! Versions 2 and 3 are one gzip stream of a header and the planes (positions, opacities, colours,
+//! scales, rotations, harmonics). Version 4 is a plain header, a table of sizes, and one zstd
+//! stream per plane. All values are quantised to bytes. Axes are right, up, back unless an
+//! extension states others; they are converted to the axes of `.ply`.
 
 mod axes;
 mod container;
@@ -17,7 +18,7 @@ use glam::DVec3;
 pub(super) use write::fractional_bits;
 pub use write::write_spz;
 
-/// First bytes of a version 4 file, and of the gzipped content of the versions before it.
+/// First bytes of a version 4 file, and of the decompressed content of earlier versions.
 pub const MAGIC: [u8; 4] = *b"NGSP";
 /// First bytes of a gzip stream.
 pub const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
@@ -25,15 +26,15 @@ pub const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 /// Reads a `.spz` scene of version 2, 3 or 4 and harmonics of degree 0 to 3.
 ///
 /// # Errors
-/// [`SceneError`] where the bytes are no such file.
+/// Returns a [`SceneError`] if the bytes are not a `.spz` file of these versions and degrees.
 pub fn read_spz(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     if bytes.starts_with(&GZIP_MAGIC) { container::read_gzip(bytes) } else { container::read_zstd(bytes) }
 }
 
-/// Bits of a position that may lie behind the point.
+/// Maximum number of fractional bits of a position.
 const MAX_FRACTIONAL_BITS: u8 = 24;
 
-/// What all versions say first.
+/// The common part of the header of all versions.
 #[derive(Debug, Clone, Copy)]
 struct Header {
     version: u32,
@@ -71,7 +72,7 @@ impl Header {
         Ok(Self { version, count, sh_degree, fractional_bits, antialiased, has_extensions })
     }
 
-    /// Lengths of the planes in bytes.
+    /// Returns the lengths of the planes in bytes.
     fn plane_lens(&self) -> [usize; planes::COUNT] {
         let rotation = if self.version == 2 { 3 } else { 4 };
         [9, 1, 3, 3, rotation, 3 * (sh::len(self.sh_degree) - 1)].map(|bytes| bytes * self.count)
@@ -84,7 +85,7 @@ impl Header {
     }
 }
 
-/// The degree of the harmonics and the fractional bits of the positions.
+/// Reads the degree of the harmonics and the fractional bits of the positions.
 fn read_layout(cursor: &mut Cursor) -> Result<(u8, u8), SceneError> {
     let at = cursor.clone();
     let [sh_degree] = cursor.array("degree of the harmonics")?;
@@ -108,7 +109,7 @@ mod tests {
     use std::f32::consts::FRAC_1_SQRT_2;
     use std::io::Write;
 
-    /// Two Gaussians of degree 1 as planes of bytes; `rotations` holds those of the version.
+    /// Two Gaussians of degree 1 as planes of bytes; `rotations` has the encoding of the version.
     fn planes(rotations: &[u8]) -> [Vec<u8>; planes::COUNT] {
         [
             // 1, -0.5, 2.25 and 0, 0, -2048 in units of 2^-12
@@ -165,7 +166,7 @@ mod tests {
 
     fn near(got: &[f32], wanted: &[f32]) {
         for (g, w) in got.iter().zip(wanted) {
-            // wanted values carry seven digits
+            // The wanted values have seven digits.
             assert!((g - w).abs() <= 2e-6 * w.abs().max(0.1), "{got:?} for {wanted:?}");
         }
     }
@@ -176,7 +177,7 @@ mod tests {
         near(&scene.opacity_logits, &[6.232_448, -1.386_294_4]); // ln 509, ln 1/4
         near(&scene.sh[0], &[-3.333_333_3, 3.333_333_3, 0.013_071_9]);
         near(&scene.sh[4], &[-0.666_666_7, 0.666_666_7, 2.0]);
-        // The functions in y and z flip, the one in x stays.
+        // The functions in y and z change sign; the function in x does not.
         assert_eq!(scene.sh[1..4], [[-0.5, 0.0, 0.5], [1.0, -0.25, 0.0], [0.992_187_5, 0.0, -0.25]]);
         assert_eq!((scene.sh_degree, scene.antialiased, scene.screening.read), (1, Some(true), 2));
     }
@@ -185,7 +186,7 @@ mod tests {
     fn version_2_is_read() {
         let scene = read_spz(&legacy(2, &ROTATIONS_2)).unwrap();
         check_all_but_rotations(&scene);
-        // y and z turn; 127 stands for -1/255; w = sqrt(1 - 0.36 - 0.36 - 1/65025)
+        // y and z change sign; 127 encodes -1/255; w = sqrt(1 - 0.36 - 0.36 - 1/65025).
         near(&scene.rotations[0], &[0.529_135_9, 0.6, 0.6, 0.003_921_57]);
         near(&scene.rotations[1], &[0.0, -0.003_921_57, 0.003_921_57, 1.0]);
     }

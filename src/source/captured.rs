@@ -1,4 +1,4 @@
-//! A capture on disk as a recipe names it: of which kind, where, and which of its views are used.
+//! A capture on disk as a recipe names it: kind, path, and selection of views.
 
 use super::colmap::Model;
 use super::kind::Kind;
@@ -8,33 +8,34 @@ use glob::Pattern;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
 
-/// A capture on disk. What is serialised, its kind and selection, is what it means beside the content of its files.
+/// A capture on disk. Only the kind and the selection are serialised, because they change the
+/// meaning of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Captured {
-    /// How its files are laid out.
+    /// Layout of its files.
     pub kind: Kind,
     /// The folder or file.
     pub path: PathBuf,
-    /// Which of its views are used.
+    /// The views in use.
     pub selection: Selection,
 }
 
-/// Which views of a capture are used: all, unless it says otherwise.
+/// Selection of views; all views by default.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Selection {
-    /// How many, picked evenly.
+    /// Number of views, picked evenly.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub views: Option<u32>,
-    /// Patterns of the names of photos that are left out, as [`Pattern`] has them; held against the whole name and against
-    /// its last part.
+    /// Patterns of names of excluded photos, in the syntax of [`Pattern`]. Each pattern is compared
+    /// with the whole name and with its last part.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub exclude: Vec<String>,
-    /// Which of two files the poses are taken from, where a layout has both; `None` is the COLMAP model, if there is one.
+    /// The source of the poses, if a layout has two. `None` is the COLMAP model, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poses: Option<PoseFile>,
 }
 
-/// The files that poses can be in.
+/// Files that can contain poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PoseFile {
@@ -51,13 +52,14 @@ impl Serialize for Captured {
 }
 
 impl Captured {
-    /// All views of what lies at `path`.
+    /// Selects all views of the capture at `path`.
     #[must_use]
     pub fn whole(kind: Kind, path: PathBuf) -> Self {
         Self { kind, path, selection: Selection::default() }
     }
 
-    /// What its dataset calls it, told by its folders: `class/instance`, or 64 hexadecimal digits.
+    /// Returns the id of the capture in its dataset, derived from its folders: `class/instance`, or
+    /// 64 hexadecimal digits.
     #[must_use]
     pub fn upstream_id(&self) -> Option<String> {
         let mut names = self.path.iter().rev().map(|name| name.to_str());
@@ -73,18 +75,18 @@ impl Captured {
         }
     }
 
-    /// Reads it.
+    /// Reads the capture.
     ///
     /// # Errors
-    /// As the reader of its kind, and when no view is left.
+    /// The reader of its kind fails, or no view is left.
     pub fn read(&self) -> Result<(Capture, Vec<Warning>), SourceError> {
         self.look(Look::Bytes)
     }
 
-    /// Reads it but for the bytes of the photos, whose hashes are then not known.
+    /// Reads the capture without the bytes of the photos. Their hashes are then unknown.
     ///
     /// # Errors
-    /// As [`Captured::read`].
+    /// Same as for [`Captured::read`].
     pub fn glance(&self) -> Result<(Capture, Vec<Warning>), SourceError> {
         self.look(Look::Sizes)
     }
@@ -102,10 +104,10 @@ impl Captured {
         Ok((capture, warnings))
     }
 
-    /// The files that [`Captured::read`] reads, each with its name within the source.
+    /// Returns the files that [`Captured::read`] reads, each with its name within the source.
     ///
     /// # Errors
-    /// As [`Captured::read`], where the names of photos are in the files.
+    /// Same as for [`Captured::read`], if the files contain the names of the photos.
     pub fn files(&self) -> Result<Vec<(String, PathBuf)>, SourceError> {
         match self.kind {
             Kind::Colmap => colmap::files(&self.path),
@@ -116,7 +118,7 @@ impl Captured {
         }
     }
 
-    /// The COLMAP model that its poses are from, if they are from one.
+    /// Returns the COLMAP model of its poses, if they come from a model.
     #[must_use]
     pub fn model(&self) -> Option<Model> {
         match self.kind {
@@ -127,7 +129,7 @@ impl Captured {
         }
     }
 
-    /// The folders whose listing decides which files those are, as far as they exist.
+    /// Returns the existing folders whose listing determines [`Captured::files`].
     #[must_use]
     pub fn folders(&self) -> Vec<PathBuf> {
         match self.kind {
@@ -139,7 +141,7 @@ impl Captured {
         }
     }
 
-    /// Leaves out what the selection does not want.
+    /// Moves views that are not selected to the unused photos.
     fn select(&self, capture: Capture, warnings: &mut Vec<Warning>) -> Result<Capture, SourceError> {
         let Capture { views, mut unused } = capture;
         let is_excluded = self.selection.excludes();
@@ -147,6 +149,7 @@ impl Captured {
             photo.why = Why::Excluded;
         }
         let (excluded, views): (Vec<View>, Vec<View>) = views.into_iter().partition(|v| is_excluded(&v.name));
+        // Exclusion precedes picking, so that the picked views are even among the remaining views.
         unused.extend(excluded.into_iter().map(|view| Unused::of(view, Why::Excluded)));
         if views.is_empty() {
             let because = "no view is left of it: the names of all are left out".to_owned();
@@ -173,7 +176,8 @@ impl Captured {
 }
 
 impl Selection {
-    /// Whether a photo of this name is left out. Patterns are valid by then; one that is not matches nothing.
+    /// Returns a test for excluded names. Patterns are already validated; an invalid pattern
+    /// matches nothing.
     pub(super) fn excludes(&self) -> impl Fn(&str) -> bool {
         let patterns: Vec<Pattern> = self.exclude.iter().filter_map(|text| Pattern::new(text).ok()).collect();
         move |name: &str| {
@@ -183,16 +187,16 @@ impl Selection {
     }
 }
 
-/// What speaks against a pattern of names, if anything does.
+/// Validates a pattern of names.
 ///
 /// # Errors
-/// What is wrong with it.
+/// The pattern is invalid. The error says why.
 pub fn pattern(text: &str) -> Result<(), String> {
     Pattern::new(text).map(drop).map_err(|e| e.msg.to_owned())
 }
 
-/// `wanted` of `count` numbers from 0, evenly: the i-th is `i (count - 1) / (wanted - 1)`, rounded half up. All of them
-/// where no more are there; the first where one is wanted.
+/// Picks `wanted` of `count` indices evenly: the i-th is `i (count - 1) / (wanted - 1)`, rounded
+/// half up. Returns all indices if there are no more, and the first if one is wanted.
 fn evenly(count: usize, wanted: usize) -> Vec<usize> {
     if wanted >= count {
         return (0..count).collect();
@@ -202,7 +206,7 @@ fn evenly(count: usize, wanted: usize) -> Vec<usize> {
 }
 
 impl Unused {
-    /// A view that is not used.
+    /// Converts a view that is not used.
     fn of(view: View, why: Why) -> Self {
         Self { name: view.name, sha256: view.sha256, size: Some(view.camera.size), why }
     }
@@ -222,7 +226,7 @@ mod tests {
         t(5, 1, &[0]);
         t(5, 2, &[0, 4]);
         t(5, 3, &[0, 2, 4]);
-        // 0, 4/3, 8/3, 4 and 0, 5/2, 5: halves go up
+        // The exact values are 0, 4/3, 8/3, 4 and 0, 5/2, 5. Halves round up.
         t(5, 4, &[0, 1, 3, 4]);
         t(6, 3, &[0, 3, 5]);
         for (count, wanted) in [(300, 30), (31, 30), (1000, 999), (97, 2)] {

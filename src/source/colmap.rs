@@ -1,7 +1,8 @@
-//! COLMAP models (GitHub colmap/colmap, `doc/format.rst`): `cameras`, `images` and `points3D`, as `.bin` or `.txt`.
+//! COLMAP models (GitHub colmap/colmap, `doc/format.rst`): `cameras`, `images` and `points3D`, as
+//! `.bin` or `.txt`.
 //!
-//! Poses are stored as world to camera with quaternion w first; pixels have their centres at half-integers, as here.
-//! Where both forms are there, the binary one is read.
+//! Poses are stored as world to camera with quaternion w first. Pixel centres lie at half-integers,
+//! as in this program. If both forms exist, the binary form is read.
 
 mod binary;
 mod lenses;
@@ -27,48 +28,48 @@ use walkdir::WalkDir;
 pub struct ModelCamera {
     /// Pinhole part.
     pub camera: Camera,
-    /// The rest.
+    /// Lens distortion.
     pub lens: super::Lens,
 }
 
 /// A registered image of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
-    /// Its name, which may hold folders.
+    /// Name, which may contain folders.
     pub name: String,
-    /// Which camera it was taken with.
+    /// Id of its camera.
     pub camera_id: u32,
-    /// Its rotation, unit quaternion, world to camera, and how far the stored one was from it.
+    /// Rotation, unit quaternion, world to camera, with the deviation of the stored rotation.
     pub rotation: se3::Screened,
-    /// Its translation, world to camera.
+    /// Translation, world to camera.
     pub translation: DVec3,
-    /// Its key points.
+    /// Key points.
     pub observations: Vec<Observation>,
-    /// Where the file says all this.
+    /// Place in the file.
     pub place: Place,
 }
 
 /// A key point of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation {
-    /// Its place, px.
+    /// Position, px.
     pub xy: [f64; 2],
-    /// The point that it shows, if one was triangulated.
+    /// Id of its point, if one was triangulated.
     pub point: Option<u64>,
 }
 
 /// A triangulated point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Its place in the world.
+    /// Position in the world.
     pub xyz: DVec3,
-    /// Its colour.
+    /// Colour.
     pub rgb: [u8; 3],
-    /// Mean distance of its projections from its key points, px, as COLMAP says.
+    /// Mean reprojection error, px, as stored by COLMAP.
     pub error: f64,
 }
 
-/// The two forms that models have on disk.
+/// The two forms of models on disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
     Binary,
@@ -88,7 +89,7 @@ impl Form {
     }
 }
 
-/// A model's folder, found and not yet read.
+/// The folder of a model that was found but not yet read.
 #[derive(Debug, Clone)]
 pub struct Model {
     dir: PathBuf,
@@ -96,11 +97,11 @@ pub struct Model {
 }
 
 impl Model {
-    /// Finds the model in `dir`: there, in `sparse/0` or `sparse` below it, or in the one `sparse/0` up to three
-    /// folders further down.
+    /// Finds the model in `dir`: in `dir` itself, in `sparse/0` or `sparse` below it, or in the
+    /// only `sparse/0` up to three folders further down.
     ///
     /// # Errors
-    /// When there is none, or, further down, more than one.
+    /// There is no model, or there are several further down.
     pub fn find(dir: &Path) -> Result<Self, SourceError> {
         std::fs::read_dir(dir).map_err(SourceError::io(dir))?;
         if let Some(model) = Self::near(dir) {
@@ -114,12 +115,12 @@ impl Model {
         })
     }
 
-    /// The model in `dir` itself, or in `sparse/0` or `sparse` below it.
+    /// Finds the model in `dir` itself, or in `sparse/0` or `sparse` below it.
     pub(super) fn near(dir: &Path) -> Option<Self> {
         [dir.to_owned(), dir.join("sparse/0"), dir.join("sparse")].into_iter().find_map(Self::at)
     }
 
-    /// The one `sparse/0` further down.
+    /// Finds the only `sparse/0` further down.
     pub(super) fn below(dir: &Path) -> Result<Option<Self>, SourceError> {
         let below = WalkDir::new(dir).min_depth(1).max_depth(3).sort_by_file_name();
         let folders = below.into_iter().filter_map(Result::ok).filter(|entry| entry.file_type().is_dir());
@@ -134,7 +135,7 @@ impl Model {
         }
     }
 
-    /// The model whose files are in `dir` itself.
+    /// Finds the model whose files are in `dir` itself.
     pub(super) fn at(dir: PathBuf) -> Option<Self> {
         let form = [Form::Binary, Form::Text].into_iter().find(|form| form.is_in(&dir))?;
         Some(Self { dir, form })
@@ -144,10 +145,10 @@ impl Model {
         self.form.file(&self.dir, stem)
     }
 
-    /// Reads the cameras by their id.
+    /// Reads the cameras by id.
     ///
     /// # Errors
-    /// When the file is damaged, or a camera's model is not supported.
+    /// The file is damaged, or the model of a camera is not supported.
     pub fn cameras(&self) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
         match self.form {
             Form::Binary => binary::cameras(&self.file("cameras")),
@@ -155,10 +156,10 @@ impl Model {
         }
     }
 
-    /// Reads the registered images in the order of the file.
+    /// Reads the registered images in file order.
     ///
     /// # Errors
-    /// When the file is damaged, or a pose is none.
+    /// The file is damaged, or a pose is invalid.
     pub fn images(&self) -> Result<Vec<Image>, SourceError> {
         match self.form {
             Form::Binary => binary::images(&self.file("images")),
@@ -166,10 +167,10 @@ impl Model {
         }
     }
 
-    /// Reads the points by their id.
+    /// Reads the points by id.
     ///
     /// # Errors
-    /// When the file is absent or damaged.
+    /// The file is absent or damaged.
     pub fn points(&self) -> Result<BTreeMap<u64, Point>, SourceError> {
         match self.form {
             Form::Binary => binary::points(&self.file("points3D")),
@@ -177,7 +178,7 @@ impl Model {
         }
     }
 
-    /// Its own files that are there, by their names.
+    /// Returns the existing files of the model, by name.
     #[must_use]
     pub fn files(&self) -> Vec<(String, PathBuf)> {
         let files = ["cameras", "images", "points3D"].map(|stem| self.file(stem)).into_iter();
@@ -186,8 +187,8 @@ impl Model {
         files.filter(|path| path.is_file()).map(named).collect()
     }
 
-    /// The folders that may hold `images`: the one that the model lies in, or that the `sparse` that holds it lies in,
-    /// and the one above, as DL3DV has it.
+    /// Returns the folders that may contain `images`: the folder of the model or of its `sparse`
+    /// folder, and the parent, as in DL3DV.
     fn bases(&self) -> Vec<&Path> {
         let mut base = self.dir.as_path();
         for is_shell in [is_number as fn(&str) -> bool, |name| name == "sparse"] {
@@ -200,12 +201,12 @@ impl Model {
         [Some(base), base.parent()].into_iter().flatten().collect()
     }
 
-    /// The folder that photo names count from.
+    /// Returns the folder to which photo names are relative.
     fn photos(&self) -> Option<PathBuf> {
         self.bases().into_iter().map(|base| base.join("images")).find(|images| images.is_dir())
     }
 
-    /// Counts that differ between the two forms, where both are there.
+    /// Compares the numbers of records if both forms exist.
     fn disagreements(&self) -> Result<Vec<Warning>, SourceError> {
         let mut warnings = Vec::new();
         for (stem, lines_a_record) in [("cameras", 1), ("images", 2), ("points3D", 1)] {
@@ -221,10 +222,10 @@ impl Model {
     }
 }
 
-/// Reads a file of points, whose form its name tells, in the order of their ids.
+/// Reads a file of points in the order of their ids. The file name determines the form.
 ///
 /// # Errors
-/// When the file is absent or damaged.
+/// The file is absent or damaged.
 pub fn read_points(file: &Path) -> Result<Vec<Point>, SourceError> {
     let is_text = file.extension().is_some_and(|extension| extension == "txt");
     let points = if is_text { text::points(file) } else { binary::points(file) }?;
@@ -235,7 +236,7 @@ fn is_number(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// The folders whose listing decides which files [`files`] names.
+/// Returns the folders whose listing determines [`files`].
 #[must_use]
 pub fn folders(dir: &Path) -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> = below(dir).collect();
@@ -248,7 +249,7 @@ pub fn folders(dir: &Path) -> Vec<PathBuf> {
     folders
 }
 
-/// A folder and those below it.
+/// Iterates over a folder and its subfolders.
 pub(super) fn below(root: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = WalkDir::new(root).sort_by_file_name().into_iter().filter_map(Result::ok);
     entries.filter(|entry| entry.file_type().is_dir()).map(walkdir::DirEntry::into_path)
@@ -257,13 +258,13 @@ pub(super) fn below(root: &Path) -> impl Iterator<Item = PathBuf> {
 /// Reads the model found in `dir` as a capture.
 ///
 /// # Errors
-/// When no model, or more than one, is found, a file is damaged, a camera's model is not supported, or two images have
-/// one name.
+/// No model or more than one is found, a file is damaged, the model of a camera is not supported,
+/// or two images have the same name.
 pub fn read(dir: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     look_at(dir, Look::Bytes)
 }
 
-/// Reads the model found in `dir`, and its photos this closely.
+/// Reads the model found in `dir`, with the given depth of reading for photos.
 pub(super) fn look_at(dir: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
     let model = Model::find(dir)?;
     let folder = model.photos();
@@ -273,18 +274,18 @@ pub(super) fn look_at(dir: &Path, look: Look) -> Result<(Capture, Vec<Warning>),
 /// The photos of a model.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Photos<'a> {
-    /// The folder that their names count from, if there is one.
+    /// The folder to which their names are relative, if there is one.
     pub(super) folder: Option<&'a Path>,
-    /// What is done about those of another size than their camera.
+    /// Treatment of photos whose size differs from the size of their camera.
     pub(super) sizing: Sizing,
-    /// How closely they are looked at.
+    /// Depth of reading.
     pub(super) look: Look,
 }
 
-/// What is done about a photo of another size than its camera.
+/// Treatment of a photo whose size differs from the size of its camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sizing {
-    /// Nothing, and it is told.
+    /// The camera is kept, and a warning is returned.
     AsStated,
     /// The camera is scaled.
     ToPhoto,
@@ -329,7 +330,7 @@ pub(super) fn read_model(model: &Model, photos: Photos<'_>) -> Result<(Capture, 
     Ok((Capture { unused, ..collect(&path, found)? }, warnings))
 }
 
-/// The photos of a folder that a model has no pose for.
+/// Returns the photos of a folder without a pose in the model.
 fn unregistered(folder: Option<&Path>, images: &[Image]) -> Vec<String> {
     let registered: BTreeSet<&str> = images.iter().map(|image| image.name.as_str()).collect();
     let mut names = folder.map(photo::list).unwrap_or_default();
@@ -364,18 +365,18 @@ fn view(image: &Image, taken: &ModelCamera, photo: Option<Photo>) -> View {
     }
 }
 
-/// The files that [`read`] reads, each with its name within the source: those of the model's form, and the photos that
-/// are there, with a pose or without.
+/// Returns the files that [`read`] reads, each with its name within the source: the files of the
+/// model's form, and the existing photos, with or without a pose.
 ///
 /// # Errors
-/// As [`read`], where it needs the model to know the photos' names.
+/// Same as for [`read`], as far as the names of the photos need the model.
 pub fn files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let model = Model::find(dir)?;
     let folder = model.photos();
     files_of(&model, folder.as_deref())
 }
 
-/// The files that [`read_model`] reads.
+/// Returns the files that [`read_model`] reads.
 pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let mut files = model.files();
     if let Some(folder) = folder {
@@ -387,7 +388,7 @@ pub(super) fn files_of(model: &Model, folder: Option<&Path>) -> Result<Vec<(Stri
     Ok(files)
 }
 
-/// The pose of an image from the seven numbers that COLMAP stores.
+/// Converts the seven numbers of a pose that COLMAP stores.
 fn pose([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<(se3::Screened, DVec3), String> {
     let translation = DVec3::new(tx, ty, tz);
     if !translation.is_finite() {

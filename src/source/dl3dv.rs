@@ -1,11 +1,13 @@
-//! DL3DV-10K (GitHub DL3DV-10K/Dataset): a scene is a folder named by 64 hexadecimal digits.
+//! DL3DV-10K (GitHub DL3DV-10K/Dataset): a scene is a folder with a name of 64 hexadecimal digits.
 //!
-//! The bulk sets have `transforms.json` and one folder of photos in it: `images_4` at 960P, `images_8` at 480P,
-//! `images_2` at 2K, `images` at 4K. The samples have both, with all sizes, in a folder `colmap` of the scene, and a COLMAP
-//! model in `colmap/sparse/0` of that; the benchmark likewise in a folder `nerfstudio`. `transforms.json` speaks of
-//! `images`, and of the size of the photos there, whatever folder is there: names and cameras are brought to the photos.
+//! The bulk sets contain `transforms.json` and one folder of photos: `images_4` at 960P, `images_8`
+//! at 480P, `images_2` at 2K, `images` at 4K. The samples contain the file and all sizes in a
+//! folder `colmap` of the scene, with a COLMAP model in `colmap/sparse/0`. The benchmark has the
+//! same layout in a folder `nerfstudio`. `transforms.json` always names `images` and the size of
+//! the photos there. The reader adapts names and cameras to the photos that exist.
 //!
-//! The two forms of the poses may have world frames of their own: the Gaussians of a scene belong to one of them.
+//! The two forms of the poses may have different world frames. The Gaussians of a scene belong to
+//! one of them.
 
 use super::colmap::{self, Model, Sizing};
 use super::nerfstudio;
@@ -13,18 +15,18 @@ use super::photo::{Look, or_here};
 use super::{Capture, PoseFile, SourceError, Warning};
 use std::path::{Path, PathBuf};
 
-/// Where a scene's files may be, below its folder.
+/// Possible folders of a scene's files, relative to the scene.
 const HOMES: [&str; 3] = ["", "colmap", "nerfstudio"];
 
 /// Folders of photos, the largest first.
 const PHOTOS: [&str; 4] = ["images", "images_2", "images_4", "images_8"];
 
-/// Whether a folder is a scene by its name: 64 hexadecimal digits.
+/// Returns true if the name of a folder is that of a scene: 64 hexadecimal digits.
 pub(super) fn is_scene(name: &str) -> bool {
     name.len() == 64 && name.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
-/// The files of a scene, found and not yet read.
+/// The files of a scene, found but not yet read.
 struct Files {
     poses: Poses,
     photos: Option<PathBuf>,
@@ -36,7 +38,7 @@ enum Poses {
 }
 
 impl Files {
-    /// Finds the poses that are wanted, or else the COLMAP model, or else `transforms.json`.
+    /// Finds the requested poses; by default the COLMAP model, and otherwise `transforms.json`.
     fn find(scene: &Path, wanted: Option<PoseFile>) -> Result<Self, SourceError> {
         std::fs::read_dir(scene).map_err(SourceError::io(scene))?;
         let homes = || HOMES.iter().map(|home| or_here(&scene.join(home)));
@@ -80,7 +82,7 @@ pub(super) fn read(
         }
         Poses::Transforms(file) => nerfstudio::read_file(&file, named(photos.as_deref()), look),
     }?;
-    // The layout is so: there is nothing to tell.
+    // The layout of the dataset always has this difference, so a warning would be noise.
     warnings.retain(|warning| !matches!(warning, Warning::PhotoSize { .. }));
     Ok((capture, warnings))
 }
@@ -93,7 +95,7 @@ pub(super) fn files(scene: &Path, wanted: Option<PoseFile>) -> Result<Vec<(Strin
     }
 }
 
-/// The COLMAP model that the poses are from, if they are from one.
+/// Returns the COLMAP model of the poses, if they come from a model.
 pub(super) fn model(scene: &Path, wanted: Option<PoseFile>) -> Option<Model> {
     match Files::find(scene, wanted).ok()?.poses {
         Poses::Colmap(model) => Some(model),

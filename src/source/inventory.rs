@@ -1,4 +1,5 @@
-//! What a dataset tree holds: the folders that are scenes of a kind, and what stands in the way of using each.
+//! Inventory of a dataset tree: the folders that are scenes of a kind, and the reasons why some
+//! cannot be used.
 
 use super::kind::Kind;
 use super::{
@@ -9,68 +10,68 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use walkdir::WalkDir;
 
-/// How deep scenes may lie below the tree's own folder: DL3DV's lie in one folder a thousand of them, other people's
-/// captures in folders of their own making.
+/// Maximum depth of scenes below the root of the tree. DL3DV groups scenes in folders of a
+/// thousand; private captures have their own folder structure.
 const DEEPEST: usize = 3;
 
-/// What a scene must have to be used.
+/// Requirements on a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rules {
-    /// The shorter side of every view, px, at least.
+    /// Minimum of the shorter side of every view, px.
     pub min_side: u32,
-    /// Registered views, at least.
+    /// Minimum number of registered views.
     pub min_views: usize,
-    /// Which views are used.
+    /// The views in use.
     pub selection: Selection,
-    /// Which classes are looked at, where scenes have one; all if there is none.
+    /// The classes to search, if scenes have classes; all classes if empty.
     pub classes: BTreeSet<String>,
 }
 
 /// A scene of the tree.
 #[derive(Debug)]
 pub struct Entry {
-    /// Its id below the dataset's: `class/instance`, 64 hexadecimal digits, or its path in the tree.
+    /// Id within the dataset: `class/instance`, 64 hexadecimal digits, or the path in the tree.
     pub name: String,
     /// Its folder.
     pub path: PathBuf,
-    /// What its user should know, or why it cannot be used.
+    /// Warnings for the user, or the reason why the scene cannot be used.
     pub verdict: Result<Vec<Warning>, Rejection>,
 }
 
-/// Why a scene cannot be used.
+/// The reason why a scene cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum Rejection {
-    /// It cannot be read.
+    /// The scene cannot be read.
     #[error(transparent)]
     Unreadable(#[from] SourceError),
-    /// It has too few views.
+    /// The scene has too few views.
     #[error("{found} registered views, wanted at least {wanted}")]
     FewViews {
-        /// How many it has.
+        /// Number of views.
         found: usize,
-        /// How many it needs.
+        /// Required number of views.
         wanted: usize,
     },
-    /// Its pictures are too small.
+    /// A picture is too small.
     #[error("`{image}` is {found} px on its shorter side, wanted at least {wanted}")]
     Small {
-        /// The first such view.
+        /// The first view with this fault.
         image: String,
-        /// Its shorter side.
+        /// Its shorter side, px.
         found: u32,
-        /// What it needs.
+        /// The required length, px.
         wanted: u32,
     },
-    /// Its folder is not named as the dataset names scenes.
+    /// The folder's name does not follow the dataset's naming.
     #[error("the folder's name is none of the dataset's: wanted {0}")]
     Name(&'static str),
-    /// The dataset has it twice.
+    /// The dataset contains the scene twice.
     #[error("the scene is also in {}", .0.display())]
     Twice(PathBuf),
 }
 
 impl Rejection {
-    /// Its name for programs.
+    /// Stable name of the reason, for programs.
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
@@ -84,10 +85,10 @@ impl Rejection {
     }
 }
 
-/// Takes stock of the tree at `root`, whose scenes are of this kind; sorted by name, in natural order.
+/// Lists the scenes of this kind in the tree at `root`, sorted by name in natural order.
 ///
 /// # Errors
-/// When the tree cannot be listed.
+/// The tree cannot be listed.
 pub fn take(kind: Kind, root: &Path, rules: &Rules) -> Result<Vec<Entry>, SourceError> {
     let mut found = match kind {
         Kind::Mvimgnet => instances(root, &rules.classes)?,
@@ -110,7 +111,7 @@ pub fn take(kind: Kind, root: &Path, rules: &Rules) -> Result<Vec<Entry>, Source
 struct Found {
     name: String,
     path: PathBuf,
-    /// What is wrong with its name, if anything is.
+    /// The fault of its name, if there is one.
     misnamed: Option<Rejection>,
 }
 
@@ -130,9 +131,9 @@ impl Found {
 }
 
 impl Rules {
-    /// Holds a capture against the rules.
+    /// Checks a capture against the rules.
     fn hold(&self, capture: &Capture) -> Result<(), Rejection> {
-        // Views that were left out to have fewer are registered all the same.
+        // Views that the selection dropped are registered too.
         let others = capture.unused.iter().filter(|photo| photo.why == super::Why::NotPicked).count();
         let found = capture.views.len() + others;
         if found < self.min_views {
@@ -148,7 +149,7 @@ impl Rules {
     }
 }
 
-/// `class/instance`: classes are numbers, and other folders beside them are none.
+/// Finds `class/instance` folders. Classes are numbers; other folders are ignored.
 fn instances(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found>, SourceError> {
     let wanted = |class: &str| mvimgnet::is_class(class) && (classes.is_empty() || classes.contains(class));
     let mut found = Vec::new();
@@ -162,7 +163,8 @@ fn instances(root: &Path, classes: &BTreeSet<String>) -> Result<Vec<Found>, Sour
     Ok(found)
 }
 
-/// Folders named by hash, in the tree or one folder further down; other folders are none.
+/// Finds folders with a hash as their name, in the tree or one level below; other folders are
+/// ignored.
 fn hashes(root: &Path) -> Result<Vec<Found>, SourceError> {
     let mut found = Vec::new();
     let mut add = |name: String, path| found.push(Found { name, path, misnamed: None });
@@ -179,7 +181,7 @@ fn hashes(root: &Path) -> Result<Vec<Found>, SourceError> {
     Ok(found)
 }
 
-/// Folders that hold a capture, not looking into those; the tree itself may be one.
+/// Finds folders that contain a capture, without descending into them. The root itself may be one.
 fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, SourceError> {
     std::fs::read_dir(root).map_err(SourceError::io(root))?;
     let mut found = Vec::new();
@@ -189,6 +191,7 @@ fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, 
         if !is_scene(entry.path()) {
             continue;
         }
+        // A capture may contain folders that look like captures of their own.
         walk.skip_current_dir();
         let below = entry.path().strip_prefix(root).unwrap_or(Path::new(""));
         let own = root.canonicalize().ok().and_then(|root| root.file_name().map(PathBuf::from));
@@ -199,7 +202,8 @@ fn folders(root: &Path, is_scene: &dyn Fn(&Path) -> bool) -> Result<Vec<Found>, 
     Ok(found)
 }
 
-/// The folders in a folder, by name; those whose name is no text are none of any dataset's.
+/// Lists the subfolders of a folder by name. Names that are not UTF-8 are skipped; no dataset has
+/// them.
 fn subfolders(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(dir).map_err(SourceError::io(dir))? {

@@ -1,4 +1,4 @@
-//! How captures are laid out on disk, and which kind lies at a path, told by the files that are there.
+//! Layouts of captures on disk, and detection of the layout from the files at a path.
 
 use super::{Capture, Captured, SourceError, Warning, colmap, model, nerfstudio};
 use std::path::Path;
@@ -12,9 +12,10 @@ pub enum Kind {
     Nerfstudio,
     /// A 3DGS model folder.
     Model,
-    /// An instance of `MVImgNet`: a COLMAP model, which is what it is taken for unless it is called by its name.
+    /// An instance of `MVImgNet`. It is a COLMAP model, and is treated as one unless the kind is
+    /// named.
     Mvimgnet,
-    /// A scene of DL3DV-10K; likewise.
+    /// A scene of DL3DV-10K, treated likewise.
     Dl3dv,
 }
 
@@ -22,11 +23,11 @@ const WANTED: &str = "wanted a COLMAP model (cameras and images, .bin or .txt, h
                       or a 3DGS model folder (cameras.json)";
 
 impl Kind {
-    /// The kind of the file or folder at `path`. What lies in a folder, or in its `sparse/0`, comes before a COLMAP model
-    /// further down.
+    /// Detects the kind of the file or folder at `path`. Files in the folder itself or in its
+    /// `sparse/0` take precedence over a COLMAP model further down.
     ///
     /// # Errors
-    /// When there is nothing, or it is of no kind, or of more than one.
+    /// The path does not exist, or matches no kind or several kinds.
     pub fn find(path: &Path) -> Result<Self, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
         if !std::fs::metadata(path).map_err(SourceError::io(path))?.is_dir() {
@@ -50,7 +51,7 @@ impl Kind {
         }
     }
 
-    /// By its name; COLMAP models are folders.
+    /// Detects the kind of a file by its name. COLMAP models are folders.
     fn of_file(path: &Path) -> Option<Self> {
         let named = |name: &str| path.file_name().is_some_and(|found| found == name);
         let json = path.extension().is_some_and(|extension| extension == "json");
@@ -67,7 +68,7 @@ impl Kind {
         }
     }
 
-    /// Its name in recipes.
+    /// Name of the kind in recipes.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -79,10 +80,10 @@ impl Kind {
         }
     }
 
-    /// Reads the source at `path` as this kind, and warns of its lenses.
+    /// Reads the source at `path` as this kind, and adds a warning about its lenses.
     ///
     /// # Errors
-    /// As the reader of this kind.
+    /// The reader of this kind fails.
     pub fn read(self, path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
         Captured::whole(self, path.to_owned()).read()
     }
@@ -94,7 +95,7 @@ mod tests {
 
     const COLMAP: [&str; 2] = ["cameras.txt", "images.txt"];
 
-    /// The kind of a folder that holds these files, empty, or what is told of it.
+    /// Detects the kind of a folder with these empty files, or returns the message.
     fn kind(files: &[String]) -> Result<Kind, String> {
         let dir = tempfile::tempdir().unwrap();
         for file in files {
@@ -118,7 +119,7 @@ mod tests {
         t(&[model_in("sparse/0/")], Kind::Colmap);
         t(&[model_in("a/b/sparse/0/")], Kind::Colmap);
         t(&[transforms()], Kind::Nerfstudio);
-        // as ns-process-data leaves it: the nearer one is meant
+        // The layout of ns-process-data: the nearer file wins.
         t(&[transforms(), model_in("colmap/sparse/0/")], Kind::Nerfstudio);
         t(&[vec!["cameras.json".to_owned(), "cfg_args".to_owned()]], Kind::Model);
     }

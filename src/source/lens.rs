@@ -1,4 +1,5 @@
-//! What lenses do to a picture: OpenCV's rational model, of which the others are cases with coefficients of zero.
+//! Lens distortion: OpenCV's rational model. The other models are special cases with coefficients
+//! of zero.
 //!
 //! For a point `(x, y)` of the pinhole image at focal length 1, with `r2 = x^2 + y^2`:
 //!
@@ -13,7 +14,7 @@
 use super::Lens;
 use crate::camera::Camera;
 
-/// Below this displacement, in pixels, distortion counts as none.
+/// Displacement in pixels below which distortion is ignored.
 pub const NEGLIGIBLE_PX: f64 = 0.1;
 
 /// Points along each side of the grid on which displacements are measured, border included.
@@ -32,7 +33,7 @@ impl Lens {
         }
     }
 
-    /// Where the lens puts a point of the pinhole image at focal length 1.
+    /// Maps a point of the pinhole image at focal length 1 through the lens.
     #[must_use]
     pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [k1, k2, p1, p2, k3, k4, k5, k6] = self.coefficients();
@@ -43,10 +44,11 @@ impl Lens {
         [x * radial + tangential_x, y * radial + tangential_y]
     }
 
-    /// The largest distance, in pixels of `camera`, between a point of the pinhole image and where the lens puts it,
-    /// over a grid of 65x65 points of the image that holds its border.
+    /// Returns the largest distance, in pixels of `camera`, between a point of the pinhole image
+    /// and its image through the lens. The points form a grid of 65x65 that includes the border of
+    /// the image.
     ///
-    /// Infinite where the model has a pole in the image.
+    /// The result is infinite if the model has a pole in the image.
     #[must_use]
     pub fn max_displacement_px(&self, camera: &Camera) -> f64 {
         let (width, height) = (f64::from(camera.size.width), f64::from(camera.size.height));
@@ -76,7 +78,8 @@ mod tests {
 
     #[test]
     fn distortion_is_opencvs() {
-        // cv2.projectPoints of OpenCV 4 with an identity camera matrix, on (0.3, -0.2, 1).
+        // Reference values: cv2.projectPoints of OpenCV 4 with an identity camera matrix, on (0.3,
+        // -0.2, 1).
         let t = |lens: Lens, wanted: [f64; 2]| {
             let got = lens.distort([0.3, -0.2]);
             assert!(
@@ -96,7 +99,8 @@ mod tests {
 
     #[test]
     fn radial_displacement_is_largest_in_the_corners() {
-        // r = 400 px at the corners, 0.8 at focal length 1: displaced by k r^3 f = 0.01 * 0.512 * 500 px.
+        // r = 400 px at the corners, 0.8 at focal length 1: displaced by k r^3 f = 0.01 * 0.512 *
+        // 500 px.
         let lens = Lens::SimpleRadial { k1: -0.01 };
         assert!((lens.max_displacement_px(&CAMERA) - 2.56).abs() < 1e-9);
         assert!(Lens::Pinhole.max_displacement_px(&CAMERA) < NEGLIGIBLE_PX);

@@ -1,13 +1,15 @@
-//! 3DGS model folders (GitHub graphdeco-inria/gaussian-splatting): the cameras that a scene was trained with.
+//! 3DGS model folders (GitHub graphdeco-inria/gaussian-splatting): the cameras that a scene was
+//! trained with.
 //!
-//! `cameras.json` is a list (`utils/camera_utils.py`, `camera_to_JSON`): `img_name`, `width`, `height`, `fx`, `fy`,
-//! `position` (the camera's centre) and `rotation` (rows, camera to world, OpenCV camera axes). It is in the order of
-//! training, which says nothing; it has no principal point, which training takes to be the image's centre; and its sizes
-//! are those after the rescale of large photos. Lenses are not there: training takes undistorted photos.
+//! `cameras.json` is a list (`utils/camera_utils.py`, `camera_to_JSON`): `img_name`, `width`,
+//! `height`, `fx`, `fy`, `position` (the camera's centre) and `rotation` (rows, camera to world,
+//! OpenCV camera axes). Its order is the order of training, which has no meaning. It has no
+//! principal point; training assumes the centre of the image. Its sizes are those after the rescale
+//! of large photos. It has no lenses, because training uses undistorted photos.
 //!
-//! `exposure.json`, which newer trainers write, is a mapping from `img_name` to a colour transform of 3x4. It is read to
-//! say that exposures were trained. `cfg_args` is Python text on how it was trained, and says nothing of poses: it is not
-//! read.
+//! `exposure.json`, which newer trainers write, is a mapping from `img_name` to a colour transform
+//! of 3x4. It is read only to report that exposures were trained. `cfg_args` is Python text about
+//! the training without poses, and is not read.
 
 use super::node::{Node, load};
 use super::photo::or_here;
@@ -18,30 +20,32 @@ use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
 
-/// Name of the file that makes a folder a model's.
+/// Name of the file that identifies a model folder.
 const CAMERAS: &str = "cameras.json";
-/// Where the Gaussians are: a folder for each iteration at which they were kept, with a file in each.
+/// Folder of the Gaussians: one subfolder per saved iteration, with one file in each.
 const SCENES: &str = "point_cloud";
 const ITERATION: &str = "iteration_";
 const SCENE: &str = "point_cloud.ply";
 /// Name of the file with the colour transforms.
 const EXPOSURES: &str = "exposure.json";
 
-/// The colour transform that changes nothing.
+/// The identity colour transform.
 const NEUTRAL: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-/// Transforms nearer to it than this, number by number, change no 8-bit colour: three channels and a constant make at
-/// most 4 * 4e-4 * 255 = 0.41 of a level.
+/// Maximum difference of an entry from the identity. Three channels and a constant then change a
+/// colour by at most 4 * 4e-4 * 255 = 0.41 of an 8-bit level, so no 8-bit colour changes.
 const NEAR: f64 = 4e-4;
 
-/// The file with the cameras, given it or its folder.
+/// Returns the path of the camera file, given the file or its folder.
 pub(super) fn locate(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(CAMERAS) } else { path.to_owned() }
 }
 
-/// Reads a model folder, or the `cameras.json` of one, as a capture. Its photos are somewhere else, if anywhere.
+/// Reads a model folder, or its `cameras.json`, as a capture. The photos are not part of the
+/// folder.
 ///
 /// # Errors
-/// When it is no such folder, a value is missing or wrong, a pose is none, or two images have one name.
+/// The folder is no model folder, a value is missing or wrong, a pose is invalid, or two images
+/// have the same name.
 pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     let file = locate(path);
     let document = load(&file)?;
@@ -59,10 +63,10 @@ pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     Ok((collect(&file, found)?, warnings))
 }
 
-/// The files that [`read`] reads, each with its name within the source.
+/// Returns the files that [`read`] reads, each with its name within the source.
 ///
 /// # Errors
-/// Never: what is not there is found out on reading.
+/// Never returns an error; missing files are detected on reading.
 pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let file = locate(path);
     let exposures = file.with_file_name(EXPOSURES);
@@ -70,17 +74,17 @@ pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     Ok([(CAMERAS.to_owned(), file)].into_iter().chain(exposures).collect())
 }
 
-/// The folders whose listing decides which files [`files`] names.
+/// Returns the folders whose listing determines [`files`].
 #[must_use]
 pub fn folders(path: &Path) -> Vec<PathBuf> {
     vec![or_here(locate(path).parent().unwrap_or(Path::new("")))]
 }
 
-/// The newest Gaussians of a model folder, which is named itself or by its `cameras.json`: those of the most iterations
-/// that are there.
+/// Returns the newest Gaussians of a model folder, given the folder or its `cameras.json`. The
+/// newest are those with the highest iteration.
 ///
 /// # Errors
-/// When there are none, or the folder cannot be listed.
+/// The folder has no Gaussians, or it cannot be listed.
 pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
     let scenes = scenes(path);
     let kept = iterations(&scenes)?;
@@ -91,7 +95,7 @@ pub fn newest_scene(path: &Path) -> Result<PathBuf, SourceError> {
     })
 }
 
-/// The folders whose listing decides which file [`newest_scene`] names.
+/// Returns the folders whose listing determines [`newest_scene`].
 #[must_use]
 pub fn scene_folders(path: &Path) -> Vec<PathBuf> {
     let scenes = scenes(path);
@@ -103,7 +107,7 @@ fn scenes(path: &Path) -> PathBuf {
     or_here(locate(path).parent().unwrap_or(Path::new(""))).join(SCENES)
 }
 
-/// The folders of iterations, by number.
+/// Returns the folders of iterations, by number.
 fn iterations(scenes: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(scenes).map_err(SourceError::io(scenes))? {
@@ -118,7 +122,7 @@ fn iterations(scenes: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
     Ok(found)
 }
 
-/// A view, and what its user should know about it.
+/// Reads a view, with a warning if there is one.
 fn read_camera(camera: &Node<'_>) -> Result<(View, Option<Warning>), SourceError> {
     let name = camera.text("img_name")?.to_owned();
     let size = Size { width: camera.get("width")?.side()?, height: camera.get("height")?.side()? };
@@ -136,7 +140,7 @@ fn read_camera(camera: &Node<'_>) -> Result<(View, Option<Warning>), SourceError
     Ok((View { name, world_from_camera, camera: pinhole, lens: Lens::Pinhole, sha256: None }, warning))
 }
 
-/// A warning where colour transforms were trained, which trajectories leave out.
+/// Returns a warning if colour transforms were trained, because trajectories do not apply them.
 fn exposed(file: &Path) -> Result<Option<Warning>, SourceError> {
     let document = load(file)?;
     let mut count = 0;
@@ -153,7 +157,8 @@ mod tests {
     use super::*;
     use serde_json::{Value, json};
 
-    /// A turn of 90 degrees about y and one about z, and centres; trained in another order than they are named.
+    /// Rotations of 90 degrees about y and about z, and centres. The training order differs from
+    /// the order of names.
     fn planted() -> Value {
         json!([
             { "id": 0, "img_name": "img 10", "width": 1600, "height": 899, "position": [1.0, 2.0, 3.0],
@@ -183,17 +188,18 @@ mod tests {
         let wanted =
             Camera { size: Size { width: 1600, height: 899 }, fx: 1000.25, fy: 1001.5, cx: 800.0, cy: 449.5 };
         assert_eq!((second.camera, &second.lens), (wanted, &Lens::Pinhole));
-        // Where the camera's own axes point in the world: the columns of the matrix that was written in rows.
+        // The camera's own axes in the world: the columns of the matrix, which is stored in rows.
         for (view, axes) in
             [(first, [DVec3::Y, -DVec3::X, DVec3::Z]), (second, [-DVec3::Z, DVec3::Y, DVec3::X])]
         {
             for (own, wanted) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().zip(axes) {
                 let found = view.world_from_camera.rotation * own;
-                // a quaternion's way through a matrix costs a few roundings of numbers up to 1
+                // The conversion of a quaternion to a matrix costs a few roundings of numbers up to
+                // 1.
                 assert!((found - wanted).length() < 2e-15, "{}: {own} to {found}", view.name);
             }
         }
-        // The file itself is as good as its folder.
+        // The path of the file is equivalent to the path of its folder.
         assert_eq!(read(&dir.path().join(CAMERAS)).unwrap().0, capture);
     }
 
@@ -220,7 +226,7 @@ mod tests {
         );
         for name in ["iteration_7000", "iteration_30000", "iteration_100000", "iteration_best", "notes"] {
             std::fs::create_dir(scenes.join(name)).unwrap();
-            // The last is being trained: its file is not there yet.
+            // The last iteration is still being trained: its file does not exist yet.
             if name != "iteration_100000" {
                 std::fs::write(scenes.join(name).join(SCENE), "").unwrap();
             }
@@ -306,7 +312,7 @@ mod tests {
         let dir = folder(&cameras.to_string(), None);
         let warnings = read(dir.path()).unwrap().1;
         let [Warning::Projected { image, deviation }] = &warnings[..] else { panic!("{warnings:?}") };
-        // |R^T R - I| is (1 + e)^2 - 1
+        // |R^T R - I| is (1 + e)^2 - 1.
         assert!(image == "img 10" && (deviation - 2e-5).abs() < 2e-10, "{deviation}");
     }
 }

@@ -1,28 +1,28 @@
-//! `MVImgNet` (GitHub GAP-LAB-CUHK-SZ/MVImgNet): an instance is a folder `<class>/<instance>` with a COLMAP model in
-//! `sparse/0` and its photos in `images`.
+//! `MVImgNet` (GitHub GAP-LAB-CUHK-SZ/MVImgNet): an instance is a folder `<class>/<instance>` with
+//! a COLMAP model in `sparse/0` and its photos in `images`.
 //!
-//! Photos whose background was removed lie beside the others, as `*_bg_removed.png`: they are no views. Some instances
-//! have no model.
+//! The same folder contains photos with the background removed, as `*_bg_removed.png`. They are no
+//! views. Some instances have no model.
 
 use super::colmap::{self, Model, Photos, Sizing};
 use super::photo::Look;
 use super::{Capture, SourceError, Warning};
 use std::path::{Path, PathBuf};
 
-/// Names of the photos that are no views.
+/// Pattern of the names of photos that are no views.
 pub const LEFTOVERS: &str = "*_bg_removed.png";
 
-/// Whether a folder is a class by its name: a number.
+/// Returns true if the name of a folder is that of a class: a number.
 pub(super) fn is_class(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// Whether a folder is an instance by its name: 8 hexadecimal digits.
+/// Returns true if the name of a folder is that of an instance: 8 hexadecimal digits.
 pub(super) fn is_instance(name: &str) -> bool {
     name.len() == 8 && name.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
-/// The model of an instance.
+/// Returns the model of an instance.
 pub(super) fn model(instance: &Path) -> Result<Model, SourceError> {
     std::fs::read_dir(instance).map_err(SourceError::io(instance))?;
     let dir = instance.join("sparse/0");

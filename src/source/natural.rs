@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 /// Compares two names; total, and equal only for equal names.
 ///
-/// Of equal numbers the one with fewer leading zeros comes first, if nothing later decides.
+/// Among equal numbers, the number with fewer leading zeros comes first, if no later part decides.
 #[must_use]
 pub fn compare(a: &str, b: &str) -> Ordering {
     let (mut rest_a, mut rest_b) = (a.as_bytes(), b.as_bytes());

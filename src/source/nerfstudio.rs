@@ -1,8 +1,10 @@
-//! nerfstudio's `transforms.json` (docs.nerf.studio, "Data conventions"; also instant-ngp's and Blender's form).
+//! nerfstudio's `transforms.json` (docs.nerf.studio, "Data conventions"; also the form of
+//! instant-ngp and Blender).
 //!
-//! Poses are camera to world in OpenGL camera axes. Intrinsics stand at the top or in each frame, which wins; Blender's
-//! form has `camera_angle_x` alone. Pixel centres lie at half-integers as here, unless the file has `pixel_center: 0`.
-//! `applied_transform` is part of the poses already; the world is the file's.
+//! Poses are camera to world in OpenGL camera axes. Intrinsics are at the top level or in each
+//! frame; the frame wins. Blender's form has only `camera_angle_x`. Pixel centres lie at
+//! half-integers, as in this program, unless the file has `pixel_center: 0`. `applied_transform` is
+//! already part of the poses; the world is that of the file.
 
 use super::node::{Node, load};
 use super::photo::{self, Look, Photo, SCALED};
@@ -14,7 +16,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// The file itself, given it or its folder.
+/// Returns the path of the file, given the file or its folder.
 pub(super) fn locate(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("transforms.json") } else { path.to_owned() }
 }
@@ -22,28 +24,28 @@ pub(super) fn locate(path: &Path) -> PathBuf {
 /// Reads a `transforms.json`, or the one in a folder, as a capture.
 ///
 /// # Errors
-/// When it is no such file, a value is missing or wrong, a pose is none, the camera model is not supported, or a photo
-/// has another shape than the file says.
+/// The file is no `transforms.json`, a value is missing or wrong, a pose is invalid, the camera
+/// model is not supported, or the aspect ratio of a photo differs from the file's.
 pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     look_at(path, Look::Bytes)
 }
 
-/// Reads a `transforms.json`, and its photos this closely.
+/// Reads a `transforms.json`, with the given depth of reading for photos.
 pub(super) fn look_at(path: &Path, look: Look) -> Result<(Capture, Vec<Warning>), SourceError> {
     read_file(&locate(path), Photos::AsNamed, look)
 }
 
-/// Where the photos are that a file names.
+/// Location of the photos that a file names.
 #[derive(Clone, Copy)]
 pub(super) enum Photos<'a> {
-    /// Where it says.
+    /// At the named path.
     AsNamed,
-    /// In this folder, whatever the folder that it names.
+    /// In this folder, whatever folder the file names.
     In(&'a Path),
 }
 
 impl Photos<'_> {
-    /// The photo that `file_path` means; Blender's form leaves out the extension.
+    /// Finds the photo of `file_path`. Blender's form omits the extension.
     fn find(self, file: &Path, name: &str) -> Option<PathBuf> {
         let (folder, name) = match self {
             Self::AsNamed => (file.parent()?, name),
@@ -52,7 +54,7 @@ impl Photos<'_> {
         photo::find(folder, name).or_else(|| photo::find(folder, &format!("{name}.png")))
     }
 
-    /// Looks at the photo of a frame, if it is there.
+    /// Reads the photo of a frame, if it exists.
     fn of(self, frame: &Node<'_>, look: Look) -> Result<Option<Photo>, SourceError> {
         let path = self.find(frame.path(), frame.text("file_path")?);
         path.map(|path| photo::read(&path, look)).transpose()
@@ -85,15 +87,16 @@ pub(super) fn read_file(
     Ok((collect(file, found)?, warnings))
 }
 
-/// The files that [`read`] reads, each with its name within the source: the file, and the photos that are there.
+/// Returns the files that [`read`] reads, each with its name within the source: the file, and the
+/// existing photos.
 ///
 /// # Errors
-/// As [`read`], where it needs the frames to know the photos' names.
+/// Same as for [`read`], as far as the names of the photos need the frames.
 pub fn files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
     files_of(&locate(path), Photos::AsNamed)
 }
 
-/// The files that [`read_file`] reads.
+/// Returns the files that [`read_file`] reads.
 pub(super) fn files_of(file: &Path, photos: Photos<'_>) -> Result<Vec<(String, PathBuf)>, SourceError> {
     let document = load(file)?;
     let mut files = vec![("transforms.json".to_owned(), file.to_owned())];
@@ -104,7 +107,8 @@ pub(super) fn files_of(file: &Path, photos: Photos<'_>) -> Result<Vec<(String, P
     Ok(files)
 }
 
-/// The folders whose listing decides which files [`files`] names: where the file lies, and where a photo lies or would.
+/// Returns the folders whose listing determines [`files`]: the folder of the file, and the folders
+/// of existing or missing photos.
 #[must_use]
 pub fn folders(path: &Path) -> Vec<PathBuf> {
     let file = locate(path);
@@ -146,13 +150,13 @@ fn read_frame(
     Ok((Found { view, place: frame.place() }, rescaled.into_iter().chain(projected).collect()))
 }
 
-/// The camera, fitted to its photo where `w` and `h` are those of another size.
+/// Returns the camera, scaled to its photo if `w` and `h` state another size.
 fn fitted(frame: &Node<'_>, stated: &Camera, photo: Option<Size>) -> Result<Camera, SourceError> {
     let other = photo.filter(|&photo| photo != stated.size);
     other.map_or(Ok(*stated), |photo| photo::fitted(stated, photo)).map_err(|because| frame.fault(because))
 }
 
-/// A frame's own values, and the file's for those that it has not.
+/// Values of a frame, with the file's values as a fallback.
 struct Own<'a> {
     frame: &'a Node<'a>,
     top: &'a Node<'a>,
@@ -167,7 +171,8 @@ impl Own<'_> {
         self.find(key).map(|node| node.number()).transpose()
     }
 
-    /// The camera as the file states it; its size is the photo's where the file has none.
+    /// Returns the camera as the file states it. The size is that of the photo if the file has no
+    /// size.
     fn camera(&self, photo: Option<Size>) -> Result<Camera, SourceError> {
         let size = match (self.side("w")?, self.side("h")?, photo) {
             (Some(width), Some(height), _) => Size { width, height },
@@ -202,7 +207,7 @@ impl Own<'_> {
         self.find(key).map(|node| node.side()).transpose()
     }
 
-    /// What is added to a principal point to count from pixel corners.
+    /// Returns the shift of the principal point for counting from pixel corners.
     fn pixel_shift(&self) -> Result<f64, SourceError> {
         let Some(node) = self.find("pixel_center") else { return Ok(0.0) };
         let centre = node.number()?;
@@ -238,14 +243,15 @@ impl Own<'_> {
     }
 }
 
-/// The pose of a matrix, and its deviation from a rotation where that must be told.
+/// Returns the pose of a matrix, and its deviation from a rotation if it must be reported.
 fn pose(node: &Node<'_>) -> Result<(Se3, Option<f64>), SourceError> {
     let m: [[f64; 4]; 4] = node.matrix()?;
     if m[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, wanted)| (found - wanted).abs() > 1e-9) {
         return Err(node.fault(format!("its last row is {:?}, wanted 0, 0, 0, 1", m[3])));
     }
     let column = |j: usize| DVec3::new(m[0][j], m[1][j], m[2][j]);
-    // Turning the camera's axes multiplies from the right: columns of y and z change their signs.
+    // A change of the camera's axes multiplies from the right: the columns of y and z change their
+    // signs.
     let axes = se3::OPENCV_FROM_OPENGL;
     let rotation = DMat3::from_cols(column(0) * axes.x, column(1) * axes.y, column(2) * axes.z);
     let screened = se3::rotation_from_matrix(&rotation).map_err(|e| node.fault(e.to_string()))?;

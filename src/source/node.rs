@@ -1,10 +1,10 @@
-//! Values of a JSON document that know their place in it.
+//! Values of a JSON document with their place in it.
 
 use super::{Place, SourceError};
 use serde_json::Value;
 use std::path::Path;
 
-/// Reads the document of a file.
+/// Reads the document in a file.
 pub(super) fn load(file: &Path) -> Result<Value, SourceError> {
     let text = std::fs::read_to_string(file).map_err(SourceError::io(file))?;
     serde_json::from_str(&text).map_err(|e| SourceError::Content {
@@ -30,7 +30,7 @@ impl<'a> Node<'a> {
         self.path
     }
 
-    /// The document as a whole has no name: it begins in line 1.
+    /// The root of the document has no name; its place is line 1.
     pub(super) fn place(&self) -> Place {
         if self.name.is_empty() { Place::Line(1) } else { Place::Field(self.name.clone()) }
     }
@@ -39,7 +39,7 @@ impl<'a> Node<'a> {
         SourceError::Content { path: self.path.to_owned(), place: self.place(), because }
     }
 
-    /// A fault of the value of `key`, wherever it is.
+    /// Creates a fault for the value of `key`, present or not.
     pub(super) fn field_fault(&self, key: &str, because: String) -> SourceError {
         let place = Place::Field(self.name_of(key));
         SourceError::Content { path: self.path.to_owned(), place, because }
@@ -53,7 +53,7 @@ impl<'a> Node<'a> {
         if self.name.is_empty() { key.to_owned() } else { format!("{}.{key}", self.name) }
     }
 
-    /// The value of `key`, if it is there and not null.
+    /// Returns the value of `key`, if it is present and not null.
     pub(super) fn find(&self, key: &str) -> Option<Node<'a>> {
         let value = self.value.get(key).filter(|v| !v.is_null())?;
         Some(Node { path: self.path, name: self.name_of(key), value })
@@ -81,12 +81,12 @@ impl<'a> Node<'a> {
         self.value.as_str().filter(|s| !s.is_empty()).ok_or_else(|| self.other("a text"))
     }
 
-    /// A number, finite as all of JSON's are.
+    /// Reads a number. JSON numbers are finite.
     pub(super) fn number(&self) -> Result<f64, SourceError> {
         self.value.as_f64().ok_or_else(|| self.other("a number"))
     }
 
-    /// A side of an image: some writers have floats.
+    /// Reads a side of an image. Some writers store floats.
     pub(super) fn side(&self) -> Result<u32, SourceError> {
         let side = self.number()?;
         let whole = (1.0..=f64::from(u32::MAX)).contains(&side) && side.fract() == 0.0;
@@ -98,7 +98,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// So many numbers.
+    /// Reads a list of `N` numbers.
     pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N], SourceError> {
         let elements = self.elements()?;
         let elements: [Node<'a>; N] = elements.try_into().map_err(|_| self.other(&format!("{N} numbers")))?;
@@ -109,7 +109,7 @@ impl<'a> Node<'a> {
         Ok(numbers)
     }
 
-    /// So many rows of so many numbers.
+    /// Reads a matrix of `ROWS` rows and `COLUMNS` columns.
     pub(super) fn matrix<const ROWS: usize, const COLUMNS: usize>(
         &self,
     ) -> Result<[[f64; COLUMNS]; ROWS], SourceError> {
@@ -123,7 +123,7 @@ impl<'a> Node<'a> {
         Ok(matrix)
     }
 
-    /// The values of a mapping, in the order of their keys, which are their names.
+    /// Returns the values of a mapping in the order of their keys, with the keys as names.
     pub(super) fn members(&self) -> Result<Vec<Node<'a>>, SourceError> {
         let Value::Object(values) = self.value else { return Err(self.other("a mapping")) };
         let node =

@@ -1,4 +1,5 @@
-//! The photos beside a source: found by name, never outside the source's folder; only their hash and size are used.
+//! Photos of a source, found by name and never outside the source's folder. Only their hash and
+//! size are used.
 
 use super::{SourceError, Unused, Warning, Why, natural};
 use crate::camera::Camera;
@@ -9,23 +10,23 @@ use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use walkdir::WalkDir;
 
-/// What is known of a photo that is there.
+/// Properties of an existing photo.
 pub(super) struct Photo {
-    /// SHA-256 of its bytes, hexadecimal, where they were read.
+    /// SHA-256 of its bytes, hexadecimal, if they were read.
     pub(super) sha256: Option<String>,
-    /// Its size; `None` where it is in no format whose size can be read.
+    /// Size; `None` for a format whose size cannot be read.
     pub(super) size: Option<Size>,
 }
 
 impl Unused {
-    /// A photo that the source has no pose for.
+    /// Creates the entry of a photo without a pose in the source.
     pub(super) fn not_registered(photo: Option<Photo>, name: String) -> Self {
         let (sha256, size) = photo.map_or((None, None), |photo| (photo.sha256, photo.size));
         Self { name, sha256, size, why: Why::NotRegistered }
     }
 }
 
-/// A warning where some photos of views are in `folder`, and others are not.
+/// Returns a warning if some photos of views exist in `folder` and others do not.
 pub(super) fn missing<'a>(
     folder: &Path,
     photos: impl Iterator<Item = (&'a str, Option<&'a Photo>)>,
@@ -42,26 +43,27 @@ pub(super) fn missing<'a>(
     Some(Warning::PhotosMissing { dir: folder.to_owned(), count, of, first })
 }
 
-/// How closely photos are looked at.
+/// Depth of reading for photos.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Look {
-    /// Their sizes alone, by their first bytes.
+    /// Only the sizes, from the first bytes.
     Sizes,
-    /// Every byte, to be hashed.
+    /// Every byte, for the hash.
     Bytes,
 }
 
-/// Where the photo of this name lies, if it does: a name may hold folders, but leads nowhere up.
+/// Finds the photo with this name. A name may contain folders but no path upward.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     let path = folder.join(name);
     (!name.is_empty() && Path::new(name).components().all(inside) && path.is_file()).then_some(path)
 }
 
-/// Endings of the names of photos; other files beside them are none of ours.
+/// Extensions of photos. Files with other extensions are ignored.
 const ENDINGS: [&str; 7] = ["jpg", "jpeg", "png", "webp", "tif", "tiff", "bmp"];
 
-/// The names of all photos in a folder and below it, `/` between folders, in natural order.
+/// Returns the names of all photos in a folder and its subfolders, `/` between folders, in natural
+/// order.
 pub(super) fn list(folder: &Path) -> Vec<String> {
     let is_photo = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str());
@@ -78,16 +80,16 @@ pub(super) fn list(folder: &Path) -> Vec<String> {
     names
 }
 
-/// What is told of a camera that was fitted to its photo.
+/// Action in the message about a camera that was scaled to its photo.
 pub(super) const SCALED: &str = "the camera is scaled to the photo";
 
-/// Aspect ratios of photo and stated size may differ by this part.
+/// Maximum relative difference between the aspect ratios of photo and stated size.
 const MOST_ASPECT_ERROR: f64 = 0.005;
 
-/// A camera scaled to the photo that it is said to have taken: what is stated may be of the full-size photo.
+/// Scales a camera to its photo, because the stated size may be that of the full-size photo.
 ///
 /// # Errors
-/// When the two have unlike shapes.
+/// The aspect ratios of the two differ.
 pub(super) fn fitted(stated: &Camera, photo: Size) -> Result<Camera, String> {
     let kx = f64::from(photo.width) / f64::from(stated.size.width);
     let ky = f64::from(photo.height) / f64::from(stated.size.height);
@@ -100,12 +102,12 @@ pub(super) fn fitted(stated: &Camera, photo: Size) -> Result<Camera, String> {
     Ok(Camera { size: photo, fx: stated.fx * kx, fy: stated.fy * ky, cx: stated.cx * kx, cy: stated.cy * ky })
 }
 
-/// A folder by a path that the system takes: the empty one is the current folder.
+/// Converts an empty path to the current folder, as the system expects.
 pub(super) fn or_here(folder: &Path) -> PathBuf {
     if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
 }
 
-/// Looks at a photo.
+/// Reads a photo.
 pub(super) fn read(path: &Path, look: Look) -> Result<Photo, SourceError> {
     let sha256 = match look {
         Look::Sizes => None,

@@ -1,9 +1,10 @@
-//! Photos without what their lens did to them: resampled onto the pinhole part of their camera.
+//! Undistorted photos: photos resampled onto the pinhole part of their camera.
 //!
-//! OpenCV's `undistort` with the camera matrix kept (`modules/calib3d/src/undistort.dispatch.cpp`): same size, same
-//! focal lengths, same principal point, bilinear, black where the photo does not reach. It differs in two ways. The place
-//! in the photo is not rounded to 1/32 px. And pixel centres lie at half-integers, as everywhere here: OpenCV has them at
-//! integers, so that its principal point is `cx - 0.5`, `cy - 0.5`.
+//! This is OpenCV's `undistort` with the camera matrix kept
+//! (`modules/calib3d/src/undistort.dispatch.cpp`): same size, same focal lengths, same principal
+//! point, bilinear, black outside the photo. There are two differences. The position in the photo
+//! is not rounded to 1/32 px. Pixel centres lie at half-integers, as everywhere in this program;
+//! OpenCV has them at integers, so its principal point is `cx - 0.5`, `cy - 0.5`.
 
 use super::Lens;
 use super::lens::NEGLIGIBLE_PX;
@@ -12,12 +13,12 @@ use crate::image::{Image, Size};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// What `camera` would have seen through a pinhole where it took `photo` through `lens`.
+/// Returns the pinhole image of `camera`, resampled from a `photo` taken through `lens`.
 ///
-/// The photo itself where the lens moves no point by more than [`NEGLIGIBLE_PX`].
+/// Returns the photo itself if the lens moves no point by more than [`NEGLIGIBLE_PX`].
 ///
 /// # Panics
-/// If the photo is not of the camera's size.
+/// The photo does not have the camera's size.
 #[must_use]
 pub fn undistorted<'a>(photo: &'a Image<[u8; 3]>, camera: &Camera, lens: &Lens) -> Cow<'a, Image<[u8; 3]>> {
     assert_eq!(photo.size(), camera.size, "a photo has the size of its camera");
@@ -34,7 +35,8 @@ pub fn undistorted<'a>(photo: &'a Image<[u8; 3]>, camera: &Camera, lens: &Lens) 
     Cow::Owned(straight)
 }
 
-/// Which pixels of [`undistorted`] show the photo alone, and no black from beyond its border; `None` where all do.
+/// Returns the mask of the pixels of [`undistorted`] that show only the photo, without black from
+/// outside its border. Returns `None` if all pixels do.
 #[must_use]
 pub fn covered(camera: &Camera, lens: &Lens) -> Option<Image<bool>> {
     if lens.max_displacement_px(camera) <= NEGLIGIBLE_PX {
@@ -47,7 +49,8 @@ pub fn covered(camera: &Camera, lens: &Lens) -> Option<Image<bool>> {
     Some(Image::from_vec(camera.size, (0..height).into_par_iter().flat_map_iter(row).collect()))
 }
 
-/// Where in the photo, px, the lens puts what the pinhole sees at the centre of pixel `[i, j]`.
+/// Returns the position in the photo, px, that corresponds to the centre of pixel `[i, j]` of the
+/// pinhole image.
 fn seen_at(camera: &Camera, lens: &Lens, [i, j]: [u32; 2]) -> [f64; 2] {
     let x = (f64::from(i) + 0.5 - camera.cx) / camera.fx;
     let y = (f64::from(j) + 0.5 - camera.cy) / camera.fy;
@@ -55,8 +58,9 @@ fn seen_at(camera: &Camera, lens: &Lens, [i, j]: [u32; 2]) -> [f64; 2] {
     [camera.fx * x + camera.cx, camera.fy * y + camera.cy]
 }
 
-/// The colour between the four nearest pixel centres, of which those outside are black.
+/// Interpolates between the four nearest pixel centres; those outside the photo are black.
 fn bilinear(photo: &Image<[u8; 3]>, [u, v]: [f64; 2]) -> [u8; 3] {
+    // Pixel centres lie at half-integers; the interpolation counts from the centres.
     let (x, y) = (u - 0.5, v - 0.5);
     let (left, top) = (x.floor(), y.floor());
     let (to_right, to_bottom) = (x - left, y - top);
@@ -69,8 +73,8 @@ fn bilinear(photo: &Image<[u8; 3]>, [u, v]: [f64; 2]) -> [u8; 3] {
     })
 }
 
-/// The colour of the pixel in this column and row, counted in whole numbers; black outside, and where a pole of the lens
-/// leaves no number.
+/// Returns the colour of the pixel in this column and row, both whole numbers. The result is black
+/// outside the photo, and at a pole of the lens, where the position is NaN.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers within the photo")]
 fn colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
     let Size { width, height } = photo.size();
@@ -78,7 +82,7 @@ fn colour(photo: &Image<[u8; 3]>, [column, row]: [f64; 2]) -> [u8; 3] {
     if inside { photo.pixels()[row as usize * width as usize + column as usize] } else { [0; 3] }
 }
 
-/// The nearest byte of a value between bytes; 0 of what is no number.
+/// Rounds a value to the nearest byte; NaN becomes 0.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 255.5")]
 fn rounded(value: f64) -> u8 {
     (value + 0.5) as u8
@@ -91,15 +95,16 @@ mod tests {
     const SIZE: Size = Size { width: 97, height: 61 };
     const CAMERA: Camera = Camera { size: SIZE, fx: 90.0, fy: 80.0, cx: 50.25, cy: 29.5 };
 
-    /// The picture whose colours are those of `shade` at the centres of its pixels, px.
+    /// Paints a picture with the colours of `shade` at the centres of its pixels, px.
     fn picture(shade: impl Fn(f64, f64) -> [f64; 3]) -> Image<[u8; 3]> {
         let at = |k: u32| (f64::from(k % SIZE.width) + 0.5, f64::from(k / SIZE.width) + 0.5);
         let pixels = (0..SIZE.width * SIZE.height).map(at).map(|(u, v)| shade(u, v).map(rounded));
         Image::from_vec(SIZE, pixels.collect())
     }
 
-    /// Smooth enough that bilinear interpolation is off by less than a fifth of a grey level: at most
-    /// `(|f_uu| + |f_vv|) / 8`, with second derivatives below `100 / 15^2 = 0.45` and `80 / 12^2 = 0.56`.
+    /// A pattern smooth enough that bilinear interpolation is off by less than a fifth of a grey
+    /// level: at most `(|f_uu| + |f_vv|) / 8`, with second derivatives below `100 / 15^2 = 0.45`
+    /// and `80 / 12^2 = 0.56`.
     fn waves(u: f64, v: f64) -> [f64; 3] {
         [
             128.0 + 100.0 * libm::sin(u / 15.0 + 0.3),
@@ -122,18 +127,20 @@ mod tests {
         }
     }
 
-    /// Where `k r^2` is far above 1, the rational lens `(1 + k1 r^2) / (1 + k4 r^2)` is a scale by `k1 / k4`.
+    /// With `k r^2` far above 1, the rational lens `(1 + k1 r^2) / (1 + k4 r^2)` is a scale by
+    /// `k1 / k4`.
     #[test]
     fn a_lens_that_scales_is_undone_about_the_principal_point() {
         let lens = Lens::FullOpenCv { k: [0.5e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
         let photo = picture(|u, v| waves(50.25 + 2.0 * (u - 50.25), 29.5 + 2.0 * (v - 29.5)));
         let straight = undistorted(&photo, &CAMERA, &lens);
-        // Halved waves: four times the curvature, so below one level with the rounding.
+        // Waves of half the length have four times the curvature: below one level, with the
+        // rounding.
         assert!(largest_difference(&straight, &picture(waves)) <= 2);
         let lens = Lens::FullOpenCv { k: [4e15, 0.0, 0.0, 0.0, 0.0, 1e15, 0.0, 0.0] };
         let white = Image::filled(SIZE, [255; 3]);
-        // Four times as far from the principal point: a pixel centre at distance d of an edge at D is inside for 4 d <=
-        // D - 1/2, black for 4 d >= D + 1/2.
+        // The distance from the principal point is four times as large. A pixel centre at distance
+        // d of an edge at D is inside for 4 d <= D - 1/2, and black for 4 d >= D + 1/2.
         let wanted = |centre: f64, from: f64, to: f64| {
             let place = from + 4.0 * (centre - from);
             if (0.5..=to - 0.5).contains(&place) {
@@ -179,7 +186,7 @@ mod tests {
         let lens = Lens::SimpleRadial { k1 };
         assert!(lens.max_displacement_px(&CAMERA) > 5.0);
         assert!(largest_difference(&undistorted(&photo, &CAMERA, &lens), &picture(waves)) <= 1);
-        // As it was taken the photo is another picture.
+        // The photo as taken is a different picture, so the comparison above can fail.
         assert!(largest_difference(&photo, &picture(waves)) > 20);
     }
 }

@@ -1,8 +1,8 @@
-//! One view out of what a user names: a capture's, or that of a camera JSON.
+//! One view from a user-named source: of a capture, or of a camera JSON.
 //!
-//! A camera JSON is an object `{"W", "H", "fx", "fy", "cx", "cy", "R", "t"}`: size, intrinsics in pixels, and the
-//! motion from world to camera axes, `x_camera = R x_world + t`, `R` row by row. Axes and pixels are the program's own.
-//! Other fields are not read.
+//! A camera JSON is an object `{"W", "H", "fx", "fy", "cx", "cy", "R", "t"}`: size, intrinsics in
+//! pixels, and the motion from world to camera axes, `x_camera = R x_world + t`, `R` row by row.
+//! Axes and pixels are the program's own. Other fields are not read.
 
 use super::kind::Kind;
 use super::node::{Node, load};
@@ -13,11 +13,11 @@ use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
 use std::path::Path;
 
-/// Reads the views at `path`: a camera JSON, which is one, a `transforms.json`, or a folder that holds a capture of any
-/// kind. Files are told apart by what is in them.
+/// Reads the views at `path`: a camera JSON with one view, a `transforms.json`, or a folder with a
+/// capture of any kind. Files are distinguished by their content.
 ///
 /// # Errors
-/// As the reader of each kind, and when a folder holds no capture or two.
+/// The reader of the kind fails, or a folder contains no capture or two.
 pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     if std::fs::metadata(path).map_err(SourceError::io(path))?.is_dir() {
         return Kind::find(path)?.read(path);
@@ -34,15 +34,15 @@ pub fn read(path: &Path) -> Result<(Capture, Vec<Warning>), SourceError> {
     Ok((vec![view].into(), warning.into_iter().collect()))
 }
 
-/// One view of those at a place, and what its user should know about it.
+/// Returns one of the views at a path, with the warnings that concern it.
 ///
-/// `None` where there are not so many.
+/// Returns `None` if the index is out of range.
 #[must_use]
 pub fn choose((capture, warnings): (Capture, Vec<Warning>), index: usize) -> Option<(View, Vec<Warning>)> {
     let view = capture.views.into_iter().nth(index)?;
     let concerns = |warning: &Warning| match warning {
         Warning::Projected { image, .. } | Warning::PhotoSize { image, .. } => *image == view.name,
-        // Told of all views together; of this one below.
+        // These warnings concern all views together. The warning for this view is added below.
         Warning::DistortionIgnored { .. } | Warning::CamerasDiffer { .. } => false,
         Warning::PhotosMissing { .. } | Warning::FewViews { .. } => false,
         Warning::CountsDiffer { .. } | Warning::Exposure { .. } => true,
@@ -96,8 +96,8 @@ mod tests {
         let size = Size { width: 64, height: 48 };
         assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0 });
         assert_eq!((view.name.as_str(), view.lens, told), ("camera.json", Lens::Pinhole, Vec::new()));
-        // What the file says of three points, world to camera, by hand: (z + 1, y + 2, -x + 3). Entries of 1 and 0
-        // pass through a quaternion with roundings of 1e-16 each.
+        // Images of three points, world to camera, computed by hand: (z + 1, y + 2, -x + 3).
+        // Entries of 1 and 0 pass through a quaternion with roundings of 1e-16 each.
         let camera_from_world = view.world_from_camera.inverse();
         for ([x, y, z], wanted) in [
             ([0.0, 0.0, 0.0], [1.0, 2.0, 3.0]),

@@ -1,4 +1,4 @@
-//! `release.yaml`: what the release is called, by whom, and how it is cited.
+//! `release.yaml`: name, creator and citation of the release.
 
 use super::splits::{self, Splits};
 use crate::recipe::field::Field;
@@ -6,32 +6,32 @@ use crate::recipe::forms;
 use crate::recipe::resolve::Resolver;
 use serde::{Deserialize, Serialize};
 
-/// What catalogues say of a release. Nothing in it is read from a clock.
+/// Description of a release for catalogues. No field is read from a clock.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReleaseInfo {
-    /// Its name; default `gs2e release`.
+    /// Name of the release; default `gs2e release`.
     pub name: String,
     /// Semantic version; default `0.0.0`.
     pub version: String,
-    /// Its page; default `https://unpublished.invalid/`, a name that is reserved to lead nowhere.
+    /// Web page; default `https://unpublished.invalid/`, a reserved name that never resolves.
     pub url: String,
-    /// Who made it; default `unstated`.
+    /// Creator; default `unstated`.
     pub creator: String,
     /// Day of publication, `YYYY-MM-DD`; default `1970-01-01`.
     pub date_published: String,
-    /// How it is cited; default `unpublished dataset made with gs2e`.
+    /// Citation; default `unpublished dataset made with gs2e`.
     pub cite_as: String,
-    /// What it is; default `Synthetic event-camera sequences, rendered from 3D Gaussian splats.`
+    /// Description; default `Synthetic event-camera sequences, rendered from 3D Gaussian splats.`
     pub description: String,
-    /// Who answers, and takes requests for removal; default: nobody is named.
+    /// Contact for questions and requests for removal. Optional.
     pub contact: Option<String>,
-    /// What it was made for, as the publisher says.
+    /// Purpose of the dataset, in the publisher's words.
     pub purpose: Option<String>,
-    /// Who paid for it, as the publisher says.
+    /// Funding, in the publisher's words.
     pub funding: Option<String>,
-    /// How it is kept up, as the publisher says.
+    /// Maintenance plan, in the publisher's words.
     pub maintenance: Option<String>,
-    /// How scenes are dealt into splits, if they are.
+    /// Rules that assign scenes to splits, if the release has splits.
     pub splits: Option<Splits>,
 }
 
@@ -54,7 +54,7 @@ impl Default for ReleaseInfo {
     }
 }
 
-/// The file as it is written.
+/// The file as written.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Raw {
@@ -69,11 +69,11 @@ pub(super) struct Raw {
     purpose: Field<String>,
     funding: Field<String>,
     maintenance: Field<String>,
-    /// Names of splits and how scenes are dealt to them.
+    /// Rules that assign scenes to splits.
     splits: Field<splits::Raw>,
 }
 
-/// What the file says, with defaults.
+/// Returns the content of the file, completed with defaults.
 pub(super) fn info(raw: &Raw, resolver: &Resolver<'_>) -> Option<ReleaseInfo> {
     let default = ReleaseInfo::default();
     let name = text(resolver, &raw.name, default.name);

@@ -1,4 +1,4 @@
-//! `sources.yaml`: for each kind of source, whether what is made from it may be passed on, and why that may be said.
+//! `sources.yaml`: permission to redistribute material, with its reason, for each kind of source.
 
 use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
@@ -7,17 +7,18 @@ use crate::recipe::text::Place;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What the releaser states, by kind of source (`mvimgnet`, `dl3dv`, `colmap`, …).
+/// The publisher's statements by kind of source (`mvimgnet`, `dl3dv`, `colmap`, …).
 pub type SourceTerms = BTreeMap<String, Redistribution>;
 
-/// The statement that a source's material may be passed on.
+/// The statement that material of a source may be redistributed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Redistribution {
-    /// Why: never empty.
+    /// The reason; never empty.
     pub because: String,
 }
 
-/// The file as it is written. A source that is not named may not be passed on, if its licence does not say so.
+/// The file as written. Material of an unlisted source may be redistributed only if its licence
+/// says so.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Raw {
@@ -35,14 +36,14 @@ struct Entry {
     because: Field<String>,
 }
 
-/// There is one thing to say; the other is said by saying nothing.
+/// The only accepted value. A source without a statement has no permission.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Redistribute {
     Allowed,
 }
 
-/// What the file states.
+/// Returns the statements of the file.
 pub(super) fn terms(raw: &Raw, resolver: &Resolver<'_>) -> Option<SourceTerms> {
     let sources = [
         ("mvimgnet", &raw.mvimgnet),

@@ -1,9 +1,10 @@
-//! `splits:` of `release.yaml`: which scenes are trained on and which are measured on, dealt by what was photographed and
+//! `splits:` of `release.yaml`: assignment of scenes to training and test splits, by subject and
 //! never by trajectory.
 //!
-//! A group's split is a function of its own key and the salt alone, so that a scene that is added moves no other:
-//! `u` is the first 53 bits of SHA-256(salt, a NUL, key) as a fraction, and the split is the first, in the order of their
-//! names, whose share added to those before it exceeds `u`. Shares are therefore reached in the long run only.
+//! The split of a group depends on its own key and the salt alone, so adding a scene moves no other
+//! scene. `u` is the first 53 bits of SHA-256(salt, a NUL, key) as a fraction. The split is the
+//! first, in the order of names, at which the cumulative share exceeds `u`. Shares are therefore
+//! reached only in the long run.
 
 use crate::recipe::field::Field;
 use crate::recipe::names;
@@ -14,36 +15,36 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 
-/// How scenes are dealt.
+/// Assignment of scenes to splits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Splits {
-    /// What stays together.
+    /// The unit that stays together.
     pub by: By,
-    /// Share of each split, above 0, together 1.
+    /// Share of each split; each is positive and the sum is 1.
     pub shares: BTreeMap<String, f64>,
-    /// Another one deals anew.
+    /// Salt of the hash. Another salt gives another assignment.
     pub salt: String,
 }
 
-/// What stays together.
+/// The unit that stays together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum By {
     /// Scenes of one capture.
     Capture,
-    /// The same, and scenes whose recipes name one `group`.
+    /// Scenes of one capture, and scenes whose recipes name the same `group`.
     Object,
 }
 
-/// Shares may miss 1 by what decimal fractions do in binary.
+/// Tolerance of the sum of shares, for the rounding of decimal fractions in binary.
 const TOLERANCE: f64 = 1e-9;
 
 impl Splits {
-    /// The split of the group with this key.
+    /// Returns the split of the group with this key.
     ///
     /// # Panics
-    /// If there is no split: [`Splits`] that were read have one.
+    /// There is no split. [`Splits`] that were read have at least one.
     #[must_use]
     pub fn of(&self, key: &str) -> &str {
         let mut hash = Sha256::new();
@@ -58,12 +59,12 @@ impl Splits {
             below += **share;
             u < below
         });
-        // Shares may end a little below 1.
+        // The cumulative share may end a little below 1 because of rounding.
         let (name, _) = reached.or_else(|| self.shares.iter().next_back()).expect("there is a split");
         name
     }
 
-    /// Why these are no splits.
+    /// Returns the reason why these splits are invalid, if there is one.
     #[must_use]
     pub fn fault(&self) -> Option<String> {
         if self.shares.is_empty() {
@@ -78,7 +79,7 @@ impl Splits {
     }
 }
 
-/// As it is written.
+/// The section as written.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Raw {
@@ -89,7 +90,7 @@ pub(super) struct Raw {
 
 const HELP: &str = "write splits: { by: object, shares: { train: 0.8, val: 0.1, test: 0.1 } }";
 
-/// What is written; `Some(None)` where nothing is.
+/// Resolves the section; `Some(None)` if it is absent.
 pub(super) fn splits(field: &Field<Raw>, resolver: &Resolver<'_>) -> Option<Option<Splits>> {
     let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
     let by = resolver.required(&raw.by, "by", place, HELP).map(|(by, _)| *by);
@@ -135,7 +136,8 @@ mod tests {
 
     #[test]
     fn a_group_lies_where_its_hash_says() {
-        // By sha256sum of "\0a": 022a6979…, a fraction of 0.008; of "\0b" 0.343, "\0f" 0.959, "s\0a" 0.301.
+        // By sha256sum of "\0a": 022a6979…, a fraction of 0.008; of "\0b" 0.343, "\0f" 0.959,
+        // "s\0a" 0.301.
         let t = |salt, key, wanted| {
             assert_eq!(splits(&[("train", 0.8), ("val", 0.1), ("test", 0.1)], salt).of(key), wanted);
         };
@@ -150,7 +152,7 @@ mod tests {
         let [a, b] = ["", "again"].map(|salt| splits(&[("train", 0.7), ("test", 0.3)], salt));
         let keys: Vec<String> = (0..10_000).map(|i| format!("dl3dv/{i}")).collect();
         let tests = |splits: &Splits| keys.iter().filter(|key| splits.of(key) == "test").count();
-        // Binomial: 46 is one standard deviation; 4 of them.
+        // The standard deviation of the binomial distribution is 46; the bound is 4 of them.
         for splits in [&a, &b] {
             assert!((2_816..=3_184).contains(&tests(splits)), "{}", tests(splits));
         }

@@ -1,5 +1,6 @@
-//! `takedown.txt`: scenes that are no longer made or passed on. A line each, `<scene id or upstream id> <day> [reason]`;
-//! lines that begin with `#`, and empty ones, say nothing.
+//! `takedown.txt`: scenes that are no longer made or redistributed. Each line is
+//! `<scene id or upstream id> <day> [reason]`. Empty lines and lines that begin with `#` are
+//! ignored.
 
 use crate::recipe::fault::{Fault, Faults};
 use crate::recipe::find::{self, TAKEDOWN};
@@ -11,20 +12,20 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The ids that are listed, in small letters, each with the first day that one of its lines names. Which case an id is
-/// written in is nobody's reason to keep a scene.
+/// The listed ids in lower case, each with the earliest day of its lines. Ids are compared without
+/// case, so a difference of case never keeps a listed scene in a release.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Takedown(BTreeMap<String, String>);
 
 impl Takedown {
-    /// Whether nothing is listed.
+    /// Returns true if the list is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The day since which a scene is listed: by its own id, by what its upstream calls it, or by the kind of its source
-    /// and that.
+    /// Returns the day since which a scene is listed. A line names a scene by its own id, by its
+    /// upstream id, or by the kind of its source followed by the upstream id.
     #[must_use]
     pub fn since(&self, scene: &str, kind: &str, upstream_id: Option<&str>) -> Option<&str> {
         let upstream = upstream_id.into_iter().flat_map(|id| [id.to_owned(), format!("{kind}/{id}")]);
@@ -32,14 +33,14 @@ impl Takedown {
         names.find_map(|name| self.0.get(&name.to_lowercase())).map(String::as_str)
     }
 
-    /// Whether a recipe's scene is listed.
+    /// Returns true if the scene of this recipe is listed.
     #[must_use]
     pub fn lists(&self, recipe: &Recipe) -> bool {
         let (kind, upstream_id) = recipe.source.origin();
         self.since(&recipe.scene, kind, upstream_id).is_some()
     }
 
-    /// The recipes of scenes that are not listed, and the number of the others.
+    /// Returns the recipes of unlisted scenes, and the number of removed recipes.
     #[must_use]
     pub fn keep(&self, mut recipes: Vec<Recipe>) -> (Vec<Recipe>, usize) {
         let all = recipes.len();
@@ -48,10 +49,10 @@ impl Takedown {
         (recipes, left_out)
     }
 
-    /// Reads lists of these names.
+    /// Reads the lists in these files.
     ///
     /// # Errors
-    /// Every line of them that is none, and files that cannot be read.
+    /// A line is malformed or a file cannot be read. All faults are returned.
     pub fn read(files: &[PathBuf]) -> Result<Self, Faults> {
         let (mut list, mut faults) = (Self::default(), Vec::new());
         for file in files {
@@ -63,14 +64,15 @@ impl Takedown {
         Faults::or(list, faults)
     }
 
-    /// Adds the lines of a file; what comes back is wrong with it.
+    /// Adds the lines of a file and returns their faults.
     fn add(&mut self, file: &Path, body: String) -> Vec<Fault> {
         let texts = vec![Arc::new(Text { path: file.to_owned(), body })];
         let mut faults = Vec::new();
         for line in texts[0].body.lines() {
             let line = line.trim_start_matches('\u{feff}').trim();
             let place = |from: &str| {
-                // Lines and their words are slices of the text, so the distance of their starts is their place.
+                // Lines and their words are slices of the text, so the distance of their starts is
+                // their offset.
                 let at = from.as_ptr() as usize - texts[0].body.as_ptr() as usize;
                 Place { file: 0, start: bytes(at), end: bytes(at + from.len()) }
             };
@@ -94,7 +96,7 @@ impl Takedown {
     }
 }
 
-/// A place in a file of at most as many bytes as the reader takes.
+/// Converts an offset. The reader limits the size of the file, so the offset fits.
 fn bytes(at: usize) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
@@ -102,7 +104,7 @@ fn bytes(at: usize) -> u32 {
 const HELP: &str =
     "a line is an id, a day and perhaps a reason: dl3dv/0a1b 2025-06-01 asked for by the owner";
 
-/// Id and day of a line, or the word that is wrong, with what is wrong.
+/// Splits a line into id and day. The error holds the wrong word and the message.
 fn entry(line: &str) -> Result<(&str, &str), (&str, String)> {
     let mut words = line.split_whitespace();
     let id = words.next().unwrap_or(line);
@@ -113,20 +115,20 @@ fn entry(line: &str) -> Result<(&str, &str), (&str, String)> {
     Ok((id, day))
 }
 
-/// Reads every `takedown.txt` that lies beside recipes of these paths, or in a folder between them and what was named.
-/// What one of them lists is listed for all.
+/// Reads every `takedown.txt` next to the recipes of these paths or in a folder between them and
+/// the given path. A scene listed in one file is listed for all recipes.
 ///
 /// # Errors
-/// As [`Takedown::read`].
+/// Same as for [`Takedown::read`].
 pub fn read_takedown(paths: &[PathBuf]) -> Result<Takedown, Faults> {
-    // What is wrong with the recipes is told where they are read.
+    // Faults of the recipes are reported when the recipes are read.
     takedown_of(paths, &find::find_all(paths).unwrap_or_default())
 }
 
-/// The same for recipes that were found.
+/// Reads the `takedown.txt` files of recipes that were already found.
 ///
 /// # Errors
-/// As [`Takedown::read`].
+/// Same as for [`Takedown::read`].
 pub fn takedown_of(paths: &[PathBuf], recipes: &[RecipeFile]) -> Result<Takedown, Faults> {
     let root = |path: &PathBuf| if path.is_dir() { path.clone() } else { find::folder(path) };
     let roots: BTreeSet<PathBuf> = paths.iter().map(root).collect();

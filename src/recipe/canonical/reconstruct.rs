@@ -1,10 +1,10 @@
-//! A program that trains a scene, in one spelling.
+//! Canonical form of a program that trains a scene.
 
 use crate::recipe::schema;
 use crate::reconstruct::{Argument, Command};
 use serde_json::{Map, Value, json};
 
-/// All that is known of it; the paths of its files are as written.
+/// Returns all known fields; file paths are as written.
 pub(super) fn command(raw: &schema::Recipe, command: &Command) -> Value {
     let texts = |list: &[Argument]| list.iter().map(Argument::to_string).collect::<Vec<_>>();
     let mut out = json!({

@@ -1,4 +1,4 @@
-//! Trajectories as the merged recipe shows them: as many as are written, whatever groups they have.
+//! Trajectories in the merged recipe: one entry per written trajectory, however many groups it has.
 
 use super::{ratio, written};
 use crate::recipe::resolve::trajectory::{CONSTANT_SPEED, PAPERS_SPEED};
@@ -12,7 +12,8 @@ use crate::trajectory::refine::{Refine, Scale};
 use crate::trajectory::travel::Count;
 use serde_json::{Value, json};
 
-/// The list, each as it is written: of the groups of a novel one the first stands for all.
+/// Returns the list, each trajectory as written. The first group of a novel trajectory represents
+/// all its groups.
 pub(super) fn all(raw: &schema::Recipe, list: &[TrajectoryRecipe]) -> Vec<Value> {
     let Some((items, _)) = raw.trajectories.given() else { return Vec::new() };
     let mut rest = list;
@@ -36,7 +37,7 @@ fn one(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
     json!({ "name": trajectory.written, kind: path, "speed": speed(raw, trajectory) })
 }
 
-/// Formulae are shown as they are written.
+/// Formulae are shown as written.
 fn speed(raw: &schema::Trajectory, trajectory: &TrajectoryRecipe) -> Value {
     let function = match raw.speed.given() {
         Some((schema::Speed::Function(text), _)) => written(text),
@@ -111,7 +112,7 @@ fn keyframe(keyframe: &Keyframe) -> Value {
     }
 }
 
-/// A path with its number of poses, where it is one that is chosen.
+/// Adds the number of poses to a path, if it is a choice.
 fn counted(mut path: Value, count: Count) -> Value {
     let (key, value) = match count {
         Count::Factor(factor) => ("factor", ratio(factor)),

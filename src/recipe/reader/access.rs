@@ -1,4 +1,4 @@
-//! The parts of a value, handed to serde one by one.
+//! Access of serde to the parts of a value.
 
 use super::Reader;
 use crate::recipe::problem::Problem;
@@ -10,10 +10,11 @@ use serde::de::{
 };
 use std::cell::Cell;
 
-/// A [`crate::recipe::field::Field`]: its place in three numbers, then its value, or nothing where the value is faulty.
+/// A [`crate::recipe::field::Field`]: its place in three numbers, then its value. A faulty value is
+/// omitted.
 pub(super) struct FieldAccess<'a> {
     pub(super) reader: Reader<'a>,
-    /// How many parts were handed over.
+    /// Number of parts that were passed on.
     pub(super) step: usize,
 }
 
@@ -54,11 +55,11 @@ impl<'de> SeqAccess<'de> for Items<'_> {
 pub(super) struct Entries<'a> {
     pub(super) reader: Reader<'a>,
     pub(super) rest: &'a [Entry],
-    /// Of a structure: the fields that it has; others were reported before.
+    /// Known fields of a structure; unknown fields were reported before. `None` for a map.
     pub(super) fields: Option<&'static [&'static str]>,
-    /// The value of the key that was handed over last.
+    /// The value of the last key that was passed on.
     pub(super) value: Option<&'a Node>,
-    /// Where a problem lies that serde finds now: at the last key, or in the mapping as a whole.
+    /// Place of a problem that serde detects now: the last key, or the mapping as a whole.
     pub(super) last: &'a Cell<Place>,
 }
 
@@ -86,11 +87,11 @@ impl<'de> MapAccess<'de> for Entries<'_> {
     }
 }
 
-/// The one choice of an enumeration.
+/// The choice of an enumeration.
 pub(super) struct Choice<'a> {
     pub(super) reader: Reader<'a>,
     pub(super) name: &'a str,
-    /// Nothing where it is a bare word.
+    /// The value; absent for a bare word.
     pub(super) value: Option<&'a Node>,
 }
 

@@ -1,13 +1,15 @@
-//! Numbers as YAML writes them. What a number is for, the schema says.
+//! Numbers as YAML writes them. The schema decides the meaning of a number.
 
-/// A finite real in decimal form, -0 as 0; `None` for `.nan`, `.inf`, what leaves 64 bits, and what is no number.
+/// Parses a finite real in decimal form; -0 becomes 0. Returns `None` for `.nan`, `.inf`, overflow,
+/// and text that is no number.
 pub(super) fn real(text: &str) -> Option<f64> {
     let spelled = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
     let value: f64 = text.parse().ok().filter(|v: &f64| spelled && v.is_finite())?;
     Some(if value == 0.0 { 0.0 } else { value })
 }
 
-/// A whole number: decimal, `0x`, `0o`, or a real without a fraction below 2^53, such as `2e3`.
+/// Parses a whole number: decimal, `0x`, `0o`, or a real without a fraction below 2^53, for example
+/// `2e3`.
 pub(super) fn whole(text: &str) -> Option<i128> {
     if let Some(digits) = text.strip_prefix("0x") {
         return i128::from_str_radix(digits, 16).ok();

@@ -1,4 +1,4 @@
-//! The owner's part of the licence, and what an upstream granted.
+//! The owner's part of the licence, and the grant of an upstream.
 
 use super::Resolver;
 use crate::licence::{Asset, Expression, Grant, SourceKind, ledger};
@@ -27,7 +27,8 @@ impl Resolver<'_> {
         Some(Some(LicenceChoice { expression: expression?, holder: holder?, grant: grant? }))
     }
 
-    /// Terms of the upstream that are none of those that it states for everybody have evidence.
+    /// Resolves the upstream's grant. Terms that differ from the upstream's public terms need
+    /// evidence.
     fn grant(&self, raw: &schema::Licence, source: Option<&Source>) -> Option<Option<Grant>> {
         let Some((text, place)) = raw.upstream.given() else {
             if let Some(place) = raw.evidence.place() {
@@ -63,7 +64,7 @@ impl Resolver<'_> {
         Some(Some(Grant { expression, granted_by: granted_by?, url: url??, date: date?? }))
     }
 
-    /// The terms of a program; of one that is known they are its own.
+    /// Returns the terms of a program. The terms of a known program must include its licence.
     pub(super) fn tool_terms(&self, program: &str, text: &str, place: Place) -> Option<String> {
         let stated = self.spdx(text, place)?;
         let name = program.rsplit('/').next().unwrap_or(program);
@@ -92,7 +93,7 @@ impl Resolver<'_> {
     }
 }
 
-/// The dataset that a source is of.
+/// Returns the dataset of a source.
 fn upstream_of(source: &Source) -> Option<&'static Asset> {
     let url = match source {
         Source::Captured(_, upstream) => upstream.url.as_deref(),

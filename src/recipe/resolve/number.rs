@@ -7,27 +7,27 @@ use crate::recipe::text::Place;
 use crate::units::Ratio;
 use std::fmt;
 
-/// The reals that a field takes.
+/// The accepted reals of a field.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Range {
     low: f64,
     high: f64,
-    /// The lower end itself is left out.
+    /// True if the lower end is excluded.
     open: bool,
 }
 
 impl Range {
-    /// `low` to `high`, both included.
+    /// The closed range from `low` to `high`.
     pub(super) const fn new(low: f64, high: f64) -> Self {
         Self { low, high, open: false }
     }
 
-    /// Above `low`, up to `high`.
+    /// The range above `low` and at most `high`.
     pub(super) const fn above(low: f64, high: f64) -> Self {
         Self { low, high, open: true }
     }
 
-    /// Whether it holds a value.
+    /// Returns true if the range contains a value.
     pub(super) fn holds(self, value: f64) -> bool {
         value <= self.high && if self.open { value > self.low } else { value >= self.low }
     }
@@ -43,7 +43,7 @@ impl fmt::Display for Range {
     }
 }
 
-/// The whole numbers that a field takes, both ends included.
+/// The accepted whole numbers of a field, both ends included.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Whole {
     low: u64,
@@ -51,26 +51,26 @@ pub(super) struct Whole {
 }
 
 impl Whole {
-    /// `low` to `high`.
+    /// The closed range from `low` to `high`.
     pub(super) const fn new(low: u64, high: u64) -> Self {
         Self { low, high }
     }
 }
 
 impl Resolver<'_> {
-    /// A real within its range.
+    /// Resolves a real within its range.
     pub(super) fn real(&self, field: &Field<f64>, default: f64, range: Range) -> Option<f64> {
         let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
         if range.holds(*value) { Some(*value) } else { self.out_of_range(value, &range, place) }
     }
 
-    /// A whole number within its range, which ends below 2^32.
+    /// Resolves a whole number within its range, whose upper end is below 2^32.
     pub(super) fn small(&self, field: &Field<u64>, default: u32, range: Whole) -> Option<u32> {
         let value = self.whole(field, default.into(), range)?;
         Some(u32::try_from(value).expect("the range ends below 2^32"))
     }
 
-    /// A whole number within its range.
+    /// Resolves a whole number within its range.
     pub(super) fn whole(&self, field: &Field<u64>, default: u64, range: Whole) -> Option<u64> {
         let Some((value, place)) = field.given() else { return field.is_absent().then_some(default) };
         if (range.low..=range.high).contains(value) {
@@ -79,7 +79,7 @@ impl Resolver<'_> {
         self.out_of_range(value, &format_args!("a whole number from {} to {}", range.low, range.high), place)
     }
 
-    /// A positive rational within its range, exactly as written.
+    /// Resolves a positive rational within its range, exactly as written.
     pub(super) fn ratio(&self, field: &Field<Literal>, default: u64, range: Range) -> Option<Ratio> {
         let Some((Literal(text), place)) = field.given() else {
             let default = Ratio::new(default, 1).expect("defaults are positive");

@@ -1,4 +1,4 @@
-//! What is made for each trajectory, and how often.
+//! Products of each trajectory and their spacing.
 
 use super::number::Whole;
 use super::{MAX_FRAMES, Resolver};
@@ -9,7 +9,7 @@ use crate::recipe::{Output, Spacing, schema};
 use crate::sampling::exposure::{FRAMES, Shutter, Subframes};
 use std::collections::BTreeSet;
 
-/// Most of them: four seconds at 2,400 frames a second.
+/// Maximum number of exposed frames: four seconds at 2,400 frames per second.
 const MOST_EXPOSED: u64 = 9_999;
 
 impl Resolver<'_> {

@@ -9,7 +9,7 @@ use crate::recipe::text::Place;
 use crate::recipe::{Source, schema};
 use crate::render::{Antialiased, Layering, RenderChoice, Rules};
 
-/// Pixels on a side, far above any event sensor; events count them in 16 bits.
+/// Pixels per side, far above any event sensor. Events store coordinates in 16 bits.
 const SIDE: Whole = Whole::new(1, 16_384);
 
 const WHOLE: &str = "without a source the camera is written: camera: { width: 640, height: 360, fx: 500 }";
@@ -34,7 +34,8 @@ impl Resolver<'_> {
         Some(Some(CameraChoice { width: width?, height: height?, intrinsics: intrinsics? }))
     }
 
-    /// fx, fy, cx and cy; `None` in it where the camera has none of its own.
+    /// Resolves fx, fy, cx and cy; the inner `None` means that the camera has no intrinsics of its
+    /// own.
     fn intrinsics(
         &self,
         raw: &schema::Camera,
@@ -80,7 +81,7 @@ impl Resolver<'_> {
         })
     }
 
-    /// The order of the layers, which the rules `soft` alone can blend.
+    /// Resolves the order of the layers. Only the rules `soft` can blend them.
     fn layering(&self, field: &Field<schema::Layering>, rules: Option<schema::Rules>) -> Option<Layering> {
         match self.or(field, schema::Layering::Depth)? {
             schema::Layering::Depth => Some(Layering::Depth),

@@ -1,4 +1,4 @@
-//! Where the Gaussians come from.
+//! Resolution of the source of the Gaussians.
 
 mod command;
 
@@ -11,14 +11,14 @@ use crate::source::kind::Kind;
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 const TRAINED: &str = "or reconstruct: { command: { … } }, a program that trains it";
 
-/// What of a recipe decides whether and how it has Gaussians.
+/// The parts of a recipe that decide whether it has Gaussians and which ones.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ground<'a> {
-    /// Where poses come from, if that is said rightly.
+    /// The source of poses, if it is valid.
     pub source: Option<&'a Source>,
-    /// The recipe's seed, likewise.
+    /// The recipe's seed, if it is valid.
     pub seed: Option<u64>,
-    /// Whether anything is rendered.
+    /// True if anything is rendered.
     pub renders: bool,
 }
 
@@ -30,7 +30,7 @@ impl Resolver<'_> {
     ) -> Option<Option<Reconstruct>> {
         match (field, source) {
             (Field::Bad, _) => None,
-            // Paths need poses alone.
+            // Paths need only poses.
             (Field::Absent, Some(_)) if !renders => Some(None),
             (Field::Absent, Some(Source::Captured(captured, _))) if captured.kind == Kind::Model => {
                 Some(Some(Reconstruct::Newest(captured.path.clone())))

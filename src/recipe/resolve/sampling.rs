@@ -1,4 +1,4 @@
-//! When frames are rendered: at a rate, or for an error.
+//! Choice of frame times: at a rate, or for an error.
 
 use super::Resolver;
 use super::number::Range;
@@ -11,10 +11,10 @@ use crate::sensor::{Sensor, Sensors};
 use crate::trajectory::sample::Summation;
 use crate::units::Hertz;
 
-/// Most frames a second: stamps are whole microseconds and must increase.
+/// Maximum frames per second. Timestamps are whole microseconds and must increase.
 const MAX_RATE: f64 = 1e6;
 
-/// Errors that are asked for, thresholds: beyond one threshold events come and go.
+/// Accepted errors, in thresholds. Beyond one threshold, whole events appear and vanish.
 const TOLERANCE: Range = Range::above(0.0, 1.0);
 
 impl Resolver<'_> {
@@ -24,8 +24,8 @@ impl Resolver<'_> {
         self.ratio(&raw.rate, 2400, Range::above(0.0, MAX_RATE)).map(Hertz)
     }
 
-    /// How speed laws are summed: as the paper does, or by their integral, which knows speeds between the poses too and which
-    /// a tolerance needs.
+    /// Resolves the summation of speed laws: the paper's sum, or the integral. The integral defines
+    /// speeds between the poses too, and a tolerance needs it.
     pub(super) fn summation(&self, field: &Field<schema::Sampling>) -> Option<Summation> {
         let absent = schema::Sampling::default();
         let raw = self.section(field, &absent)?;
@@ -41,7 +41,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// As the recipe has it; of a tolerance, which finds its own, `linear` where the recipe has none.
+    /// Resolves the interpolation between frames; `linear` by default. A tolerance chooses its own
+    /// if the recipe has none.
     pub(super) fn between(&self, field: &Field<schema::Sampling>) -> Option<Between> {
         let absent = schema::Sampling::default();
         match &self.section(field, &absent)?.between {
@@ -52,7 +53,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// The error that frames are chosen for, where the recipe has one; it is that of the law `exact`.
+    /// Resolves the error for which frames are chosen, if the recipe has one. It is defined for the
+    /// law `exact` only.
     pub(super) fn tolerance(
         &self,
         field: &Field<schema::Sampling>,

@@ -1,4 +1,4 @@
-//! The sensor: presets and units become numbers.
+//! The sensor: conversion of presets and units to numbers.
 
 mod front_end;
 mod models;
@@ -15,8 +15,8 @@ use crate::sensor::{Sensor, Sensors};
 use crate::units::Hertz;
 use std::collections::BTreeMap;
 
-/// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not
-/// negative.
+/// Ranges of `k1` to `k6`. The gain and the offset of the logarithm are positive; standard
+/// deviations are not negative.
 const K: [Range; 6] = [
     Range::above(0.0, 1e12),
     Range::above(0.0, 1e12),
@@ -27,7 +27,7 @@ const K: [Range; 6] = [
 ];
 
 impl Resolver<'_> {
-    /// The one sensor, or several by name.
+    /// Resolves the one sensor, or several named sensors.
     pub(super) fn sensors(
         &self,
         raw: &schema::Recipe,
@@ -50,7 +50,7 @@ impl Resolver<'_> {
         let lower: BTreeMap<String, &String> =
             sensors.keys().map(|name| (name.to_lowercase(), name)).collect();
         if let Some(name) = sensors.keys().find(|name| lower[&name.to_lowercase()] != *name) {
-            // They are names of files, and some systems know no case.
+            // Sensor names are file names, and some systems ignore case.
             let found = format!(
                 "has {}, which differs from {} in case alone",
                 quoted(lower[&name.to_lowercase()]),
@@ -58,7 +58,7 @@ impl Resolver<'_> {
             );
             return self.refuse(Problem::of_field(found).help("choose another name").at(place));
         }
-        // Each is looked at, so that all faults are told.
+        // Every sensor is checked, so that all faults are reported.
         let sensors: Vec<_> = sensors
             .iter()
             .map(|(name, field)| self.named_sensor((name, field, place), between, rate))
@@ -66,7 +66,7 @@ impl Resolver<'_> {
         sensors.into_iter().collect::<Option<BTreeMap<_, _>>>().map(Sensors::Named)
     }
 
-    /// One of several sensors, which stand at `place`.
+    /// Resolves one of several sensors; `place` is the place of their mapping.
     fn named_sensor(
         &self,
         (name, field, place): (&str, &Field<schema::Sensor>, Place),
@@ -123,8 +123,8 @@ impl Resolver<'_> {
         Some(Sensor::Voltmeter(voltmeter))
     }
 
-    /// Whether the sensor makes a stream that can be used (docs/design/numerics-sensor.md, "Screening"); if
-    /// not, that is reported.
+    /// Returns true if the sensor produces a usable stream (docs/design/numerics-sensor.md,
+    /// "Screening"). Otherwise it reports the fault.
     fn possible(&self, sensor: &Sensor, rate: Hertz, place: Place) -> bool {
         let screened = sensor.screen(rate).map_err(|error| {
             let problem = Problem::of_key(format!("is no usable sensor: {error}"));
@@ -196,7 +196,7 @@ impl Resolver<'_> {
             .or_else(|| self.refuse(Problem::unknown("preset", name, &names).at(place)))
     }
 
-    /// Of ON, of OFF, and their spread.
+    /// Resolves the thresholds of ON and OFF, and their spread.
     fn threshold(&self, field: &Field<schema::Threshold>) -> Option<[f64; 3]> {
         let absent = schema::Threshold::default();
         let raw = self.section(field, &absent)?;

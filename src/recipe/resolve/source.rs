@@ -1,4 +1,4 @@
-//! Where poses and Gaussians come from.
+//! Resolution of the source of poses and Gaussians.
 
 use super::Resolver;
 use super::number::{Range, Whole};
@@ -11,7 +11,7 @@ use crate::source::kind::Kind;
 use crate::source::{self, Captured, PoseFile, Selection, mvimgnet};
 use std::path::PathBuf;
 
-/// Most views that a recipe may ask for.
+/// Maximum number of views that a recipe may ask for.
 const MOST_VIEWS: u32 = 1_000_000;
 
 impl Resolver<'_> {
@@ -69,7 +69,8 @@ impl Resolver<'_> {
         Some(Source::Captured(captured, upstream))
     }
 
-    /// Patterns of names; what a dataset is known to leave beside its photos, where the recipe has none.
+    /// Resolves the patterns of excluded names. By default, the known leftover files of the dataset
+    /// are excluded.
     fn exclude(&self, kind: Kind, raw: &schema::Folder) -> Option<Vec<String>> {
         let list = match &raw.exclude {
             Field::Absent if kind == Kind::Mvimgnet => return Some(vec![mvimgnet::LEFTOVERS.to_owned()]),
@@ -101,7 +102,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// A text that says something, if one is there.
+    /// Returns an optional text that is not blank.
     fn said(&self, field: &Field<String>) -> Option<Option<String>> {
         match field {
             Field::Absent => Some(None),
@@ -110,7 +111,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// A path, relative to the folder of the file that names it.
+    /// Resolves a path relative to the folder of the file that contains it.
     pub(super) fn path(&self, field: &Field<String>, within: Place) -> Option<PathBuf> {
         let (text, place) =
             self.required(field, "path", within, "a path is relative to the recipe's folder")?;

@@ -25,7 +25,7 @@ pub(in crate::recipe) use speed::{CONSTANT_SPEED, PAPERS_SPEED};
 
 const PATHS: &str = "refine, novel, orbit and keyframes";
 
-/// What trajectories are resolved with: other parts of the recipe, as far as they are sound.
+/// The other parts of the recipe that trajectories depend on, as far as they are valid.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting<'a> {
     pub(super) scene: Option<&'a str>,
@@ -35,11 +35,11 @@ pub(super) struct Setting<'a> {
     pub(super) law: Option<Summation>,
 }
 
-/// What a path is resolved with.
+/// The context of a path.
 #[derive(Debug, Clone, Copy)]
 struct Around<'a> {
     setting: Setting<'a>,
-    /// Whether the speed is a flow, which says itself how many poses there are.
+    /// True if the speed is a flow, which determines the number of poses itself.
     flows: bool,
 }
 
@@ -49,7 +49,7 @@ impl Setting<'_> {
     }
 }
 
-/// The list as it is written.
+/// The list as written.
 type List = [Field<schema::Trajectory>];
 
 impl Resolver<'_> {
@@ -72,7 +72,7 @@ impl Resolver<'_> {
         Some(all)
     }
 
-    /// Names that differ in case alone are one folder on some systems.
+    /// Reports repeated names. Names that differ only in case are one folder on some systems.
     fn refuse_repeated_names(&self, list: &List) {
         let (mut written, mut folders) = (BTreeSet::new(), BTreeSet::new());
         for raw in list.iter().filter_map(|item| Some(item.given()?.0)) {
@@ -91,7 +91,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// One trajectory, or as many as it has groups.
+    /// Resolves a trajectory, or all groups of a novel trajectory.
     fn trajectory(
         &self,
         item: &Field<schema::Trajectory>,
@@ -102,6 +102,7 @@ impl Resolver<'_> {
         let name = self.required(&raw.name, "name", place, "write name: base, its folder in the release");
         let name =
             name.and_then(|(name, at)| self.named(name, at, names::trajectory(name), names::TRAJECTORY_HELP));
+        // Every part is resolved before a fault returns, so that all faults are reported.
         let speed = self.speed(&raw.speed, raw.refine.is_absent(), setting.law);
         let flows = matches!(raw.speed.given(), Some((schema::Speed::Flow(_), _)));
         let around = Around { setting, flows };
@@ -117,7 +118,7 @@ impl Resolver<'_> {
         Some(vec![TrajectoryRecipe { written: name.clone(), name, path, base: None, speed }])
     }
 
-    /// Whether there is more than one path, which then was reported.
+    /// Returns true, after reporting it, if there is more than one path.
     fn several_paths(&self, raw: &schema::Trajectory, place: Place) -> bool {
         let absent =
             [raw.refine.is_absent(), raw.novel.is_absent(), raw.orbit.is_absent(), raw.keyframes.is_absent()];
@@ -130,7 +131,7 @@ impl Resolver<'_> {
         several
     }
 
-    /// A path that is a trajectory by itself.
+    /// Resolves a path that is a trajectory by itself.
     fn path_of(&self, raw: &schema::Trajectory, within: Place, around: Around<'_>) -> Option<Path> {
         match (&raw.orbit, &raw.keyframes) {
             (Field::Given(raw, place), _) => self.orbit(raw, *place, around).map(Path::Orbit),
@@ -141,7 +142,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// The trajectories of a novel one's groups.
+    /// Returns the trajectories of the groups of a novel trajectory.
     fn groups(
         &self,
         groups: &Groups,
@@ -161,7 +162,7 @@ impl Resolver<'_> {
     }
 }
 
-/// A folder that an earlier trajectory has.
+/// Message for a folder that an earlier trajectory already has.
 fn clash(name: &str, folder: &str) -> String {
     if name == folder {
         format!("is {}, as a group of an earlier trajectory is called", quoted(name))

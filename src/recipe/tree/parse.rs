@@ -1,4 +1,4 @@
-//! From YAML text to the tree.
+//! Parser of YAML text into the tree.
 
 use super::{Entry, Kind, MAX_BYTES, Node};
 use crate::recipe::problem::{Problem, quoted};
@@ -9,7 +9,8 @@ use serde_saphyr::{MergeKeyPolicy, NonFiniteFloatPolicy, Spanned};
 use std::fmt;
 use unicode_normalization::is_nfc;
 
-/// Parses a file that holds one mapping, or nothing (`None`). `file` is the index that its places carry.
+/// Parses a file that contains one mapping, or nothing (`None`). `file` is the index for its
+/// places.
 pub(in crate::recipe) fn parse(text: &Text, file: u32) -> Result<Option<Node>, Vec<Problem>> {
     let body = text.body.as_str();
     refuse_tabs(body, file).map_err(|problem| vec![problem])?;
@@ -28,7 +29,8 @@ pub(in crate::recipe) fn parse(text: &Text, file: u32) -> Result<Option<Node>, V
     }
 }
 
-/// Limits far above any recipe and far below what hurts; `<<` is refused, as `defaults.yaml` is how values are shared.
+/// Limits far above any real recipe and low enough to bound the work. `<<` is refused, because
+/// values are shared through `defaults.yaml`.
 fn options() -> serde_saphyr::Options {
     serde_saphyr::options! {
         emit_comments: false,
@@ -50,7 +52,7 @@ fn options() -> serde_saphyr::Options {
     }
 }
 
-/// YAML forbids tabs in indentation, and tools disagree on how wide they are elsewhere.
+/// Refuses tabs. YAML forbids them in indentation, and tools disagree on their width elsewhere.
 fn refuse_tabs(body: &str, file: u32) -> Result<(), Problem> {
     let Some(at) = body.match_indices('\t').map(|(at, _)| at).find(|at| !in_comment(body, *at)) else {
         return Ok(());
@@ -68,7 +70,7 @@ fn in_comment(body: &str, at: usize) -> bool {
     line.starts_with('#') || line.contains(" #")
 }
 
-/// What the YAML reader says, in our words where they are clearer.
+/// Translates the YAML reader's message into clearer words where they exist.
 fn problem_of(error: &serde_saphyr::Error, text: &Text, file: u32) -> Problem {
     let place = error.location().map(|location| {
         let start = text.offset(usize_of(location.line()), usize_of(location.column()));
@@ -104,7 +106,7 @@ fn told(error: &serde_saphyr::Error) -> Problem {
     }
 }
 
-/// The reader's message without its ` at line L, column C`.
+/// Returns the reader's message without its ` at line L, column C`.
 fn sentence(error: &serde_saphyr::Error) -> String {
     let full = error.render_with_formatter(&serde_saphyr::UserMessageFormatter);
     let head = full.rsplit_once(" at line ").map_or(full.as_str(), |(head, _)| head);
@@ -115,17 +117,17 @@ fn usize_of(n: u64) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
 
-/// Offsets fit: files are shorter than [`MAX_BYTES`].
+/// Converts an offset. Offsets fit because files are shorter than [`MAX_BYTES`].
 fn short(offset: usize) -> u32 {
     u32::try_from(offset).unwrap_or(u32::MAX)
 }
 
-/// A value as the YAML reader gives it.
+/// A value as the YAML reader returns it.
 struct Raw(Spanned<Shape>);
 
 enum Shape {
     Null,
-    /// A scalar of a type that is seen in its text alone.
+    /// A scalar whose type shows only in its text.
     Typed,
     Text(String),
     List(Vec<Raw>),
@@ -162,7 +164,7 @@ impl Raw {
     }
 }
 
-/// Two spellings of one name that look alike would be two names.
+/// Refuses text in other Unicode forms. Two spellings that look the same would be two names.
 fn refuse_other_forms(text: &str, place: Place, problems: &mut Vec<Problem>) {
     if !is_nfc(text) {
         let help = "write it in Unicode's composed form (NFC), as keyboards do";

@@ -1,4 +1,4 @@
-//! `meta.json`: what the images are, and the numbers that their bytes stand for.
+//! `meta.json`: the names of the images, and the numbers that their bytes encode.
 
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
@@ -7,16 +7,16 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
-/// What errors call it.
+/// Name of this part in errors.
 pub(super) const PART: &str = ".sog (meta.json)";
 
-/// Version 2. Other fields are not read.
+/// The content of version 2. Other fields are not read.
 #[derive(Debug, Deserialize)]
 pub(super) struct Meta {
     pub(super) count: usize,
-    /// Older files tell antialiasing here,
+    /// Flag of antialiasing in older files.
     antialias: Option<bool>,
-    /// newer ones here.
+    /// Flag of antialiasing in newer files.
     model: Option<Model>,
     pub(super) means: Means,
     pub(super) scales: Coded,
@@ -26,7 +26,7 @@ pub(super) struct Meta {
     pub(super) palette: Option<Palette>,
 }
 
-/// How the scene was trained.
+/// Training settings of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Model {
@@ -36,17 +36,17 @@ enum Model {
     Surfels,
 }
 
-/// Positions: the ends of the 16 bits, in `sign(x) ln(1 + |x|)`.
+/// Positions: minimum and maximum of the 16-bit range, in `sign(x) ln(1 + |x|)`.
 #[derive(Debug, Deserialize)]
 pub(super) struct Means {
     pub(super) mins: [f64; 3],
     pub(super) maxs: [f64; 3],
-    /// Low bytes, high bytes.
+    /// Low bytes, then high bytes.
     #[serde(deserialize_with = "names")]
     pub(super) files: [String; 2],
 }
 
-/// Bytes that are entries of a codebook.
+/// Bytes that are indices into a codebook.
 #[derive(Debug, Deserialize)]
 pub(super) struct Coded {
     pub(super) codebook: Codebook,
@@ -60,24 +60,24 @@ pub(super) struct Quats {
     pub(super) files: [String; 1],
 }
 
-/// Sets of harmonics.
+/// Palette of harmonics.
 #[derive(Debug, Deserialize)]
 pub(super) struct Palette {
     pub(super) count: usize,
     #[serde(deserialize_with = "bands")]
     pub(super) bands: u8,
     pub(super) codebook: Codebook,
-    /// Sets, labels.
+    /// Sets, then labels.
     #[serde(deserialize_with = "names")]
     pub(super) files: [String; 2],
 }
 
-/// What each of 256 bytes stands for: finite, since JSON has no other numbers.
+/// Values of the 256 bytes. They are finite, because JSON has only finite numbers.
 #[derive(Debug, Clone)]
 pub(super) struct Codebook(Vec<f32>);
 
 impl Codebook {
-    /// The numbers of three bytes.
+    /// Returns the values of three bytes.
     pub(super) fn of(&self, bytes: [u8; 3]) -> [f32; 3] {
         bytes.map(|byte| self.0[usize::from(byte)])
     }
@@ -94,7 +94,7 @@ impl<'de> Deserialize<'de> for Codebook {
     }
 }
 
-/// Names of files beside `meta.json`, and nowhere else.
+/// Reads names of files in the folder of `meta.json`; other folders are refused.
 fn names<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[String; N], D::Error> {
     let found = Vec::<String>::deserialize(from)?;
     let foreign =
@@ -115,7 +115,7 @@ fn bands<'de, D: Deserializer<'de>>(from: D) -> Result<u8, D::Error> {
 }
 
 impl Meta {
-    /// Reads the file's content.
+    /// Parses the content of the file.
     pub(super) fn parse(json: &[u8]) -> Result<Self, SceneError> {
         let start = Cursor::new(PART, json);
         let value: Value = serde_json::from_slice(json).map_err(|e| fault(json, &e))?;
@@ -139,13 +139,14 @@ impl Meta {
         Ok(meta)
     }
 
-    /// Whether the scene was trained with the antialiased rule; `None` where the file does not say.
+    /// Returns true if the scene was trained with the antialiased rule; `None` if the file does not
+    /// say.
     pub(super) fn antialiased(&self) -> Option<bool> {
         self.model.map(|model| model == Model::Antialiased).or(self.antialias)
     }
 }
 
-/// The error with its place in bytes.
+/// Creates the error with its offset in bytes.
 fn fault(json: &[u8], because: &serde_json::Error) -> SceneError {
     let before = json.split_inclusive(|&b| b == b'\n').take(because.line().saturating_sub(1));
     let offset = before.map(<[u8]>::len).sum::<usize>() + because.column().saturating_sub(1);

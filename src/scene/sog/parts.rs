@@ -1,4 +1,4 @@
-//! Where the parts of a SOG lie: in an archive or in a folder.
+//! Access to the parts of a SOG, in an archive or in a folder.
 
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
@@ -11,7 +11,7 @@ const ARCHIVE: &str = ".sog (archive)";
 
 /// A set of named files.
 pub(super) trait Parts {
-    /// The content of `name`, which errors call `part`.
+    /// Reads the content of `name`; errors call it `part`.
     fn part(&mut self, name: &str, part: &'static str) -> Result<Vec<u8>, SceneError>;
 }
 
@@ -27,7 +27,8 @@ impl<'a> Archive<'a> {
         Ok(Self { bytes, zip })
     }
 
-    /// Bytes that a part may have: images do not compress further, `meta.json` ten times.
+    /// Returns the maximum size of a part in bytes. Images do not compress further; `meta.json`
+    /// compresses about ten times.
     fn limit(&self) -> usize {
         self.bytes.len().saturating_mul(16).saturating_add(1 << 20)
     }

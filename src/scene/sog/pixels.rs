@@ -5,12 +5,14 @@ use crate::scene::cursor::Cursor;
 use image_webp::{DecodingError, WebPDecoder};
 use std::io;
 
-/// Compressed bytes stand for at most this many times their number, beyond what any file may take.
+/// Maximum ratio of decoded to compressed bytes, beyond the free size.
 const MAX_RATIO: usize = 1024;
-/// Bytes that an image may always take: a constant one compresses to nothing.
+/// Decoded size in bytes that an image may always have, because a constant image compresses to
+/// almost nothing.
 const FREE: usize = 1 << 20;
 
-/// Bytes that an image may decode to where all images of the file have `files_len` bytes.
+/// Returns the maximum decoded size of an image in bytes, if all images of the file have
+/// `files_len` bytes.
 pub(super) fn limit(files_len: usize) -> usize {
     files_len.saturating_mul(MAX_RATIO).saturating_add(FREE)
 }
@@ -20,7 +22,7 @@ pub(super) struct Pixels {
     part: &'static str,
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Bytes a pixel: 3, or 4 with alpha.
+    /// Bytes per pixel: 3, or 4 with alpha.
     channels: usize,
     bytes: Vec<u8>,
 }
@@ -46,7 +48,7 @@ impl Pixels {
         Ok(Self { part, width: width as usize, height: height as usize, channels, bytes })
     }
 
-    /// The image, where it has `count` pixels or more.
+    /// Returns the image if it has at least `count` pixels.
     pub(super) fn hold(self, count: usize) -> Result<Self, SceneError> {
         let Self { width, height, .. } = self;
         if width * height >= count {
@@ -56,18 +58,19 @@ impl Pixels {
         Err(self.at(0).malformed(found, format!("{count} pixels or more")))
     }
 
-    /// Where pixel `i` begins, for errors.
+    /// Returns a cursor at pixel `i`, for errors.
     pub(super) fn at(&self, i: usize) -> Cursor<'_> {
         Cursor::new(self.part, &self.bytes).at(self.channels * i)
     }
 
-    /// Red, green and blue of pixel `i`, counted row by row.
+    /// Returns red, green and blue of pixel `i`, counted row by row.
     pub(super) fn rgb(&self, i: usize) -> [u8; 3] {
         let [r, g, b, _] = self.rgba(i);
         [r, g, b]
     }
 
-    /// The same with alpha: 255 where the image has none.
+    /// Returns red, green, blue and alpha of pixel `i`. Alpha is 255 if the image has no alpha
+    /// channel.
     pub(super) fn rgba(&self, i: usize) -> [u8; 4] {
         match self.bytes[self.channels * i..self.channels * (i + 1)] {
             [r, g, b] => [r, g, b, 255],

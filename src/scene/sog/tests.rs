@@ -1,4 +1,4 @@
-//! SOG archives made by hand, sound and broken.
+//! Handmade SOG archives, valid and broken.
 
 use super::*;
 use image_webp::{ColorType, WebPEncoder};
@@ -8,7 +8,8 @@ use std::f32::consts::FRAC_1_SQRT_2;
 use std::io::Write as _;
 use zip::write::SimpleFileOptions;
 
-/// A scene as its files: three Gaussians of degree 1, in images of 2x2 pixels and a palette of two sets.
+/// The files of a scene: three Gaussians of degree 1, in images of 2x2 pixels and a palette of two
+/// sets.
 #[derive(Clone)]
 struct Scene {
     meta: Value,
@@ -21,7 +22,7 @@ fn webp(rgb: &[u8], (width, height): (u32, u32), color: ColorType) -> Vec<u8> {
     out
 }
 
-/// The codebook whose entry `k` is `k - 128`, in units of `step`.
+/// The codebook with `k - 128` as entry `k`, in units of `step`.
 fn codebook(step: f64) -> Vec<f64> {
     (0..256).map(|k| step * (f64::from(k) - 128.0)).collect()
 }
@@ -53,7 +54,7 @@ fn sound() -> Scene {
 }
 
 impl Scene {
-    /// The files, `meta.json` last, as `method` stores them.
+    /// Returns the files as an archive with `meta.json` last, stored by `method`.
     fn zip(&self, method: zip::CompressionMethod) -> Vec<u8> {
         let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
         let meta = self.meta.to_string().into_bytes();
@@ -71,7 +72,7 @@ impl Scene {
 
 fn near(got: &[f32], wanted: &[f32]) {
     for (g, w) in got.iter().zip(wanted) {
-        // wanted values carry seven digits
+        // The wanted values have seven digits.
         assert!((g - w).abs() <= 2e-6 * w.abs().max(0.1), "{got:?} for {wanted:?}");
     }
 }
@@ -80,7 +81,8 @@ fn near(got: &[f32], wanted: &[f32]) {
 fn what_was_planted_is_read() {
     for method in [zip::CompressionMethod::Stored, zip::CompressionMethod::Deflated] {
         let scene = read_sog(&sound().zip(method)).unwrap();
-        // e - 1 = 1.7182818; 32768 of 65535 lie 7.6e-6 above the middle: exp(1.0000076) - 1 = 1.7183026
+        // e - 1 = 1.7182818; 32768 of 65535 lie 7.6e-6 above the middle: exp(1.0000076) - 1 =
+        // 1.7183026
         near(&scene.positions[0], &[-1.718_281_8, 0.0, 1.718_302_6]);
         near(&scene.positions[1], &[1.718_281_8, 0.0, 3.481_689_1]);
         near(&scene.positions[2], &[-1.718_281_8, 0.0, 0.648_721_3]);
@@ -129,7 +131,7 @@ fn antialiasing_is_read_from_both_spellings() {
     t(Value::Null, json!("default"), Some(false));
 }
 
-/// Reading what `change` makes of the sound scene is an error with these words.
+/// Asserts that reading the valid scene after `change` is an error with these words.
 #[track_caller]
 fn broken(change: &dyn Fn(&mut Scene), message: &str) {
     let mut scene = sound();
@@ -231,7 +233,7 @@ fn every_truncation_is_an_error() {
             let mut cut = scene.clone();
             cut.images.insert(name, image[..len].to_vec());
             let error = cut.read().map_err(|e| e.to_string());
-            // What a WebP image pads its last chunk with is no part of it.
+            // The padding of a WebP image's last chunk is not part of the image.
             assert!(error.is_err() || len + 1 == image.len(), "{name}, {len} of {} bytes", image.len());
         }
     }

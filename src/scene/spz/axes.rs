@@ -1,4 +1,4 @@
-//! From the axes of a `.spz` file to those of `.ply`: right, down, front.
+//! Conversion from the axes of a `.spz` file to those of `.ply`: right, down, front.
 
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
@@ -7,7 +7,7 @@ use crate::scene::sh;
 /// Record type of Adobe's coordinate-system extension (nianticlabs/spz, `extensions/README.md`).
 const COORDINATE_SYSTEM: u32 = 0xADBE_0003;
 
-/// For each axis, whether it points the other way than `.ply`'s.
+/// For each axis, true if it points opposite to the axis of `.ply`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Flip(pub(super) [bool; 3]);
 
@@ -36,27 +36,27 @@ const ODD: [[bool; 3]; sh::MAX_LEN] = {
 };
 
 impl Flip {
-    /// The format's own axes, right, up, back.
+    /// The default axes of the format: right, up, back.
     pub(super) const RIGHT_UP_BACK: Self = Self([false, true, true]);
 
-    /// Factors of a position's components.
+    /// Returns the factors of a position's components.
     pub(super) fn of_position(self) -> [f32; 3] {
         self.0.map(sign)
     }
 
-    /// Factors of the components `x, y, z` of a quaternion: the axis of a rotation is a pseudovector, so
-    /// each takes the other two axes' signs.
+    /// Returns the factors of the components `x, y, z` of a quaternion. The axis of a rotation is a
+    /// pseudovector, so each component gets the signs of the other two axes.
     pub(super) fn of_rotation(self) -> [f32; 3] {
         let [x, y, z] = self.0;
         [sign(y ^ z), sign(x ^ z), sign(x ^ y)]
     }
 
-    /// Factor of each harmonic.
+    /// Returns the factor of each harmonic.
     pub(super) fn of_harmonics(self) -> [f32; sh::MAX_LEN] {
         ODD.map(|odd| sign(odd.iter().zip(self.0).fold(false, |s, (&odd, flip)| s ^ (odd && flip))))
     }
 
-    /// The flip that the extension records ask for; records of other types are skipped.
+    /// Returns the flip of the coordinate-system record; records of other types are skipped.
     pub(super) fn from_extensions(cursor: &mut Cursor) -> Result<Self, SceneError> {
         let mut flip = Self::RIGHT_UP_BACK;
         while !cursor.rest().is_empty() {
@@ -71,8 +71,8 @@ impl Flip {
         Ok(flip)
     }
 
-    /// Numbers 1 to 8 of nianticlabs/spz, `CoordinateSystem`: from zero, bit 0 is right, bit 1 up, bit 2
-    /// front. From 9 on axes change places.
+    /// Converts the numbers 1 to 8 of nianticlabs/spz, `CoordinateSystem`. Counted from zero, bit 0
+    /// is right, bit 1 up, bit 2 front. Numbers from 9 on permute the axes.
     fn from_number(cursor: &mut Cursor) -> Result<Self, SceneError> {
         let at = cursor.clone();
         let number = cursor.u32("a coordinate system")?;
@@ -113,7 +113,7 @@ mod tests {
         assert_eq!(Flip::RIGHT_UP_BACK.of_rotation().map(f32::is_sign_negative), [false, true, true]);
     }
 
-    /// Seen from the flipped direction, the flipped coefficients give the same colour.
+    /// From the flipped direction, the flipped coefficients give the same colour.
     #[test]
     fn flipping_harmonics_and_direction_changes_nothing() {
         for bits in 0..8 {

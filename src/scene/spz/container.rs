@@ -10,13 +10,13 @@ use std::io::{self, Read};
 const LEGACY: &str = ".spz (decompressed)";
 const EXTENSIONS: &str = ".spz (extensions)";
 const PLANE: &str = ".spz (decompressed plane)";
-/// Bytes of extension records that are read at most.
+/// Maximum size of the extension records that are read, in bytes.
 const MAX_EXTENSIONS: usize = 1 << 20;
-/// Compressed bytes stand for at most this many times their number (nianticlabs/spz's own bound): a header that
-/// promises more Gaussians than that is refused before anything is decompressed.
+/// Maximum ratio of decompressed to compressed bytes (nianticlabs/spz's own bound). A header that
+/// states more Gaussians is refused before any decompression.
 const MAX_RATIO: usize = 1024;
 
-/// Versions 2 and 3. Offsets in errors count decompressed bytes.
+/// Reads versions 2 and 3. Offsets in errors count decompressed bytes.
 pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut stream = Stream { format: LEGACY, inner: flate2::read::GzDecoder::new(bytes), offset: 0 };
     let start = stream.take(16, "header")?;
@@ -34,7 +34,7 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     header.scene(&planes, flip)
 }
 
-/// Reads to the end of the stream, where gzip's own checksum is verified.
+/// Reads to the end of the stream, because gzip verifies its checksum there.
 fn legacy_flip(header: &Header, stream: &mut Stream<impl Read>) -> Result<Flip, SceneError> {
     let start = stream.offset;
     let rest = stream.up_to(MAX_EXTENSIONS + 1, "extensions")?;
@@ -46,7 +46,7 @@ fn legacy_flip(header: &Header, stream: &mut Stream<impl Read>) -> Result<Flip, 
     Flip::from_extensions(&mut Cursor::new(EXTENSIONS, &rest))
 }
 
-/// Version 4.
+/// Reads version 4.
 pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = Cursor::new(".spz", bytes);
     let header = Header::read(&mut cursor)?;
@@ -71,7 +71,7 @@ pub(super) fn read_zstd(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     header.scene(&planes, flip)
 }
 
-/// The table and the streams behind it. A plane without bytes, harmonics of degree 0, has no stream.
+/// Reads the table and the streams after it. An empty plane, harmonics of degree 0, has no stream.
 fn read_streams(header: &Header, stream_count: u8, cursor: &mut Cursor) -> Result<Planes, SceneError> {
     let lens = header.plane_lens();
     let present: Vec<usize> = (0..COUNT).filter(|&i| lens[i] > 0).collect();
@@ -102,7 +102,7 @@ fn read_streams(header: &Header, stream_count: u8, cursor: &mut Cursor) -> Resul
 fn decompress(compressed: &[u8], len: usize, name: &'static str, at: &Cursor) -> Result<Vec<u8>, SceneError> {
     let broken = |e: io::Error| at.malformed(format!("a broken stream of {name} ({e})"), "a zstd stream");
     let mut inner = zstd::stream::read::Decoder::with_buffer(compressed).map_err(broken)?;
-    // No window need be larger than the plane; 8 MiB is what RFC 8878 asks every decoder for.
+    // No window needs to be larger than the plane. Every decoder must support 8 MiB (RFC 8878).
     inner.window_log_max((usize::BITS - len.leading_zeros()).clamp(23, 27)).map_err(broken)?;
     let mut stream = Stream { format: PLANE, inner, offset: 0 };
     let plane = stream.take(len, name)?;
@@ -122,7 +122,7 @@ fn bound_count(header: &Header, file_len: usize, at: &Cursor) -> Result<(), Scen
     Ok(())
 }
 
-/// A decompressed stream. Memory grows with what really comes out, never with what is promised.
+/// A decompressed stream. Memory grows with the actual output, not with the stated size.
 struct Stream<R> {
     format: &'static str,
     inner: R,
@@ -130,7 +130,7 @@ struct Stream<R> {
 }
 
 impl<R: Read> Stream<R> {
-    /// Exactly `len` bytes.
+    /// Reads exactly `len` bytes.
     fn take(&mut self, len: usize, what: &'static str) -> Result<Vec<u8>, SceneError> {
         let start = self.offset;
         let bytes = self.up_to(len, what)?;
@@ -141,7 +141,7 @@ impl<R: Read> Stream<R> {
         Err(self.malformed(start, found, format!("{len} bytes of {what}")))
     }
 
-    /// `len` bytes, or fewer where the stream ends before.
+    /// Reads `len` bytes, or fewer at the end of the stream.
     fn up_to(&mut self, len: usize, what: &'static str) -> Result<Vec<u8>, SceneError> {
         let mut bytes = Vec::new();
         let read = self.inner.by_ref().take(len as u64).read_to_end(&mut bytes);

@@ -8,16 +8,16 @@ use std::f32::consts::FRAC_1_SQRT_2;
 
 /// Number of planes.
 pub(super) const COUNT: usize = 6;
-/// What the planes hold, in file order.
+/// Names of the planes, in file order.
 pub(super) const NAMES: [&str; COUNT] =
     ["positions", "opacities", "colours", "scales", "rotations", "harmonics"];
 
-/// The planes' bytes, each of the length that the header asks for.
+/// The bytes of the planes, each of the length that the header determines.
 #[derive(Debug)]
 pub(super) struct Planes(pub(super) [Vec<u8>; COUNT]);
 
 impl Planes {
-    /// Hands every Gaussian to `collector`.
+    /// Adds every Gaussian to `collector`.
     pub(super) fn collect(&self, header: &Header, flip: Flip, collector: &mut Collector) {
         let [positions, opacities, colours, scales, rotations, harmonics] = &self.0;
         let signs = Signs::of(flip);
@@ -43,7 +43,8 @@ impl Planes {
     }
 }
 
-/// Colours are stored as `0.5 + COLOUR_SCALE * coefficient`, so that some leave room beyond black and white.
+/// Colours are stored as `0.5 + COLOUR_SCALE * coefficient`. The scale leaves room beyond black and
+/// white.
 pub(super) const COLOUR_SCALE: f32 = 0.15;
 
 struct Signs {
@@ -62,7 +63,7 @@ fn three(plane: &[u8], i: usize) -> [u8; 3] {
     [plane[3 * i], plane[3 * i + 1], plane[3 * i + 2]]
 }
 
-/// Three numbers of 24 bits in units of `unit`, a power of two; exact in 32 bits.
+/// Decodes three 24-bit numbers in units of `unit`, a power of two. The result is exact in 32 bits.
 fn position(bytes: &[u8], unit: f32, signs: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|k| {
         let [low, mid, high] = three(bytes, k);
@@ -71,7 +72,7 @@ fn position(bytes: &[u8], unit: f32, signs: [f32; 3]) -> [f32; 3] {
     })
 }
 
-/// The quaternion `w x y z` of three bytes (version 2) or four (from version 3 on).
+/// Decodes the quaternion `w x y z` from three bytes (version 2) or four (from version 3 on).
 fn rotation(bytes: &[u8], signs: [f32; 3]) -> [f32; 4] {
     let [x, y, z, w] = match *bytes {
         [x, y, z] => first_three([x, y, z]),
@@ -81,14 +82,16 @@ fn rotation(bytes: &[u8], signs: [f32; 3]) -> [f32; 4] {
     [w, signs[0] * x, signs[1] * y, signs[2] * z]
 }
 
-/// `x, y, z` as bytes of -1..1; `w`, which is not negative, completes the unit.
+/// Decodes `x, y, z` from bytes of -1..1. `w` is not negative and completes the unit quaternion.
 fn first_three(xyz: [u8; 3]) -> [f32; 4] {
     let [x, y, z] = xyz.map(|b| f32::from(b) / 127.5 - 1.0);
     [x, y, z, (1.0 - (x * x + y * y + z * z)).max(0.0).sqrt()]
 }
 
-/// From the lowest bits up: the components `w, z, y, x` without the largest, each nine bits of magnitude in
-/// `sqrt(1/2) / 511` and a sign; then two bits, which is the largest, counted in `x y z w`.
+/// Decodes a quaternion without its largest component. From the lowest bits up, the word contains
+/// the other components of `w, z, y, x`, each with nine bits of magnitude in units of
+/// `sqrt(1/2) / 511` and a sign. The last two bits are the index of the largest component in
+/// `x y z w`.
 pub(super) fn smallest_three(mut packed: u32) -> [f32; 4] {
     let largest = (packed >> 30) as usize;
     let mut components = [0.0; 4];

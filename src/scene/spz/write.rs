@@ -1,4 +1,5 @@
-//! The `.spz` form of a scene: version 3, which every reader of the format knows, and whose rotations have ten bits.
+//! Writer of `.spz` scenes: version 3, which every reader of the format supports, with ten bits per
+//! rotation component.
 
 use super::planes::{COLOUR_SCALE, smallest_three};
 use super::{Flip, MAGIC, MAX_FRACTIONAL_BITS};
@@ -8,14 +9,16 @@ use crate::scene::{Gaussians, WriteError, nearest_byte};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Write;
 
-/// Steps that 24 bits with a sign count to.
+/// Maximum of a signed 24-bit number.
 const MAX_STEPS: f64 = 8_388_607.0;
 
-/// Writes `scene` as `.spz`, every number rounded to the nearest that the format has. Positions have as many fractional
-/// bits as the farthest leaves room for. The flag of antialiasing is set where the scene says so.
+/// Writes `scene` as `.spz`, with every number rounded to the nearest value of the format.
+/// Positions have as many fractional bits as the farthest position permits. The flag of
+/// antialiasing is taken from the scene.
 ///
 /// # Errors
-/// [`WriteError`] where a position is 2^23 or more from zero, there are 2^32 Gaussians or more, or `out` fails.
+/// Returns a [`WriteError`] if a position is 2^23 or more from zero, there are 2^32 Gaussians or
+/// more, or `out` fails.
 pub fn write_spz(scene: &Gaussians, out: impl Write) -> Result<(), WriteError> {
     let bits = fractional_bits(scene)?;
     let count = u32::try_from(scene.len()).map_err(|_| WriteError::TooMany { count: scene.len() })?;
@@ -31,7 +34,7 @@ pub fn write_spz(scene: &Gaussians, out: impl Write) -> Result<(), WriteError> {
     Ok(())
 }
 
-/// Fractional bits of the positions: as many as keep every one of them within 24 bits.
+/// Returns the maximum number of fractional bits that keeps every position within 24 bits.
 pub(in crate::scene) fn fractional_bits(scene: &Gaussians) -> Result<u8, WriteError> {
     let farthest =
         (0..scene.len()).flat_map(|i| scene.position(i).to_array()).fold(0.0, |f, x| x.abs().max(f));
@@ -67,14 +70,14 @@ fn planes(scene: &Gaussians, bits: u8) -> [Vec<u8>; 6] {
     planes
 }
 
-/// The nearest whole number; the caller has seen to it that 24 bits hold it.
+/// Rounds to the nearest whole number. The caller guarantees that it fits in 24 bits.
 #[expect(clippy::cast_possible_truncation, reason = "it has 24 bits")]
 fn fixed(x: f64) -> i32 {
     x.round() as i32
 }
 
-/// The word that stands for the rotation nearest to the unit quaternion `x y z w`. Where two components are about equally
-/// large either may be the one that is left out, and only one way may be exact.
+/// Encodes the rotation nearest to the unit quaternion `x y z w`. If two components are about
+/// equally large, either may be omitted, and possibly only one choice is exact.
 fn packed(rotation: [f64; 4]) -> u32 {
     let largest = rotation.iter().fold(0.0, |l: f64, c| c.abs().max(l));
     let candidates = (0..4).filter(|&k| rotation[k].abs() > largest - STEP);
@@ -88,7 +91,7 @@ fn packed(rotation: [f64; 4]) -> u32 {
     words.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or_default()
 }
 
-/// The difference of two numbers that a component may have.
+/// The step between two values of a component.
 const STEP: f64 = FRAC_1_SQRT_2 / 511.0;
 
 #[expect(clippy::cast_possible_truncation, reason = "an index of four")]
@@ -100,7 +103,7 @@ fn packed_without(rotation: [f64; 4], left_out: usize) -> u32 {
     })
 }
 
-/// The nearest whole number up to 511.
+/// Rounds to the nearest whole number, at most 511.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
 fn nearest_magnitude(x: f64) -> u16 {
     x.round().clamp(0.0, 511.0) as u16

@@ -1,4 +1,5 @@
-//! The binary form, little endian. Every count is held against the bytes that are left before anything is allocated.
+//! The binary form, little endian. Every count is compared with the remaining bytes before any
+//! allocation.
 
 use super::lenses::CameraModel;
 use super::{Image, ModelCamera, Observation, Point, pose};
@@ -10,15 +11,15 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Bytes of the shortest camera: id, model, size and three parameters.
+/// Size in bytes of the shortest camera: id, model, size and three parameters.
 const CAMERA_BYTES: usize = 4 + 4 + 16 + 24;
-/// Bytes of the shortest image: id, pose, camera, a name's end and a count.
+/// Size in bytes of the shortest image: id, pose, camera, the end of a name and a count.
 const IMAGE_BYTES: usize = 4 + 56 + 4 + 1 + 8;
-/// Bytes of an observation.
+/// Size in bytes of an observation.
 const OBSERVATION_BYTES: usize = 24;
-/// Bytes of the shortest point: id, place, colour, error and a count.
+/// Size in bytes of the shortest point: id, position, colour, error and a count.
 const POINT_BYTES: usize = 8 + 24 + 3 + 8 + 8;
-/// Bytes of an element of a track.
+/// Size in bytes of an element of a track.
 const TRACK_BYTES: usize = 8;
 
 pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SourceError> {
@@ -47,7 +48,7 @@ fn camera(bytes: &mut Bytes<'_>) -> Result<(u32, ModelCamera), SourceError> {
     Ok((id, camera))
 }
 
-/// As u32; what does not fit is far outside the sizes that are believed, and stays so.
+/// Converts to u32. A value that does not fit is far above the accepted sizes and stays so.
 fn clamped(side: u64) -> u32 {
     u32::try_from(side).unwrap_or(u32::MAX)
 }
@@ -102,7 +103,7 @@ pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
     Ok(points)
 }
 
-/// How many records a file says it has.
+/// Reads the number of records that a file states.
 pub(super) fn count(path: &Path) -> Result<u64, SourceError> {
     let mut head = Vec::new();
     let file = File::open(path).map_err(SourceError::io(path))?;
@@ -114,7 +115,7 @@ fn load(path: &Path) -> Result<Vec<u8>, SourceError> {
     std::fs::read(path).map_err(SourceError::io(path))
 }
 
-/// A file's bytes and how far they are read.
+/// The bytes of a file with the current position.
 struct Bytes<'a> {
     path: &'a Path,
     data: &'a [u8],
@@ -127,7 +128,7 @@ impl<'a> Bytes<'a> {
         Self { path, data, at: 0, record: "the head".to_owned() }
     }
 
-    /// Reads the count at the head and so many records, which must be all there is.
+    /// Reads the count at the start and this number of records, which must be the whole file.
     fn records(
         &mut self,
         name: &str,
@@ -181,7 +182,7 @@ impl<'a> Bytes<'a> {
         self.array().map(f64::from_le_bytes)
     }
 
-    /// A count of things of at least so many bytes each.
+    /// Reads a count of elements, each of at least `least_bytes` bytes.
     fn count(&mut self, least_bytes: usize) -> Result<usize, SourceError> {
         let start = self.at;
         let count = self.u64()?;
@@ -191,7 +192,7 @@ impl<'a> Bytes<'a> {
         })
     }
 
-    /// A name up to its NUL.
+    /// Reads a name that ends with NUL.
     fn name(&mut self) -> Result<String, SourceError> {
         let start = self.at;
         let Some(len) = self.data[start..].iter().position(|&b| b == 0) else {

@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::image::Size;
 use crate::source::{Lens, screen_camera};
 
-/// A camera model by COLMAP's number and name.
+/// A camera model with COLMAP's number and name.
 pub(super) struct CameraModel {
     id: i32,
     pub(super) name: &'static str,
@@ -13,7 +13,7 @@ pub(super) struct CameraModel {
     pub(super) parameters: usize,
 }
 
-/// The number of the model without distortion that has two focal lengths.
+/// Number of the undistorted model with two focal lengths.
 pub(super) const PINHOLE: i32 = 1;
 
 const fn model(id: i32, name: &'static str, parameters: usize) -> CameraModel {
@@ -38,19 +38,19 @@ const HINT: &str =
     "undistort the photos with `colmap image_undistorter`, which writes a PINHOLE model, and use that";
 
 impl CameraModel {
-    /// The model that binary files number so.
+    /// Returns the model with this number in binary files.
     pub(super) fn numbered(id: i32) -> Result<&'static Self, String> {
         let known = MODELS.iter().find(|m| m.id == id);
         known.ok_or_else(|| format!("camera model {id} is unknown, wanted 0 to 10; {HINT}"))
     }
 
-    /// The model that text files name so.
+    /// Returns the model with this name in text files.
     pub(super) fn named(name: &str) -> Result<&'static Self, String> {
         let known = MODELS.iter().find(|m| m.name == name);
         known.ok_or_else(|| format!("camera model {name} is unknown; {HINT}"))
     }
 
-    /// The camera with these parameters, as many as the model has.
+    /// Returns the camera with these parameters; their number must match the model.
     pub(super) fn camera(&self, size: Size, parameters: &[f64]) -> Result<ModelCamera, String> {
         let ([fx, fy, cx, cy], lens) = match (self.name, parameters) {
             ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], Lens::Pinhole),

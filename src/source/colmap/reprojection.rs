@@ -1,7 +1,8 @@
-//! How far a model's points fall from the key points that they were triangulated from.
+//! Reprojection error of a model: distances between its points and the key points that they were
+//! triangulated from.
 //!
-//! Measured from cameras, images and points through the whole lens, not taken from the `error` that the points carry:
-//! that is COLMAP's word on itself.
+//! The distances are measured from cameras, images and points through the whole lens. The stored
+//! `error` of the points is not used, because it is COLMAP's own claim.
 
 use super::{Image, Model, ModelCamera, Point};
 use crate::source::SourceError;
@@ -10,19 +11,20 @@ use std::collections::BTreeMap;
 /// Distances between key points and the projections of their points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reprojection {
-    /// Points that some image sees.
+    /// Number of points that an image sees.
     pub points: usize,
-    /// Key points of a point.
+    /// Number of key points with a point.
     pub observations: usize,
-    /// Mean over points of the mean over each point's key points, px: what COLMAP calls the mean reprojection error.
+    /// Mean over points of the mean over each point's key points, px: COLMAP's mean reprojection
+    /// error.
     pub over_points_px: f64,
     /// Mean over key points, px.
     pub over_observations_px: f64,
-    /// Key points whose point is not in front of the camera; they are in no mean.
+    /// Number of key points whose point is not in front of the camera. They enter no mean.
     pub behind: usize,
 }
 
-/// The sum of the distances of a point's key points, px, and their number.
+/// Sum of the distances of a point's key points, px, and their number.
 #[derive(Debug, Clone, Copy, Default)]
 struct Distances {
     sum_px: f64,
@@ -30,10 +32,10 @@ struct Distances {
 }
 
 impl Model {
-    /// Measures the model; `None` where it has no points, or no image sees one.
+    /// Measures the model; `None` if it has no points or no image sees a point.
     ///
     /// # Errors
-    /// When a file is damaged, or names a camera or a point that is not there.
+    /// A file is damaged, or refers to a camera or point that does not exist.
     pub fn reprojection(&self) -> Result<Option<Reprojection>, SourceError> {
         if !self.file("points3D").is_file() {
             return Ok(None);
@@ -67,7 +69,7 @@ impl Model {
     }
 }
 
-/// Where a point falls in the photo, px; `None` where it is not in front of the camera.
+/// Projects a point into the photo, px; `None` if it is not in front of the camera.
 fn projected(image: &Image, taken: &ModelCamera, point: &Point) -> Option<[f64; 2]> {
     let at = image.rotation.rotation * point.xyz + image.translation;
     let [x, y] = taken.lens.distort([at.x / at.z, at.y / at.z]);

@@ -1,4 +1,4 @@
-//! The text form: a record a line, images two, of which the second may be empty.
+//! The text form: one line per record, and two lines per image. The second may be empty.
 
 use super::lenses::CameraModel;
 use super::{Image, ModelCamera, Observation, Point, pose};
@@ -50,7 +50,7 @@ pub(super) fn images(path: &Path) -> Result<Vec<Image>, SourceError> {
 }
 
 fn image(line: &Line<'_>) -> Result<Image, SourceError> {
-    // A name may hold spaces: it is what follows the ninth number.
+    // A name may contain spaces. It is the rest of the line after the ninth number.
     let mut rest = line.text.trim_start();
     let mut word = || {
         let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -110,14 +110,14 @@ pub(super) fn points(path: &Path) -> Result<BTreeMap<u64, Point>, SourceError> {
     Ok(points)
 }
 
-/// How many records a file has.
+/// Counts the records of a file.
 pub(super) fn count(path: &Path, lines_a_record: usize) -> Result<u64, SourceError> {
     let text = load(path)?;
     let mut lines = text.lines();
     let mut count = 0;
     while lines.any(is_record) {
         count += 1;
-        // The rest of the record, whatever it holds.
+        // Skips the other lines of the record.
         lines.by_ref().take(lines_a_record - 1).for_each(drop);
     }
     Ok(count)

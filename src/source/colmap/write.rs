@@ -1,5 +1,5 @@
-//! The binary form, written (COLMAP `doc/format.rst`): what a trainer is given. It has pinhole cameras alone, and neither
-//! key points nor tracks, which trainers do not read.
+//! Writer of the binary form (COLMAP `doc/format.rst`), the input of trainers. It writes pinhole
+//! cameras only, and neither key points nor tracks, which trainers do not read.
 
 use super::{Point, lenses};
 use crate::camera::Camera;
@@ -8,22 +8,22 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// An image of a model that is written.
+/// An image of a model to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taken {
-    /// Name of its file, without a NUL.
+    /// File name, without a NUL.
     pub name: String,
     /// Camera to world, OpenCV camera axes.
     pub world_from_camera: Se3,
-    /// The pinhole it was taken with.
+    /// Pinhole camera of the image.
     pub camera: Camera,
 }
 
-/// Writes `cameras.bin`, `images.bin` and `points3D.bin` into the folder `dir`. Equal cameras are one; all ids count
-/// from 1 in the order given.
+/// Writes `cameras.bin`, `images.bin` and `points3D.bin` into the folder `dir`. Equal cameras are
+/// written once. All ids count from 1 in the given order.
 ///
 /// # Errors
-/// When a file cannot be written.
+/// A file cannot be written.
 pub fn write(dir: &Path, images: &[Taken], points: &[Point]) -> io::Result<()> {
     let mut cameras: Vec<Camera> = Vec::new();
     let mut camera_ids = Vec::with_capacity(images.len());
@@ -133,7 +133,8 @@ mod tests {
             assert_eq!(cameras[&image.camera_id].camera, taken.camera);
             assert_eq!(cameras[&image.camera_id].lens, crate::source::Lens::Pinhole);
             let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
-            // Where the camera's centre and a point in front of it lie: a few roundings of numbers up to 3.
+            // Both the camera's centre and a point in front of it must agree, up to a few roundings
+            // of numbers up to 3.
             for own in [DVec3::ZERO, DVec3::new(0.5, -1.0, 2.0)] {
                 let world = taken.world_from_camera.rotation * own + taken.world_from_camera.translation;
                 let back = camera_from_world.rotation * world + camera_from_world.translation;
@@ -144,7 +145,7 @@ mod tests {
         assert_eq!(read.into_values().collect::<Vec<_>>(), points);
     }
 
-    /// Byte by byte as COLMAP's `src/colmap/scene/reconstruction_io_binary.cc` lays them out.
+    /// The expected bytes follow COLMAP's `src/colmap/scene/reconstruction_io_binary.cc`.
     #[test]
     fn the_bytes_are_those_of_the_format() {
         let dir = tempfile::tempdir().unwrap();
@@ -161,7 +162,7 @@ mod tests {
         let cameras =
             [u(1), vec![1, 0, 0, 0, 1, 0, 0, 0], u(640), u(360), f(500.0), f(501.25), f(320.5), f(180.25)];
         assert_eq!(read("cameras.bin"), cameras.concat());
-        // World to camera: at no rotation the translation turns its sign.
+        // World to camera: without a rotation, the translation changes its sign.
         let pose = [f(1.0), f(-0.0), f(-0.0), f(-0.0), f(1.0), f(-0.0), f(4.0)].concat();
         let end = [vec![1, 0, 0, 0], b"a.png\0".to_vec(), u(0)].concat();
         let images = read("images.bin");

@@ -18,11 +18,11 @@ const LICENCE: &str =
 const SCENE: &str = "write scene: scene.ply, the file below {out} that the program makes";
 const NAME_HELP: &str = "names are of a to z, 0 to 9, - and _";
 
-/// Places of arguments that are known when the recipe is read.
+/// Placeholders of arguments that are known when the recipe is read.
 const SEED: &str = "seed";
 const ITERATIONS: &str = "iterations";
 
-/// The names that may stand in braces, with the values of those that are known.
+/// Names that may occur in braces, with the known values.
 type Known<'k> = BTreeMap<&'k str, Option<String>>;
 
 impl Resolver<'_> {
@@ -71,7 +71,7 @@ impl Resolver<'_> {
         })
     }
 
-    /// A name, or a place of a file: a path would be in the key.
+    /// A bare name or a placeholder for a file. A path would enter the key.
     fn program(&self, text: &str, place: Place, known: &Known<'_>) -> Option<Argument> {
         let program = self.argument(&self.filled(text, place)?, place, known)?;
         if text.contains(std::path::MAIN_SEPARATOR) {
@@ -153,7 +153,7 @@ impl Resolver<'_> {
         read.into_iter().collect()
     }
 
-    /// A file below `{out}`.
+    /// Resolves the path of a file below `{out}`.
     fn below_out(&self, field: &Field<String>) -> Option<Option<String>> {
         let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
         let text = self.filled(text, place)?;

@@ -1,4 +1,4 @@
-//! What stands before a sensor's pixels.
+//! The optical front end of a sensor, before its pixels.
 
 use super::super::Resolver;
 use super::super::number::Range;
@@ -9,11 +9,11 @@ use crate::recipe::text::Place;
 use crate::sensor::front_end::{self, Decode, FrontEnd, Luminance};
 use crate::sensor::voltmeter::Between;
 
-/// Weights of a colour.
+/// Range of the weights of a colour.
 const WEIGHT: Range = Range::new(0.0, 1.0);
-/// Factors on brightness.
+/// Range of the factors on brightness.
 const EXPOSURE: Range = Range::above(0.0, 1e6);
-/// Greys.
+/// Range of the grey levels.
 const GREY: Range = Range::new(0.0, 1e9);
 const SUM: &str = "rec601 is 0.299, 0.587, 0.114, and rec709 is 0.2126, 0.7152, 0.0722";
 
@@ -67,7 +67,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// The rate of change is rendered of one sum of the colours.
+    /// Rates of change are rendered for one fixed sum of the colours.
     pub(super) fn rates_of(
         &self,
         front_end: &FrontEnd,

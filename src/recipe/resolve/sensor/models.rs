@@ -11,11 +11,11 @@ use crate::sensor::noise::{HotPixels, Refractory, Threshold};
 use crate::sensor::v2e::{Leak, Preset, V2e};
 use crate::sensor::voltmeter::Between;
 
-/// Thresholds.
+/// Range of the thresholds.
 pub(super) const THRESHOLD: Range = Range::new(1e-6, 1e6);
-/// Spreads of thresholds.
+/// Range of the spreads of thresholds.
 const SPREAD: Range = Range::new(0.0, 1e6);
-/// Rates of events, Hz.
+/// Range of the event rates, Hz.
 const RATE: Range = Range::new(0.0, 1e9);
 
 impl Resolver<'_> {
@@ -71,7 +71,8 @@ impl Resolver<'_> {
         })
     }
 
-    /// Laws that go from frame to frame know no other course between two frames than a straight one.
+    /// Refuses interpolations other than the linear one. Frame-by-frame laws know no other course
+    /// between two frames.
     pub(super) fn only_linear(&self, between: Option<Between>, what: &str, place: Place) -> Option<()> {
         if between? == Between::Linear {
             return Some(());

@@ -1,4 +1,4 @@
-//! How many poses a path has.
+//! Number of poses of a path.
 
 use super::Around;
 use crate::recipe::field::{Field, Literal};
@@ -9,19 +9,19 @@ use crate::recipe::text::Place;
 use crate::trajectory::travel::Count;
 use crate::units::{Hertz, Ratio};
 
-/// What a path may say of its poses and of how they are spread.
+/// Fields of a path that define the number of its poses and their spacing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spread<'f> {
-    /// `None` where nothing is there to be multiplied.
+    /// `None` if the path has no views to multiply.
     pub(super) factor: Option<&'f Field<Literal>>,
     pub(super) frames: &'f Field<u64>,
     pub(super) duration: &'f Field<Literal>,
-    /// `None` where there are no chords to be taken literally.
+    /// `None` if the path has no chords to take literally.
     pub(super) literal: Option<&'f Field<bool>>,
 }
 
 impl Resolver<'_> {
-    /// How many poses, and whether chords are taken literally.
+    /// Resolves the number of poses and the flag of literal chords.
     pub(super) fn spread(
         &self,
         raw: Spread<'_>,
@@ -38,7 +38,7 @@ impl Resolver<'_> {
         Some((count?, literal?))
     }
 
-    /// A flow leaves no number of poses to be chosen.
+    /// Refuses any number of poses, because a flow determines it.
     fn flow_count(&self, raw: Spread<'_>) -> Option<Count> {
         let factor = raw.factor.and_then(given);
         let given = [factor, given(raw.frames), given(raw.duration)];
@@ -95,7 +95,7 @@ impl Resolver<'_> {
     }
 }
 
-/// Where a field stands, if it is there; nowhere where it is faulty.
+/// Returns the place of a field; the outer `None` means absent, the inner one faulty.
 fn given<T>(field: &Field<T>) -> Option<Option<Place>> {
     (!field.is_absent()).then(|| field.place())
 }

@@ -1,4 +1,4 @@
-//! Poses given by hand.
+//! Hand-written key poses.
 
 use super::Around;
 use super::count::Spread;
@@ -78,7 +78,7 @@ impl Resolver<'_> {
     }
 
     fn rotation(&self, raw: &[Field<f64>; 4], place: Place) -> Option<DQuat> {
-        // Wide enough that what is no rotation is told as that.
+        // The range is wide, so that a vector that is no rotation gets the message about rotations.
         let rotation = DQuat::from_array(self.numbers(raw, Range::new(-1e6, 1e6))?);
         if let Err(error) = rotation_from_quaternion(rotation) {
             let problem = Problem::of_field(format!("is refused: {error}"));

@@ -1,4 +1,5 @@
-//! Mini-trajectories: which trajectory their key poses are drawn from, and how many there are.
+//! Mini-trajectories: the trajectory from which their key poses are drawn, and the number of groups
+//! and poses.
 
 use super::count::Spread;
 use super::{Around, List};
@@ -14,14 +15,15 @@ use crate::trajectory::novel::{Novel, NovelCurve};
 use crate::trajectory::path::Path;
 use crate::trajectory::travel::Count;
 
-/// Groups of a novel trajectory; each is a trajectory of its own.
+/// Number of groups of a novel trajectory; each is a trajectory of its own.
 const GROUPS: Whole = Whole::new(1, MOST_GROUPS);
 const MOST_GROUPS: u64 = 1000;
 const USUAL_GROUPS: u32 = 3;
-/// Key poses of a group: a path has two ends.
+/// Number of key poses of a group. A path has two ends, so at least two.
 const KEYFRAMES: Whole = Whole::new(2, 1_000_000);
 const USUAL_KEYFRAMES: u32 = 5;
-/// Poses of a group (the paper's F), and of other paths that no capture says a number for.
+/// Default number of poses of a group (the paper's F), and of other paths without a capture that
+/// implies a number.
 pub(super) const USUAL_FRAMES: Count = Count::Frames(150);
 
 const BASES: &str = "key poses are drawn from a trajectory with refine, orbit or keyframes";
@@ -29,7 +31,7 @@ const BASES: &str = "key poses are drawn from a trajectory with refine, orbit or
 /// The groups of one novel trajectory.
 #[derive(Debug, Clone)]
 pub(super) struct Groups {
-    /// The trajectory that key poses are drawn from.
+    /// The trajectory from which key poses are drawn.
     pub(super) base: String,
     groups: u32,
     keyframes: u32,
@@ -39,7 +41,8 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// The path of each group. All share the draws, whose seeds derive from the name as it is written.
+    /// Returns the path of each group. All groups share the draws; the seeds derive from the
+    /// written name.
     pub(super) fn drawn(&self, seed: u64, scene: &str, written: &str) -> impl Iterator<Item = Novel> {
         let seed = |purpose| Seed::derive(seed, scene, written, purpose);
         let (keyframes_seed, curve_seed) = (seed(Purpose::Keyframes), seed(Purpose::Curve));
@@ -57,12 +60,13 @@ impl Groups {
     }
 }
 
-/// The name of a group.
+/// Returns the name of a group.
 pub(super) fn folder(written: &str, group: u32) -> String {
     format!("{written}-{group}")
 }
 
-/// The folders that a trajectory of this name has, as far as that is known while its fields may be faulty.
+/// Returns the folders of the trajectory with this name, as far as they are known while fields may
+/// be faulty.
 pub(super) fn folders(name: &str, raw: &schema::Trajectory) -> Vec<String> {
     let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
     let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
@@ -126,7 +130,7 @@ impl Resolver<'_> {
         Some(NovelCurve::Fixed(fixed))
     }
 
-    /// Draws of more key poses than their base has, where the recipe alone says how many that are.
+    /// Refuses more key poses than the base has poses, if the recipe alone determines that number.
     pub(super) fn refuse_few_poses(&self, list: &List, all: &[TrajectoryRecipe]) {
         for raw in list.iter().filter_map(|item| Some(item.given()?.0)) {
             let (Some((name, _)), Some(place)) = (raw.name.given(), raw.novel.place()) else { continue };

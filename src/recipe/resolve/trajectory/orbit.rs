@@ -12,7 +12,7 @@ use crate::recipe::text::Place;
 use crate::se3::look_at;
 use crate::trajectory::orbit::Orbit;
 
-/// Degrees: a hundred turns either way.
+/// Degrees: a hundred turns in either direction.
 const ARC: Range = Range::new(-36_000.0, 36_000.0);
 
 impl Resolver<'_> {

@@ -1,4 +1,4 @@
-//! The captured path, and what it shares with others: the metric and the curve.
+//! The captured path, and the parts that it shares with other paths: the metric and the curve.
 
 use super::Around;
 use super::count::Spread;
@@ -11,7 +11,8 @@ use crate::recipe::text::Place;
 use crate::trajectory::curve::Curve;
 use crate::trajectory::refine::{Ends, Gaps, Order, Refine, RotationMean, Scale};
 
-/// Degrees of a Bezier curve: beyond, its control points say little of where it goes.
+/// Maximum degree of a Bezier curve. At higher degrees, the control points say little about the
+/// course.
 const DEGREE: Whole = Whole::new(1, 20);
 
 impl Resolver<'_> {

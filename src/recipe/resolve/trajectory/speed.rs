@@ -1,4 +1,4 @@
-//! Speeds: a formula, a list of levels, or pixels a second.
+//! Speeds: a formula, a list of levels, or pixels per second.
 
 use crate::recipe::field::Field;
 use crate::recipe::problem::Problem;
@@ -11,10 +11,10 @@ use crate::speed::list::List;
 use crate::speed::{Flow, Meaning, Speed};
 use crate::trajectory::sample::Summation;
 
-/// The paper's speed law (appendix A.1), which a refined path has where none is written.
+/// The paper's speed law (appendix A.1), the default of a refined path.
 pub(in crate::recipe) const PAPERS_SPEED: &str = "0.25*sin(t) + 1.1";
 
-/// The law of all other paths, and the shape of a flow, where none is written.
+/// The default law of all other paths, and the default shape of a flow.
 pub(in crate::recipe) const CONSTANT_SPEED: &str = "1";
 
 impl Resolver<'_> {
@@ -124,12 +124,12 @@ fn usual(text: &str) -> Expression {
     Expression::parse(text).expect("the usual laws are positive")
 }
 
-/// The bytes of the formula that an error is about.
+/// Returns the bytes of the formula that an error concerns.
 fn seen_at(error: &ExpressionError) -> Option<std::ops::Range<usize>> {
     match error {
         ExpressionError::Name { at, name } => Some(*at..*at + name.len()),
         ExpressionError::Syntax { at, .. } | ExpressionError::TooDeep { at, .. } => Some(*at..*at),
-        // The others are about the formula as a whole.
+        // The other errors concern the formula as a whole.
         _ => None,
     }
 }

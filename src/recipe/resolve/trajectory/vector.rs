@@ -6,23 +6,23 @@ use crate::recipe::resolve::Resolver;
 use crate::recipe::resolve::number::Range;
 use glam::DVec3;
 
-/// A coordinate: far beyond any map's, and far within what can be squared.
+/// Range of a coordinate: far beyond any map, and far within the numbers that can be squared.
 const COORDINATE: Range = Range::new(-1e12, 1e12);
 
 impl Resolver<'_> {
-    /// The numbers of a list, each within its range.
+    /// Resolves the numbers of a list, each within its range.
     pub(super) fn numbers<const N: usize>(&self, list: &[Field<f64>; N], range: Range) -> Option<[f64; N]> {
         let numbers = list.each_ref().map(|number| self.real(number, 0.0, range));
         if numbers.iter().any(Option::is_none) { None } else { Some(numbers.map(Option::unwrap_or_default)) }
     }
 
-    /// A point that may be left out; `None` where it is faulty.
+    /// Resolves an optional point; `None` if it is faulty.
     pub(super) fn point(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
         let Some((list, _)) = field.given() else { return field.is_absent().then_some(None) };
         self.numbers(list, COORDINATE).map(|point| Some(DVec3::from_array(point)))
     }
 
-    /// A direction that may be left out; `None` where it is faulty.
+    /// Resolves an optional direction; `None` if it is faulty.
     pub(super) fn direction(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
         let direction = self.point(field)?;
         match (direction, field.place()) {
