@@ -1,8 +1,9 @@
 //! The release: the tree that people download, and its audit.
 //!
-//! A release is composed in memory as a list of paths and where their bytes come from, written to `DIR.partial`,
-//! audited there, and put in place by one rename: what has the release's name is a whole release. Two releases of
-//! the same records are equal byte for byte.
+//! A release is composed in memory as a list of paths and where their bytes come from, written to a folder of its own
+//! next to the target, audited there, and put in place by one rename: what has the release's name is a whole release.
+//! Two releases of the same records are equal byte for byte. Nothing is removed but what this program wrote and nobody
+//! has changed since.
 
 pub mod audit;
 mod built;
@@ -20,16 +21,21 @@ mod manifest;
 mod path_picture;
 mod published;
 pub mod recheck;
+mod removal;
 mod report;
 mod reuse;
 mod scene;
 mod split;
+mod standing;
+mod target;
 mod tree;
+mod work;
 
 pub use built::GatherError;
 pub use manifest::{Ingredients, Manifest, ManifestFile, ManifestScene, ManifestStep, Publisher};
 pub use scene::SceneFile;
 pub use split::Leak;
+pub use target::{GuardedPath, ReleaseTarget, TargetClaim};
 
 use crate::artifact::Motion;
 use crate::camera::Camera;
@@ -48,18 +54,22 @@ use published::{Places, PublishedScene, PublishedTrajectory};
 use scene::{SplitPart, TrajectoryPart};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use tree::{Content, Tree};
 
 /// The program, as files of a release name it.
 const TOOL: &str = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
 
-/// How a release is written.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Options {
-    /// Replace a folder that is no release of ours, or holds what no release lists.
-    pub replace: bool,
-    /// Copy files even where they could be linked.
-    pub copy: bool,
+/// How the files of a release get the bytes of the store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Link {
+    /// They share blocks with the store until one of them is written to, where the file system can; else copies.
+    #[default]
+    Reflink,
+    /// They are the store's files under a second name: who writes to one changes both.
+    Hard,
+    /// Copies.
+    Copy,
 }
 
 /// What lies beside the recipes and concerns the release as a whole.
@@ -99,6 +109,8 @@ pub struct Written {
     pub files: usize,
     /// Their bytes.
     pub bytes: u64,
+    /// Whether the release stood there already, so that nothing was written.
+    pub stood: bool,
     /// What the licences make a careful reader wonder at.
     pub warnings: Vec<String>,
 }
@@ -118,14 +130,17 @@ pub enum ReleaseError {
     /// There is no scene.
     #[error("no scene is left to be released")]
     Nothing,
-    /// The target folder is something else.
+    /// The target is not a folder that a release may replace.
     #[error("{} {because}", path.display())]
     Foreign {
         /// The folder.
         path: PathBuf,
-        /// What it is.
+        /// What speaks against it.
         because: String,
     },
+    /// The user stopped it.
+    #[error("interrupted: nothing was released")]
+    Interrupted,
     /// A file cannot be written or read.
     #[error("failed to write {}: {source}", path.display())]
     Io {
@@ -148,19 +163,36 @@ pub enum ReleaseError {
     Store(#[from] StoreError),
 }
 
-/// Writes the release of everything in a plan that was run to its end.
+fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> ReleaseError {
+    let path = path.to_owned();
+    move |source| ReleaseError::Io { path, source }
+}
+
+/// What a release is made from.
+#[derive(Debug, Clone, Copy)]
+pub struct BuiltPlan<'a> {
+    /// The plan, which was run to its end.
+    pub plan: &'a Plan,
+    /// How it went.
+    pub summary: &'a Summary,
+    /// The store that holds its products.
+    pub store: &'a Store,
+    /// What lies next to its recipes.
+    pub beside: &'a Beside,
+}
+
+/// Writes the release of what was built, unless it stands there already.
 ///
 /// # Errors
-/// When a step is not built, a check failed without a waiver, the folder is something else, or the disk fails.
-/// Until the last rename nothing of an existing release is touched.
+/// When a step is not built, a check failed without a waiver, the target changed since it was claimed, the disk fails,
+/// or `cancel` is set. Until the last rename nothing of an existing release is touched.
 pub fn write(
-    to: &Path,
-    plan: &Plan,
-    summary: &Summary,
-    store: &Store,
-    beside: &Beside,
-    options: Options,
+    target: &mut ReleaseTarget,
+    built: BuiltPlan<'_>,
+    link: Link,
+    cancel: &AtomicBool,
 ) -> Result<Written, ReleaseError> {
+    let BuiltPlan { plan, summary, store, beside } = built;
     let scenes = (0..plan.scenes().len()).map(|i| built::gather(plan, i, summary, (store, &beside.terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
     let findings = scenes.iter().flat_map(BuiltScene::findings);
@@ -172,10 +204,11 @@ pub fn write(
         return Err(ReleaseError::Nothing);
     }
     let (tree, scenes) = compose(scenes, store, beside)?;
-    let (files, bytes) = tree::write(to, &tree, (store, &beside.takedown), options)?;
+    let tree::Outcome { files, bytes, stood } =
+        tree::write(target, &tree, (store, &beside.takedown), link, cancel)?;
     let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
     let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &beside.info)).collect();
-    Ok(Written { scenes: scenes.len(), files, bytes, warnings: warnings.into_iter().collect() })
+    Ok(Written { scenes: scenes.len(), files, bytes, stood, warnings: warnings.into_iter().collect() })
 }
 
 /// Lists the tree, but for the sums; with it the scenes as their files describe them.
@@ -198,7 +231,7 @@ fn compose(
     let facts = Facts { scenes: &published, info, taken_down: beside.taken_down, licence: &licence };
     let top = compose_top(&facts, &|path| tree.place(path).map(Path::to_owned));
     let manifest = Manifest {
-        format: 1,
+        format: standing::FORMAT,
         name: info.name.clone(),
         version: info.version.clone(),
         publisher: Some(Publisher::of(info)),

@@ -33,7 +33,7 @@ pub use root::Root;
 
 use crate::files::is_no_file;
 use blob::Blobs;
-pub use lock::Claim;
+pub use lock::{Claim, Lock};
 pub use publish::Workspace;
 pub use unlike::Unlike;
 

@@ -2,17 +2,23 @@
 
 use super::build::{Building, Care, exit, open, tell_end};
 use super::console::{Console, path};
+use super::message::{Level, Message};
 use super::problem::{Exit, FULL, Problem};
-use super::{Common, Targets, check};
+use super::{Common, Targets, check, clock, on_interrupt};
 use crate::plan::Plan;
 use crate::plan::assess::{Action, assess};
-use crate::recipe;
-use crate::release::{self, Beside, GatherError, Options, ReleaseError};
+use crate::recipe::{self, Recipe, Reconstruct, Source};
+use crate::release::{
+    self, Beside, BuiltPlan, GatherError, GuardedPath, Link, ReleaseError, ReleaseTarget, TargetClaim,
+    Written,
+};
 use crate::run::Summary;
 use crate::store::space::is_full;
-use crate::store::{Root, Store};
+use crate::store::{Claim, Root, Store};
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Arguments of `release`.
@@ -26,14 +32,27 @@ pub(super) struct Release {
     /// Refuse, instead of building what is stale
     #[arg(long)]
     no_build: bool,
-    /// Replace a folder that is no release, or holds what its release does not list
+    /// Replace also a folder that is not a release, or one whose files were changed; what this program did not write is kept next to it
     #[arg(long)]
     replace: bool,
-    /// Copy files instead of linking them to the store
-    #[arg(long)]
+    /// How the release's files get their bytes from the store
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = Linking::Reflink)]
+    link: Linking,
+    /// The same as `--link copy`.
+    #[arg(long, hide = true, conflicts_with = "link")]
     copy: bool,
     #[command(flatten)]
     care: Care,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Linking {
+    /// Share blocks until one side is changed, where the file system can; else copy
+    Reflink,
+    /// Second names of the store's files: a change to one changes both
+    Hard,
+    /// Copy every byte
+    Copy,
 }
 
 impl Release {
@@ -41,12 +60,14 @@ impl Release {
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
         let mut beside = Beside::read(&self.targets.recipes)?;
+        let guarded = self.guarded(&recipes, common);
         let (recipes, taken_down) = beside.takedown.keep(recipes);
         beside.taken_down = taken_down.scenes;
         super::takedown::tell(taken_down, console);
         let started = Instant::now();
         let store = open(common, &self.care, console)?;
-        self.keep_ours(common)?;
+        let cancel = &on_interrupt()?;
+        let mut target = self.claim(&guarded, common, cancel, console)?;
         let plan = Plan::new(recipes, &chosen.asking(&store));
         if self.no_build {
             refuse_stale(&plan, &store)?;
@@ -59,48 +80,124 @@ impl Release {
         if built != Exit::Done {
             return Ok(built);
         }
-        let options = Options { replace: self.replace, copy: self.copy };
-        let written = release::write(&self.to, &plan, &summary, &store, &beside, options);
+        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
+        let written = release::write(&mut target, built, self.linking(), cancel);
         store.flush()?;
         let written = written.map_err(|error| problem(error, console))?;
-        self.keep_its_steps(&summary, &store)?;
+        store.write_root(&root(&target, &summary))?;
+        self.tell(&written, &mut target, console);
+        Ok(Exit::Done)
+    }
+
+    fn linking(&self) -> Link {
+        match self.link {
+            _ if self.copy => Link::Copy,
+            Linking::Reflink => Link::Reflink,
+            Linking::Hard => Link::Hard,
+            Linking::Copy => Link::Copy,
+        }
+    }
+
+    /// Claims the target, waiting for another process that writes there.
+    fn claim(
+        &self,
+        guarded: &[GuardedPath],
+        common: &Common,
+        cancel: &AtomicBool,
+        console: &Console,
+    ) -> Result<ReleaseTarget, Problem> {
+        let claim = Claim { command: common.command.clone(), since: clock::now(), ..Claim::default() };
+        let claim = TargetClaim { replace: self.replace, guarded, claim, wait: !common.no_wait, cancel };
+        let target = ReleaseTarget::claim(&self.to, claim, &mut |holder| {
+            let what = format!("{} is in use by {holder}", self.to.display());
+            console.tell(&Message::new(Level::Waiting, "locked", what));
+        });
+        let mut target = target.map_err(|error| problem(error, console))?;
+        tell_notes(&mut target, console);
+        Ok(target)
+    }
+
+    /// What the target may neither be nor hold.
+    fn guarded(&self, recipes: &[Recipe], common: &Common) -> Vec<GuardedPath> {
+        let guard =
+            |what: &str, path: &Path, whole| GuardedPath { what: what.into(), path: path.into(), whole };
+        let mut guarded =
+            vec![guard("the store", &common.store, true), guard("the current folder", Path::new("."), false)];
+        guarded
+            .extend(std::env::var_os("HOME").map(|home| guard("your home folder", Path::new(&home), false)));
+        // What is not there yet holds nothing.
+        let is_there = self.to.symlink_metadata().is_ok();
+        for recipe in recipes {
+            if let Source::Captured(captured, _) = &recipe.source {
+                let whole =
+                    !holds(&captured.path, &recipe.file.path) && !holds(&captured.path, Path::new("."));
+                guarded.push(guard("the source of a scene", &captured.path, whole));
+            }
+            let named = if is_there { named_by(recipe) } else { Vec::new() };
+            guarded.extend(named.into_iter().map(|(what, path)| guard(what, &path, false)));
+        }
+        guarded
+    }
+
+    /// Says what was written.
+    fn tell(&self, written: &Written, target: &mut ReleaseTarget, console: &Console) {
+        tell_notes(target, console);
         for warning in &written.warnings {
             console.say(&format!("warning: {warning}"));
         }
-        let to = self.to.display();
-        let [mb, files] = [written.bytes as f64 * 1e-6, written.files as f64];
-        console.say(&format!("released {} scene(s) to {to}: {files} files, {mb:.1} MB", written.scenes));
+        let (to, mb) = (self.to.display(), written.bytes as f64 * 1e-6);
+        let Written { scenes, files, .. } = written;
+        console.say(&if written.stood {
+            format!("{to} is up to date: {scenes} scene(s), {files} files, {mb:.1} MB")
+        } else {
+            format!("released {scenes} scene(s) to {to}: {files} files, {mb:.1} MB")
+        });
         if console.json {
-            console.result(
-                &json!({ "release": path(&self.to), "files": written.files, "bytes": written.bytes }),
-            );
+            console.result(&json!({
+                "release": path(&self.to), "files": written.files, "bytes": written.bytes, "written": !written.stood,
+            }));
         }
-        Ok(Exit::Done)
     }
 }
 
-impl Release {
-    /// Has `gc` leave what the release was made from.
-    fn keep_its_steps(&self, summary: &Summary, store: &Store) -> Result<(), Problem> {
-        let release = self
-            .to
-            .canonicalize()
-            .map_err(|e| Problem::failed("release", format!("failed to find {}: {e}", self.to.display())))?;
-        let keys = summary.products.values().map(|product| product.key).collect();
-        Ok(store.write_root(&Root { release, keys })?)
-    }
+/// Whether `path` is or lies in `folder`.
+fn holds(folder: &Path, path: &Path) -> bool {
+    let folder = folder.canonicalize();
+    folder.is_ok_and(|folder| path.canonicalize().is_ok_and(|path| path.starts_with(folder)))
+}
 
-    /// Refuses a target that holds the store or the place we work in: replacing it would delete them.
-    fn keep_ours(&self, common: &Common) -> Result<(), Problem> {
-        let Ok(target) = self.to.canonicalize() else { return Ok(()) };
-        for (what, path) in [("the store", common.store.as_path()), ("the current folder", Path::new("."))] {
-            if path.canonicalize().is_ok_and(|path| path.starts_with(&target)) {
-                let message =
-                    format!("{} holds {what}, and a release replaces its folder", self.to.display());
-                return Err(Problem::usage("foreign-folder", message).help("choose another folder"));
-            }
+/// The files and folders that a recipe is and names: itself, its defaults, the files of its source, its Gaussians.
+fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
+    let mut named = vec![("a recipe", recipe.file.path.clone())];
+    named.extend(recipe.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
+    if let Source::Captured(captured, _) = &recipe.source {
+        // A source that cannot be listed is reported by the build.
+        let files = captured.files().unwrap_or_default();
+        // Photos lie together, and one path for each of their folders is enough.
+        let folders: BTreeSet<PathBuf> =
+            files.into_iter().filter_map(|(_, path)| path.parent().map(Path::to_owned)).collect();
+        named.extend(folders.into_iter().map(|path| ("files of a scene's source", path)));
+    }
+    match &recipe.reconstruct {
+        Some(Reconstruct::Given(path)) => named.push(("the Gaussians of a scene", path.clone())),
+        Some(Reconstruct::Newest(path)) => named.push(("the model of a scene", path.clone())),
+        Some(Reconstruct::Command(command)) => {
+            named.extend(command.files.values().map(|path| ("a file of a training", path.clone())));
         }
-        Ok(())
+        None => {}
+    }
+    named
+}
+
+/// What `gc` leaves for a release: the steps that it was made from.
+fn root(target: &ReleaseTarget, summary: &Summary) -> Root {
+    let keys = summary.products.values().map(|product| product.key).collect();
+    Root { release: target.path().to_owned(), keys }
+}
+
+fn tell_notes(target: &mut ReleaseTarget, console: &Console) {
+    for note in target.take_notes() {
+        console.tell(&Message::new(Level::Warning, "kept", note));
     }
 }
 
@@ -131,13 +228,19 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
                 .help("mend it, or accept it in the recipe: checks: { waive: [{ check, because }] }")
         }
         ReleaseError::Foreign { .. } => {
-            Problem::usage("foreign-folder", message).help("choose another folder, or say --replace")
+            Problem::usage("foreign-folder", message).help(
+                "choose another folder; --replace moves a changed release or another folder aside, and keeps what \
+                 this program did not write",
+            )
         }
         ReleaseError::Leaks(_) => Problem::fault("split-leak", format!("{message}; nothing was released"))
             .help("have the recipes of what belongs together name one `group:`, with splits by object"),
         ReleaseError::Nothing => Problem::usage("nothing-to-release", message)
             .help("every scene is on the takedown list; a release that is there is left as it is, and may hold them"),
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => Problem::failed("not-built", message),
+        ReleaseError::Interrupted => {
+            Problem::of(Exit::Interrupted, Message::new(Level::Error, "interrupted", message))
+        }
         ReleaseError::Store(error) => error.into(),
         _ if is_full(&error) => Problem::failed("disk-full", format!("no space: {message}")).help(FULL),
         _ => Problem::failed("release", message),

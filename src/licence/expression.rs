@@ -23,7 +23,8 @@ impl Expression {
     /// Parses an expression: ids of the SPDX list in their exact spelling, and `LicenseRef-` ids.
     ///
     /// # Errors
-    /// The text is not an expression, or names another licence.
+    /// When the text is no expression, names a licence that is neither, or names one that no text in `LICENSES/` can
+    /// stand for: `NOASSERTION`, terms in another document, or an id too long for a file name.
     pub fn parse(text: &str) -> Result<Self, LicenceError> {
         let refusal = |because: String| LicenceError { text: text.to_owned(), because };
         // SPDX keeps deprecated ids valid, and their texts exist.
@@ -32,7 +33,11 @@ impl Expression {
         let mut stack = Vec::new();
         for node in parsed.iter() {
             let term = match node {
-                ExprNode::Req(required) => Term::Licence(required.req.to_string()),
+                ExprNode::Req(required) => {
+                    let licence = required.req.to_string();
+                    let unfit = licence.split(" WITH ").find_map(unfit_because);
+                    unfit.map_or(Ok(Term::Licence(licence)), |because| Err(refusal(because)))?
+                }
                 ExprNode::Op(operator) => {
                     let (Some(b), Some(a)) = (stack.pop(), stack.pop()) else {
                         return Err(refusal("an operator lacks an operand".into()));
@@ -108,6 +113,22 @@ impl Term {
     }
 }
 
+/// Longest id, in bytes. File systems take names of 255, some encrypted ones of 143, and the text's file adds `.txt`.
+const LONGEST: usize = 128;
+
+/// Why the id cannot name the terms of a release; `None` where it can.
+fn unfit_because(id: &str) -> Option<String> {
+    if id == "NOASSERTION" {
+        Some("NOASSERTION states no terms".into())
+    } else if id.starts_with("DocumentRef-") {
+        Some(format!("{id} is defined in another document, and a release has the texts of all its terms"))
+    } else if id.len() > LONGEST {
+        Some(format!("an id has {} bytes, at most {LONGEST} can name the file of its text", id.len()))
+    } else {
+        None
+    }
+}
+
 /// An id without the `+` that allows later versions.
 fn bare(id: &str) -> &str {
     id.strip_suffix('+').unwrap_or(id)
@@ -166,6 +187,21 @@ mod tests {
             let message = Expression::parse(text).unwrap_err().to_string();
             assert!(message.starts_with(&format!("`{text}` is no SPDX licence expression: ")), "{message}");
         }
+    }
+
+    #[test]
+    fn ids_that_name_no_terms_of_their_own_are_refused() {
+        let refused = |text: &str| Expression::parse(text).unwrap_err().because;
+        for text in ["NOASSERTION", "MIT OR NOASSERTION", "(MIT OR NOASSERTION) AND CC0-1.0"] {
+            assert_eq!(refused(text), "NOASSERTION states no terms", "{text}");
+        }
+        assert!(Expression::parse("NONE").is_err());
+        for text in ["DocumentRef-x:LicenseRef-y", "MIT AND DocumentRef-x:LicenseRef-y"] {
+            assert!(refused(text).contains("defined in another document"), "{text}");
+        }
+        let named = |letters: usize| format!("LicenseRef-{}", "x".repeat(letters));
+        assert!(Expression::parse(&named(117)).is_ok());
+        assert!(refused(&named(118)).contains("129 bytes"));
     }
 
     #[test]

@@ -443,17 +443,3 @@ fn without_echoes(faults: Vec<Fault>) -> Vec<Fault> {
     };
     faults.into_iter().filter(|fault| !is_echo(fault)).collect()
 }
-
-/// Files, links and folders below `dir` that its `SHA256SUMS` does not list, sorted.
-///
-/// # Errors
-/// When the folder cannot be listed.
-pub fn unlisted(dir: &Path) -> io::Result<Vec<String>> {
-    let tree = walk::walk(dir)?;
-    let listed = sums::read(dir, &mut Vec::new()).unwrap_or_default();
-    let mut unlisted: Vec<String> = tree.oddities.into_iter().filter_map(|fault| fault.file).collect();
-    let strange = |path: &&String| *path != super::checksum::NAME && !listed.contains_key(*path);
-    unlisted.extend(tree.files.iter().filter(strange).cloned());
-    unlisted.sort();
-    Ok(unlisted)
-}

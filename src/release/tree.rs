@@ -1,17 +1,21 @@
 //! A tree of files on its way to disk: written aside, synced, audited, and put in place by one rename.
 //!
-//! The audit is told the takedown list, so that no release is put in place that holds what it lists.
+//! The audit is given the takedown list, so that no release is put in place that holds what it lists.
 
 use super::manifest::ManifestFile;
-use super::{Options, ReleaseError, audit, checksum, manifest};
+use super::standing::StandingTree;
+use super::target::ReleaseTarget;
+use super::work::{WorkFolder, write_new};
+use super::{Link, ReleaseError, audit, checksum, failed};
+use crate::files::{self, Links};
 use crate::recipe::Takedown;
 use crate::store::{Digest, Store};
 use rayon::prelude::*;
-use rustix::fs::{CWD, RenameFlags};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Where a file's bytes come from.
 #[derive(Debug)]
@@ -58,6 +62,14 @@ impl Tree {
         self.files.keys().map(String::as_str)
     }
 
+    /// The blobs that files are made from, one for each file.
+    fn blobs(&self) -> impl Iterator<Item = &Digest> {
+        self.files.values().filter_map(|content| match content {
+            Content::Blob { digest, .. } => Some(digest),
+            Content::Bytes(_) => None,
+        })
+    }
+
     /// The file in the store that a file of the tree is.
     pub(super) fn place(&self, path: &str) -> Option<&Path> {
         match self.files.get(path)? {
@@ -84,44 +96,68 @@ impl Tree {
     }
 }
 
-fn failed(path: &Path) -> impl FnOnce(io::Error) -> ReleaseError {
-    let path = path.to_owned();
-    move |source| ReleaseError::Io { path, source }
+/// What was written.
+#[derive(Debug)]
+pub(super) struct Outcome {
+    /// Number of files, the sums included.
+    pub(super) files: usize,
+    /// Their bytes.
+    pub(super) bytes: u64,
+    /// Whether the release stood there already, so that nothing was written.
+    pub(super) stood: bool,
 }
 
-/// Writes the tree and its sums, and puts it in place. Returns the number of files and their bytes.
+/// Writes the tree and its sums, and puts it in place, unless it stands there already.
 pub(super) fn write(
-    to: &Path,
+    target: &mut ReleaseTarget,
     tree: &Tree,
     (store, takedown): (&Store, &Takedown),
-    options: Options,
-) -> Result<(usize, u64), ReleaseError> {
-    let existing = existing(to, options)?;
-    let partial = beside(to, "partial")?;
-    if partial.exists() {
-        fs::remove_dir_all(&partial).map_err(failed(&partial))?;
+    link: Link,
+    cancel: &AtomicBool,
+) -> Result<Outcome, ReleaseError> {
+    let listing = tree.listing();
+    let shares = target.standing().is_some_and(StandingTree::shares_files);
+    if (link == Link::Hard || !shares) && target.holds(&b3_sums(&listing))? {
+        let (files, bytes) = target.standing().map(StandingTree::size).unwrap_or_default();
+        return Ok(Outcome { files, bytes, stood: true });
     }
-    fs::create_dir_all(&partial).map_err(failed(&partial))?;
-    let folders: BTreeSet<&Path> = tree.files.keys().filter_map(|path| Path::new(path).parent()).collect();
-    for folder in folders {
-        let folder = partial.join(folder);
-        fs::create_dir_all(&folder).map_err(failed(&folder))?;
-    }
+    let work = WorkFolder::create(target.path(), &sizes(&listing))?;
+    let root = work.tree();
+    let placing = Placing { root: &root, standing: target.standing(), store, link, cancel };
     let mut written: BTreeMap<&str, checksum::Hashes> = tree
         .files
         .par_iter()
-        .map(|(path, content)| {
-            Ok((path.as_str(), place(&partial.join(path), path, content, store, options)?))
-        })
+        .map(|(path, content)| Ok((path.as_str(), placing.place(path, content)?)))
         .collect::<Result<_, ReleaseError>>()?;
-    sync(&partial)?;
-    seal(&partial, &mut written)?;
-    let report = audit::audit_against(&partial, Some(takedown)).map_err(failed(&partial))?;
+    sync(&root)?;
+    seal(&root, &mut written)?;
+    let report = audit::audit_against(&root, Some(takedown)).map_err(failed(&root))?;
     if !report.faults.is_empty() {
         return Err(ReleaseError::Audit(report.faults));
     }
-    put_in_place(&partial, to, existing)?;
-    Ok((written.len(), written.values().map(|hashes| hashes.size).sum()))
+    placing.go_on()?;
+    target.put(work)?;
+    if link == Link::Hard {
+        // The names that were removed with the old release moved the blobs' ctimes once more.
+        tree.blobs().try_for_each(|digest| store.settle(digest))?;
+    }
+    let bytes = written.values().map(|hashes| hashes.size).sum();
+    Ok(Outcome { files: written.len(), bytes, stood: false })
+}
+
+/// The text of `B3SUMS`, which follows from the listing alone.
+fn b3_sums(listing: &[ManifestFile]) -> String {
+    checksum::text(listing.iter().map(|file| (file.path.as_str(), file.blake3.to_string())))
+}
+
+/// The size of every file, the sums included.
+fn sizes(listing: &[ManifestFile]) -> BTreeMap<String, u64> {
+    let b3 = b3_sums(listing).len();
+    // SHA-256 sums have the length of BLAKE3 sums, and there is one line more.
+    let sums = b3 + checksum::text([(checksum::B3_NAME, Digest::of(b"").to_string())].into_iter()).len();
+    let sums = [(checksum::B3_NAME, b3), (checksum::NAME, sums)];
+    let sums = sums.map(|(name, size)| (name.to_owned(), size as u64));
+    listing.iter().map(|file| (file.path.clone(), file.size)).chain(sums).collect()
 }
 
 /// Writes the sums, `B3SUMS` first as `SHA256SUMS` covers it, and adds them to what was written.
@@ -133,116 +169,81 @@ fn seal(partial: &Path, written: &mut BTreeMap<&str, checksum::Hashes>) -> Resul
         };
         let text = checksum::text(written.iter().map(|(path, hashes)| (*path, sum(hashes))));
         let path = partial.join(name);
-        write_synced(&path, text.as_bytes()).map_err(failed(&path))?;
+        write_new(&path, text.as_bytes()).map_err(failed(&path))?;
         written.insert(name, checksum::Hashes::of(text.as_bytes()));
     }
     Ok(())
 }
 
-/// The path beside `to` with a suffix: on the same file system, so that a rename is enough.
-fn beside(to: &Path, suffix: &str) -> Result<PathBuf, ReleaseError> {
-    let name = to.file_name().ok_or_else(|| ReleaseError::Foreign {
-        path: to.to_owned(),
-        because: "is no name for a release folder".into(),
-    })?;
-    let mut name = name.to_owned();
-    name.push(".");
-    name.push(suffix);
-    Ok(to.with_file_name(name))
+/// The making of files below a new tree.
+struct Placing<'a> {
+    root: &'a Path,
+    /// The release that is about to be replaced.
+    standing: Option<&'a StandingTree>,
+    store: &'a Store,
+    link: Link,
+    cancel: &'a AtomicBool,
 }
 
-/// Whether there is a folder to be replaced; refuses one that is not ours unless the user insists.
-fn existing(to: &Path, options: Options) -> Result<bool, ReleaseError> {
-    if fs::symlink_metadata(to).is_err() {
-        return Ok(false);
+impl Placing<'_> {
+    fn go_on(&self) -> Result<(), ReleaseError> {
+        if self.cancel.load(Ordering::Relaxed) { Err(ReleaseError::Interrupted) } else { Ok(()) }
     }
-    let foreign = |because: &str| ReleaseError::Foreign { path: to.to_owned(), because: because.to_owned() };
-    if !fs::symlink_metadata(to).map_err(failed(to))?.is_dir() {
-        return Err(foreign("is no folder"));
-    }
-    if fs::read_dir(to).map_err(failed(to))?.next().is_none() || options.replace {
-        return Ok(true);
-    }
-    if !to.join(manifest::NAME).is_file() || !to.join(checksum::NAME).is_file() {
-        return Err(foreign("is not empty, and no release: --replace would delete it"));
-    }
-    match audit::unlisted(to).map_err(failed(to))?.first() {
-        Some(path) => Err(foreign(&format!("holds `{path}`, which the release there does not list"))),
-        None => Ok(true),
-    }
-}
 
-/// Brings one file to its place and hashes what lies there.
-fn place(
-    path: &Path,
-    name: &str,
-    content: &Content,
-    store: &Store,
-    options: Options,
-) -> Result<checksum::Hashes, ReleaseError> {
-    match content {
-        Content::Bytes(bytes) => fs::write(path, bytes).map_err(failed(path))?,
-        Content::Blob { path: blob, .. } => materialise(blob, path, options.copy).map_err(failed(path))?,
-    }
-    let hashes = checksum::both(path).map_err(failed(path))?;
-    if let Content::Blob { digest, .. } = content {
-        if hashes.blake3 != *digest {
-            return Err(ReleaseError::Altered { path: name.to_owned() });
+    /// Brings one file to its place and hashes it there.
+    fn place(&self, name: &str, content: &Content) -> Result<checksum::Hashes, ReleaseError> {
+        self.go_on()?;
+        let path = self.root.join(name);
+        let hash = || checksum::both(&path).map_err(failed(&path));
+        let (blob, digest) = match content {
+            Content::Bytes(bytes) => {
+                fs::write(&path, bytes).map_err(failed(&path))?;
+                return hash();
+            }
+            Content::Blob { path, digest, .. } => (path, digest),
+        };
+        let remove = || fs::remove_file(&path).map_err(failed(&path));
+        if self.take_over(name, digest, &path) {
+            match hash()? {
+                hashes if hashes.blake3 == *digest => return Ok(hashes),
+                _ => remove()?,
+            }
         }
-        store.settle(digest)?;
+        materialise(blob, &path, self.link).map_err(failed(&path))?;
+        let hashes = hash()?;
+        if hashes.blake3 == *digest {
+            self.store.settle(digest)?;
+            return Ok(hashes);
+        }
+        // It may be longer than the list of the work folder says, and would be left there.
+        remove()?;
+        Err(ReleaseError::Altered { path: name.to_owned() })
     }
-    Ok(hashes)
+
+    /// Gives the file a second name in the new tree if the release there has the same one: the first name goes when
+    /// the tree is in place, so the new release shares it with nothing.
+    fn take_over(&self, name: &str, digest: &Digest, path: &Path) -> bool {
+        let standing = self.standing.filter(|_| self.link != Link::Hard);
+        let file = standing.and_then(|standing| standing.unshared(name, digest));
+        file.is_some_and(|file| fs::hard_link(file, path).is_ok())
+    }
 }
 
-/// Reflink, else hard link of the read-only blob, else copy.
-fn materialise(blob: &Path, path: &Path, copy: bool) -> io::Result<()> {
-    let cloned = File::open(blob).and_then(|from| {
-        let to = File::create_new(path)?;
-        rustix::fs::ioctl_ficlone(&to, &from).map_err(io::Error::from)
-    });
-    if cloned.is_ok() {
+/// Brings a blob to `path`.
+fn materialise(blob: &Path, path: &Path, link: Link) -> io::Result<()> {
+    if link == Link::Hard && fs::hard_link(blob, path).is_ok() {
         return Ok(());
     }
-    fs::remove_file(path)?;
-    if !copy && fs::hard_link(blob, path).is_ok() {
+    let mut from = files::open_with(blob, Links::Refuse)?;
+    let mut to = File::create_new(path)?;
+    if link != Link::Copy && rustix::fs::ioctl_ficlone(&to, &from).is_ok() {
         return Ok(());
     }
-    io::copy(&mut File::open(blob)?, &mut File::create_new(path)?).map(drop)
-}
-
-fn write_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = File::create_new(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
+    io::copy(&mut from, &mut to).map(drop)
 }
 
 /// Has everything that was written to this file system on disk before the sums say so.
 fn sync(folder: &Path) -> Result<(), ReleaseError> {
     let synced = File::open(folder).and_then(|file| rustix::fs::syncfs(&file).map_err(io::Error::from));
     synced.map_err(failed(folder))
-}
-
-fn put_in_place(partial: &Path, to: &Path, existing: bool) -> Result<(), ReleaseError> {
-    let parent = match to.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    if existing {
-        exchange(partial, to).map_err(failed(to))?;
-        fs::remove_dir_all(partial).map_err(failed(partial))?;
-    } else {
-        fs::rename(partial, to).map_err(failed(to))?;
-    }
-    File::open(parent).and_then(|folder| folder.sync_all()).map_err(failed(parent))
-}
-
-/// Swaps two folders in one step where the file system can; elsewhere the old one is moved aside first.
-fn exchange(partial: &Path, to: &Path) -> io::Result<()> {
-    if rustix::fs::renameat_with(CWD, partial, CWD, to, RenameFlags::EXCHANGE).is_ok() {
-        return Ok(());
-    }
-    let aside = partial.with_extension("old");
-    fs::rename(to, &aside)?;
-    fs::rename(partial, to)?;
-    fs::rename(&aside, partial)
 }

@@ -3,9 +3,12 @@
 //! that is not locked is overwritten.
 
 use super::{StoreError, disk};
+use rustix::fs::{Mode, OFlags};
 use std::fs::{File, TryLockError};
-use std::io::{Read, Seek, Write};
-use std::path::Path;
+use std::io::{self, Read, Seek, Write};
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// The process that wants the lock, and its patience.
@@ -28,9 +31,12 @@ impl Default for Claim {
 /// Interval between attempts to take a held lock.
 const TRY: Duration = Duration::from_millis(50);
 
+/// An exclusive lock between processes, held until it is dropped.
 #[derive(Debug)]
-pub(super) struct Lock {
+pub struct Lock {
     file: File,
+    /// The file to remove with the lock.
+    temporary: Option<PathBuf>,
 }
 
 impl Lock {
@@ -50,33 +56,120 @@ impl Lock {
             .truncate(false)
             .open(&path)
             .map_err(disk::failed("opening", &path))?;
-        let mut tries = 0;
-        let tries_a_reminder = claim.remind.as_millis().div_ceil(TRY.as_millis()).max(1);
-        loop {
-            match file.try_lock() {
-                Ok(()) => break,
-                Err(TryLockError::WouldBlock) => {}
-                Err(TryLockError::Error(e)) => return Err(disk::failed("locking", &path)(e)),
-            }
-            if !wait {
-                return Err(StoreError::Locked { path: root.to_owned(), holder: holder(&mut file, claim) });
-            }
-            if tries % tries_a_reminder == 0 {
-                waiting(&holder(&mut file, claim));
-            }
-            tries += 1;
-            std::thread::sleep(TRY);
-        }
+        let request = Request { path: &path, of: root, claim, wait, cancel: &AtomicBool::new(false) };
+        request.lock(&mut file, waiting)?;
         write(&mut file, &Holder::us(claim).to_text()).map_err(disk::failed("writing", &path))?;
-        Ok(Self { file })
+        Ok(Self { file, temporary: None })
+    }
+
+    /// Takes the lock on `of` whose file, `path`, exists only while the lock is held or waited for. A link or a file
+    /// that this program did not write is never followed or changed.
+    ///
+    /// # Errors
+    /// [`StoreError::Locked`] with the holder of `of`, where `wait` is false; an I/O error of the kind
+    /// `Interrupted` when `cancel` is set during the wait; any other error of the file system.
+    pub fn take_temporary(
+        path: &Path,
+        of: &Path,
+        (claim, wait): (&Claim, bool),
+        cancel: &AtomicBool,
+        waiting: &mut dyn FnMut(&str),
+    ) -> Result<Self, StoreError> {
+        let request = Request { path, of, claim, wait, cancel };
+        loop {
+            let mut file = open_own(path).map_err(disk::failed("opening", path))?;
+            request.lock(&mut file, waiting)?;
+            // A holder removes the file before it lets go, so the file that was waited for may be gone by now.
+            if !is_at(&file, path) {
+                continue;
+            }
+            refuse_foreign(&mut file).map_err(disk::failed("locking", path))?;
+            write(&mut file, &Holder::us(claim).to_text()).map_err(disk::failed("writing", path))?;
+            return Ok(Self { file, temporary: Some(path.to_owned()) });
+        }
     }
 }
 
 impl Lock {
-    /// The same lock: it is held until both are dropped, whichever process holds the other.
-    pub(super) fn share(&self) -> std::io::Result<File> {
+    /// Another handle of the lock, which is held until both are dropped, in whichever process.
+    pub(super) fn share(&self) -> io::Result<File> {
         self.file.try_clone()
     }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // The lock is still held here, so no other process can have taken a file of this name for its own.
+        if let Some(path) = self.temporary.take().filter(|path| is_at(&self.file, path)) {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// A lock that is asked for.
+struct Request<'a> {
+    /// The file that is locked.
+    path: &'a Path,
+    /// The place that the lock protects, as messages name it.
+    of: &'a Path,
+    claim: &'a Claim,
+    wait: bool,
+    cancel: &'a AtomicBool,
+}
+
+impl Request<'_> {
+    fn lock(&self, file: &mut File, waiting: &mut dyn FnMut(&str)) -> Result<(), StoreError> {
+        let mut tries = 0;
+        let tries_a_reminder = self.claim.remind.as_millis().div_ceil(TRY.as_millis()).max(1);
+        loop {
+            match file.try_lock() {
+                Ok(()) => return Ok(()),
+                Err(TryLockError::WouldBlock) => {}
+                Err(TryLockError::Error(e)) => return Err(disk::failed("locking", self.path)(e)),
+            }
+            if !self.wait {
+                let holder = holder(file, self.claim);
+                return Err(StoreError::Locked { path: self.of.to_owned(), holder });
+            }
+            if self.cancel.load(Ordering::Relaxed) {
+                return Err(disk::failed("locking", self.path)(io::ErrorKind::Interrupted.into()));
+            }
+            if tries % tries_a_reminder == 0 {
+                waiting(&holder(file, self.claim));
+            }
+            tries += 1;
+            std::thread::sleep(TRY);
+        }
+    }
+}
+
+/// Opens or creates a lock's own file. Without O_NONBLOCK, a FIFO of that name would wait for a reader.
+fn open_own(path: &Path) -> io::Result<File> {
+    let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let mode = Mode::from_raw_mode(0o644);
+    Ok(File::from(rustix::fs::open(path, flags, mode)?))
+}
+
+/// Whether `path` still names the open file.
+fn is_at(file: &File, path: &Path) -> bool {
+    let same = |there: &std::fs::Metadata| {
+        file.metadata().is_ok_and(|own| (own.dev(), own.ino()) == (there.dev(), there.ino()))
+    };
+    std::fs::symlink_metadata(path).is_ok_and(|there| same(&there))
+}
+
+/// Refuses a file that no lock wrote. A power cut may leave one empty or of zeros.
+fn refuse_foreign(file: &mut File) -> io::Result<()> {
+    const LONGEST: u64 = 1 << 16;
+    let mut text = Vec::new();
+    file.rewind()?;
+    let is_short =
+        file.metadata()?.is_file() && file.take(LONGEST).read_to_end(&mut text)? < LONGEST as usize;
+    let is_own = text.starts_with(HOST.as_bytes()) || text.iter().all(|byte| *byte == 0);
+    if is_short && is_own {
+        return Ok(());
+    }
+    Err(io::Error::new(io::ErrorKind::InvalidInput, "the file is not a lock of gs2e; remove or rename it"))
 }
 
 fn write(file: &mut File, text: &str) -> std::io::Result<()> {
@@ -104,7 +197,10 @@ fn holder(file: &mut File, claim: &Claim) -> String {
     "another process".to_owned()
 }
 
-/// The content of the lock's file.
+/// How the text of a lock begins.
+const HOST: &str = "host: ";
+
+/// What the lock's file says.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Holder {
     host: String,
@@ -133,7 +229,7 @@ impl Holder {
 
     fn to_text(&self) -> String {
         let Self { host, pid, boot, since, command } = self;
-        format!("host: {host}\npid: {pid}\nboot: {boot}\nsince: {since}\ncommand: {command}\n")
+        format!("{HOST}{host}\npid: {pid}\nboot: {boot}\nsince: {since}\ncommand: {command}\n")
     }
 
     /// Reads the first five lines. The rest of a longer text that is being replaced may follow.
@@ -221,6 +317,60 @@ mod tests {
         });
         assert!(second.is_ok() && told.len() == 3, "{told:?}");
         assert!(told.iter().all(|holder| holder.ends_with("(first of two)")), "{told:?}");
+    }
+
+    fn take_temporary(path: &Path) -> Result<Lock, StoreError> {
+        let claim = (&Claim::default(), true);
+        Lock::take_temporary(path, path, claim, &AtomicBool::new(false), &mut |_| {})
+    }
+
+    #[test]
+    fn a_temporary_lock_excludes_and_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(".lock");
+        let inside = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..5 {
+                        let _lock = take_temporary(&path).unwrap();
+                        assert!(!inside.swap(true, Ordering::SeqCst), "two hold it");
+                        std::thread::sleep(Duration::from_millis(2));
+                        inside.store(false, Ordering::SeqCst);
+                    }
+                });
+            }
+        });
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_temporary_lock_changes_no_file_of_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(".lock");
+        std::fs::write(&path, "thesis").unwrap();
+        assert!(take_temporary(&path).unwrap_err().to_string().contains("not a lock of gs2e"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"thesis");
+        std::fs::rename(&path, folder.path().join("thesis")).unwrap();
+        std::os::unix::fs::symlink("thesis", &path).unwrap();
+        assert!(take_temporary(&path).is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"thesis");
+        std::fs::remove_file(&path).unwrap();
+        // A killed holder leaves its text; the next one takes the file over and removes it.
+        std::fs::write(&path, sample().to_text()).unwrap();
+        drop(take_temporary(&path).unwrap());
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_wait_ends_when_it_is_cancelled() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(".lock");
+        let _held = take_temporary(&path).unwrap();
+        let claim = (&Claim::default(), true);
+        let ended = Lock::take_temporary(&path, &path, claim, &AtomicBool::new(true), &mut |_| {});
+        let Err(StoreError::Io { source, .. }) = ended else { panic!("{ended:?}") };
+        assert_eq!(source.kind(), io::ErrorKind::Interrupted);
     }
 
     #[test]

@@ -115,10 +115,13 @@ fn released(
     }
     place.ok("release --to out").inspect_err(|_| tally.count("human acts", 1))?;
     place.ok("audit out")?;
-    if tree(&place.path("out")) == undisturbed.release {
-        Ok(())
-    } else {
-        Err("the release is not that of an undisturbed build".to_owned())
+    if tree(&place.path("out")) != undisturbed.release {
+        return Err("the release is not that of an undisturbed build".to_owned());
+    }
+    let names = std::fs::read_dir(place.root()).unwrap().map(|entry| entry.unwrap().file_name());
+    match names.into_iter().find(|name| name.to_string_lossy().starts_with(".out.")) {
+        None => Ok(()),
+        Some(left) => Err(format!("left next to the release: {}", left.display())),
     }
 }
 

@@ -47,6 +47,7 @@ mod progress;
 mod real;
 mod recipes;
 mod release;
+mod release_safety;
 mod render_golden;
 mod render_gpu;
 mod render_layering;

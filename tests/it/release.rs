@@ -138,7 +138,11 @@ fn a_foreign_folder_is_left_alone() {
     assert_eq!(released(folder.path(), &["--replace"]).0, Some(0));
     assert!(!at("out/small/notes.txt").exists());
     assert_eq!(read(&at("out")), read(release()));
-    assert!(!at("out.partial").exists());
+    let names =
+        fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let kept: Vec<String> = names.filter(|name| name.starts_with("out.replaced-")).collect();
+    assert_eq!(kept.len(), 1, "{kept:?}");
+    assert_eq!(fs::read_to_string(at(&kept[0]).join("small/notes.txt")).unwrap(), "mine");
 }
 
 #[test]
@@ -155,19 +159,6 @@ fn a_failed_check_stops_a_release_until_it_is_waived() {
     assert_eq!(code, Some(0), "{text}");
     let card = fs::read_to_string(folder.path().join("out/README.md")).unwrap();
     assert!(card.contains("accepted: a test"), "{card}");
-}
-
-#[test]
-fn what_was_cut_off_is_written_anew() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("small.yaml"), RECIPE).unwrap();
-    // As a killed run leaves it: half a tree beside the place.
-    fs::create_dir_all(folder.path().join("out.partial/small/one")).unwrap();
-    fs::write(folder.path().join("out.partial/small/one/scene.json"), "{").unwrap();
-    let (code, text) = released(folder.path(), &[]);
-    assert_eq!(code, Some(0), "{text}");
-    assert_eq!(read(&folder.path().join("out")), read(release()));
-    assert!(!folder.path().join("out.partial").exists());
 }
 
 #[test]

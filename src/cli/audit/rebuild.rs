@@ -6,14 +6,14 @@ use crate::cli::console::Console;
 use crate::cli::message::{Level, Message};
 use crate::cli::problem::{Exit, Problem};
 use crate::cli::renderers::{By, Chosen};
-use crate::cli::{Common, Targets};
+use crate::cli::{Common, Targets, on_interrupt};
 use crate::plan::Plan;
 use crate::recipe::{self, Recipe};
 use crate::release::audit::{Fault, rebuilt};
-use crate::release::{self, Beside, Manifest, Options};
+use crate::release::{self, Beside, BuiltPlan, Link, Manifest, ReleaseTarget, TargetClaim};
 use crate::render::backend::Backend;
 use crate::render::gpu;
-use crate::store::{Access, Digest, Opening, Store};
+use crate::store::{Access, Claim, Digest, Opening, Store};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -112,8 +112,13 @@ impl Rebuild {
             _ => return Err(Problem::failed("rebuild", "a scene cannot be made again".to_owned())),
         }
         let to = folder.join("release");
-        let options = Options { copy: false, replace: false };
-        release::write(&to, &plan, &summary, &store, &beside, options)
+        let cancel = &on_interrupt()?;
+        let claim =
+            TargetClaim { replace: false, guarded: &[], claim: Claim::default(), wait: false, cancel };
+        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
+        // The folder goes with its store, so that nothing can be changed through a shared file.
+        ReleaseTarget::claim(&to, claim, &mut |_| {})
+            .and_then(|mut target| release::write(&mut target, built, Link::Hard, cancel))
             .map_err(|e| Problem::failed("rebuild", e.to_string()))?;
         Ok(to)
     }

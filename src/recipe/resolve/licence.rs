@@ -78,10 +78,18 @@ impl Resolver<'_> {
     }
 
     pub(super) fn spdx(&self, text: &str, place: Place) -> Option<String> {
-        let Err(error) = spdx::Expression::parse(text) else { return Some(text.to_owned()) };
-        let problem = Problem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
-        let problem = problem.help("ids are those of spdx.org/licenses; own terms are LicenseRef-Name");
-        self.refuse(problem.in_text(place, text, error.span))
+        const OWN: &str = "ids are those of spdx.org/licenses; own terms are LicenseRef-Name";
+        if let Err(error) = spdx::Expression::parse(text) {
+            let problem = Problem::of_field(format!("is no SPDX expression: {}", error.reason)).at(place);
+            return self.refuse(problem.help(OWN).in_text(place, text, error.span));
+        }
+        match Expression::parse(text) {
+            Ok(_) => Some(text.to_owned()),
+            Err(error) => {
+                let problem = Problem::of_field(format!("cannot be released: {}", error.because));
+                self.refuse(problem.help(OWN).at(place))
+            }
+        }
     }
 }
 

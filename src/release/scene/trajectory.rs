@@ -21,7 +21,7 @@ pub(super) fn part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
     TrajectoryPart {
         name: built.name.clone(),
         kind: kind_name(built.motion.report.kind).into(),
-        parameters: asked.map(parameters).unwrap_or_default(),
+        parameters: asked.map(|asked| parameters(recipe, asked)).unwrap_or_default(),
         keyframes: built.motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
         duration_us: stamps.last().copied().unwrap_or(0),
@@ -68,14 +68,22 @@ pub(super) fn sampling(recipe: &Recipe, simulation: Option<&Simulation>) -> Valu
 
 /// Path, speed, and where it was drawn from. The seeds of draws are told as text elsewhere: many readers of JSON would
 /// round such numbers.
-pub(super) fn parameters(asked: &TrajectoryRecipe) -> Value {
+pub(super) fn parameters(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
     let mut parameters = json!(asked.path);
     if let Some(novel) = parameters.get_mut("novel").and_then(Value::as_object_mut) {
         novel.retain(|key, _| !key.ends_with("_seed"));
         novel.insert("base".into(), json!(asked.base));
     }
-    parameters["speed"] = json!(asked.speed);
+    parameters["speed"] = speed(recipe, asked);
     parameters
+}
+
+/// The speed as the merged recipe shows it: a formula is text there. Its syntax tree can nest deeper than readers of
+/// JSON follow.
+fn speed(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
+    let all = recipe.merged.get("trajectories").and_then(Value::as_array);
+    let of_it = all.into_iter().flatten().find(|shown| shown["name"] == asked.written.as_str());
+    of_it.map(|shown| shown["speed"].clone()).unwrap_or_default()
 }
 
 pub(super) fn render_rules(asked: RenderChoice, simulation: Option<&Simulation>) -> Value {

@@ -4,9 +4,11 @@ use super::{Binary, ExpressionError, Function, Node};
 
 /// Maximum length of a text, bytes.
 const LONGEST: usize = 1000;
-/// Maximum nesting of operators and parentheses. It bounds the stack of the parser and of every
-/// walk over the tree.
+/// Deepest nesting of parentheses, signs and powers: bounds the stack of the parser.
 const DEEPEST: usize = 100;
+/// Largest height of the tree: bounds the stack of every walk over it. A sum of `n` terms has the height `n`, as each
+/// operator holds those on its left.
+const TALLEST: usize = 250;
 
 /// Parses `text` into a tree.
 pub(super) fn parse(text: &str) -> Result<Node, ExpressionError> {
@@ -49,14 +51,14 @@ impl Parser<'_> {
         ExpressionError::Syntax { at: self.at, expected, found }
     }
 
-    fn too_deep(&self) -> ExpressionError {
-        ExpressionError::TooDeep { at: self.at, limit: DEEPEST }
+    fn too_deep(&self, limit: usize) -> ExpressionError {
+        ExpressionError::TooDeep { at: self.at, limit }
     }
 
     fn join(&self, op: Binary, a: Tall, b: Tall) -> Result<Tall, ExpressionError> {
         let height = 1 + a.1.max(b.1);
-        if height > DEEPEST {
-            Err(self.too_deep())
+        if height > TALLEST {
+            Err(self.too_deep(TALLEST))
         } else {
             Ok((Node::Binary(op, Box::new([a.0, b.0])), height))
         }
@@ -94,7 +96,7 @@ impl Parser<'_> {
     fn sign(&mut self) -> Result<Tall, ExpressionError> {
         self.depth += 1;
         if self.depth > DEEPEST {
-            return Err(self.too_deep());
+            return Err(self.too_deep(DEEPEST));
         }
         let signed = if self.takes("-") {
             let (node, height) = self.sign()?;

@@ -70,7 +70,7 @@ pub(super) fn committed_texts() -> Vec<Source> {
 }
 
 fn read_below(folder: &str) -> Vec<Source> {
-    const NOT_OURS: [&str; 6] = ["target", ".git", "out", "out.partial", ".gs2e", "__pycache__"];
+    const NOT_OURS: [&str; 5] = ["target", ".git", "out", ".gs2e", "__pycache__"];
     let ours = |entry: &walkdir::DirEntry| !NOT_OURS.contains(&entry.file_name().to_string_lossy().as_ref());
     walkdir::WalkDir::new(root().join(folder))
         .sort_by_file_name()

@@ -1,0 +1,281 @@
+//! The folder that stands where a release is to go: whether it is a release of this program, and which of its files
+//! have the bytes that the release there states.
+//!
+//! A folder is a release only if `manifest.json` parses in full and `SHA256SUMS` and `B3SUMS` are in their one form
+//! and list what it lists. Only files with the stated bytes count as sound, and only sound files are ever removed.
+
+use super::manifest::{self, Manifest};
+use super::removal::remove_ours;
+use super::{ReleaseError, checksum};
+use crate::files::{self, Links, MAX_DOCUMENT};
+use crate::store::Digest;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::Metadata;
+use std::io;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use walkdir::WalkDir;
+
+/// The manifest's format that this program writes.
+pub(super) const FORMAT: u32 = 1;
+
+/// The fields by which a file that was read is known again without reading it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct FileMark {
+    device: u64,
+    inode: u64,
+    size: u64,
+    /// Time of the last change of its bytes: seconds and nanoseconds.
+    modified: [i64; 2],
+}
+
+impl FileMark {
+    fn of(about: &Metadata) -> Self {
+        Self {
+            device: about.dev(),
+            inode: about.ino(),
+            size: about.size(),
+            modified: [about.mtime(), about.mtime_nsec()],
+        }
+    }
+}
+
+/// A file with the bytes that its release states.
+#[derive(Debug)]
+struct SoundFile {
+    mark: FileMark,
+    blake3: Digest,
+    /// Number of names that it had when it was read.
+    links: u64,
+}
+
+/// The folder that stands at a target, as it was read.
+#[derive(Debug)]
+pub(super) struct StandingTree {
+    folder: PathBuf,
+    /// The bytes of `B3SUMS`; `None` where the folder is not a release.
+    b3: Option<String>,
+    sound: BTreeMap<String, SoundFile>,
+    /// What keeps it from being a whole release, in words, sorted by path.
+    oddities: Vec<String>,
+}
+
+impl StandingTree {
+    /// Reads every file of `folder`.
+    ///
+    /// # Errors
+    /// When the folder cannot be listed, or `cancel` is set.
+    pub(super) fn read(folder: &Path, cancel: &AtomicBool) -> Result<Self, ReleaseError> {
+        let failed = |source: io::Error| ReleaseError::Io { path: folder.to_owned(), source };
+        let mut tree =
+            Self { folder: folder.to_owned(), b3: None, sound: BTreeMap::new(), oddities: Vec::new() };
+        let lists = match Lists::read(folder) {
+            Ok(lists) => lists,
+            Err(because) => {
+                tree.oddities.push(because);
+                return Ok(tree);
+            }
+        };
+        let (found, mut oddities) = list(folder, &lists).map_err(failed)?;
+        let missing = lists.sums.keys().filter(|path| !found.contains(path.as_str()));
+        oddities.extend(missing.map(|path| format!("{path} is missing")));
+        let judge = |path: String| {
+            if cancel.load(Ordering::Relaxed) {
+                return Err(ReleaseError::Interrupted);
+            }
+            Ok(match lists.judge(folder, &path) {
+                Ok(sound) => (path, Ok(sound)),
+                Err(because) => (path.clone(), Err(format!("{path} {because}"))),
+            })
+        };
+        let judged: Result<Vec<_>, ReleaseError> = found.into_par_iter().map(judge).collect();
+        for (path, judged) in judged? {
+            match judged {
+                Ok(sound) => {
+                    tree.sound.insert(path, sound);
+                }
+                Err(oddity) => oddities.push(oddity),
+            }
+        }
+        oddities.sort();
+        tree.oddities = oddities;
+        tree.b3 = Some(lists.b3_text);
+        Ok(tree)
+    }
+
+    /// Whether it is a release of this program, with or without edited and additional files.
+    pub(super) fn is_release(&self) -> bool {
+        self.b3.is_some()
+    }
+
+    /// What keeps it from being a whole release; empty where it is one.
+    pub(super) fn oddities(&self) -> &[String] {
+        &self.oddities
+    }
+
+    /// Whether it is whole and its `B3SUMS` is this text, so that every other file is that of the release with it.
+    pub(super) fn is_the_release_of(&self, b3: &str) -> bool {
+        self.oddities.is_empty() && self.b3.as_deref() == Some(b3)
+    }
+
+    /// Whether a file of it has another name, such as one in the store.
+    pub(super) fn shares_files(&self) -> bool {
+        self.sound.values().any(|file| file.links > 1)
+    }
+
+    /// The file at `path`, where it has these bytes and no other name.
+    pub(super) fn unshared(&self, path: &str, blake3: &Digest) -> Option<PathBuf> {
+        let file = self.sound.get(path)?;
+        (file.blake3 == *blake3 && file.links == 1).then(|| self.folder.join(path))
+    }
+
+    /// The number of its sound files and their bytes.
+    pub(super) fn size(&self) -> (usize, u64) {
+        (self.sound.len(), self.sound.values().map(|file| file.mark.size).sum())
+    }
+
+    /// The first entry that changed since the folder was read, by its path, if any did.
+    ///
+    /// # Errors
+    /// When the folder cannot be listed.
+    pub(super) fn changed(&self) -> io::Result<Option<String>> {
+        let mut seen = 0;
+        for entry in WalkDir::new(&self.folder).min_depth(1).sort_by_file_name() {
+            let entry = entry?;
+            if entry.file_type().is_dir() {
+                continue;
+            }
+            let below = entry.path().strip_prefix(&self.folder).expect("a walk stays below its root");
+            let path = below.to_string_lossy();
+            if !self.sound.get(path.as_ref()).is_some_and(|file| is_same(file, &entry)) {
+                return Ok(Some(path.into_owned()));
+            }
+            seen += 1;
+        }
+        Ok((seen < self.sound.len()).then(|| "a file that is gone now".to_owned()))
+    }
+
+    /// Removes its sound files at `folder`, where the tree may have been moved to, as far as they are unchanged since
+    /// they were read. Returns whether the folder is gone.
+    ///
+    /// # Errors
+    /// When something cannot be listed or removed.
+    pub(super) fn remove_at(&self, folder: &Path) -> io::Result<bool> {
+        let is_ours = |path: &str, about: &Metadata| {
+            self.sound.get(path).is_some_and(|file| file.mark == FileMark::of(about))
+        };
+        remove_ours(folder, self.sound.keys().map(String::as_str), &is_ours)
+    }
+}
+
+fn is_same(file: &SoundFile, entry: &walkdir::DirEntry) -> bool {
+    entry.file_type().is_file() && entry.metadata().is_ok_and(|about| file.mark == FileMark::of(&about))
+}
+
+/// The listed files that are there, and what has no place in a release.
+fn list(folder: &Path, lists: &Lists) -> io::Result<(BTreeSet<String>, Vec<String>)> {
+    let (mut found, mut oddities) = (BTreeSet::new(), Vec::new());
+    for entry in WalkDir::new(folder).min_depth(1).sort_by_file_name() {
+        let entry = entry?;
+        let below = entry.path().strip_prefix(folder).expect("a walk stays below its root");
+        let kind = entry.file_type();
+        match below.to_str().filter(|path| *path == checksum::NAME || lists.sums.contains_key(*path)) {
+            _ if kind.is_dir() => {
+                if entry.path().read_dir()?.next().is_none() {
+                    oddities.push(format!("{} is an empty folder", below.display()));
+                }
+            }
+            Some(path) if kind.is_file() => {
+                found.insert(path.to_owned());
+            }
+            Some(path) => oddities.push(format!("{path} is not a regular file")),
+            None => oddities.push(format!("{} is not listed", below.display())),
+        }
+    }
+    Ok((found, oddities))
+}
+
+/// The lists of a release, which agree with each other.
+struct Lists {
+    b3_text: String,
+    b3: BTreeMap<String, String>,
+    sums: BTreeMap<String, String>,
+}
+
+impl Lists {
+    /// Reads the lists; the error says why the folder is not a release.
+    fn read(folder: &Path) -> Result<Self, String> {
+        let read = |name: &str| {
+            let bytes = files::read_with(&folder.join(name), Links::Refuse, MAX_DOCUMENT);
+            bytes.map_err(|e| match e.kind() {
+                io::ErrorKind::NotFound => format!("it has no {name}"),
+                _ => format!("its {name} cannot be read: {e}"),
+            })
+        };
+        let manifest_bytes = read(manifest::NAME)?;
+        let manifest: Manifest = serde_json::from_slice(&manifest_bytes)
+            .map_err(|e| format!("its {} is not that of a release: {e}", manifest::NAME))?;
+        if manifest.format != FORMAT {
+            return Err(format!("its {} has format {}, not {FORMAT}", manifest::NAME, manifest.format));
+        }
+        let sums = |name: &str| -> Result<(String, BTreeMap<String, String>), String> {
+            let parsed = String::from_utf8(read(name)?).ok().and_then(|text| Some((parse(&text)?, text)));
+            parsed
+                .map(|(sums, text)| (text, sums))
+                .ok_or_else(|| format!("its {name} is not that of a release"))
+        };
+        let ((_, sums), (b3_text, b3)) = (sums(checksum::NAME)?, sums(checksum::B3_NAME)?);
+        let lists = Self { b3_text, b3, sums };
+        if lists.agree(&manifest, &manifest_bytes) {
+            Ok(lists)
+        } else {
+            let [a, b, c] = [manifest::NAME, checksum::NAME, checksum::B3_NAME];
+            Err(format!("its {a}, {b} and {c} do not agree"))
+        }
+    }
+
+    fn agree(&self, manifest: &Manifest, manifest_bytes: &[u8]) -> bool {
+        let stated = manifest.scenes.iter().flat_map(|scene| &scene.files).chain(&manifest.files);
+        let mut stated: BTreeMap<&str, String> =
+            stated.map(|file| (file.path.as_str(), file.blake3.to_string())).collect();
+        stated.insert(manifest::NAME, Digest::of(manifest_bytes).to_string());
+        let is_same = |(path, sum): (&String, &String)| stated.get(path.as_str()) == Some(sum);
+        let both = self.b3.keys().map(String::as_str).chain([checksum::B3_NAME]).collect::<BTreeSet<_>>();
+        let of_b3 = self.sums.get(checksum::B3_NAME);
+        self.b3.len() == stated.len()
+            && self.b3.iter().all(is_same)
+            && both.into_iter().eq(self.sums.keys().map(String::as_str))
+            && of_b3 == Some(&checksum::sha256(self.b3_text.as_bytes()))
+    }
+
+    /// Reads a file that is listed; the error says what is wrong with it.
+    fn judge(&self, folder: &Path, path: &str) -> Result<SoundFile, String> {
+        let file = files::open_with(&folder.join(path), Links::Refuse);
+        let about = file.and_then(|file| file.metadata());
+        let about = about.map_err(|e| format!("cannot be read: {e}"))?;
+        let hashes = checksum::both(&folder.join(path)).map_err(|e| format!("cannot be read: {e}"))?;
+        let is_stated = match path {
+            // No list has its sum, and it is in its one form.
+            checksum::NAME => true,
+            checksum::B3_NAME => self.sums.get(path) == Some(&hashes.sha256),
+            _ => {
+                self.b3.get(path) == Some(&hashes.blake3.to_string())
+                    && self.sums.get(path) == Some(&hashes.sha256)
+            }
+        };
+        if !is_stated {
+            return Err("was edited".to_owned());
+        }
+        Ok(SoundFile { mark: FileMark::of(&about), blake3: hashes.blake3, links: about.nlink() })
+    }
+}
+
+/// Reads sums in their one form, in which [`checksum::text`] writes them.
+fn parse(text: &str) -> Option<BTreeMap<String, String>> {
+    let line = |line: &str| line.split_once("  ").map(|(sum, path)| (path.to_owned(), sum.to_owned()));
+    let sums: BTreeMap<String, String> = text.lines().map(line).collect::<Option<_>>()?;
+    let again = checksum::text(sums.iter().map(|(path, sum)| (path.as_str(), sum.clone())));
+    (again == text).then_some(sums)
+}

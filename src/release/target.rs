@@ -1,0 +1,306 @@
+//! The place of a release: claimed by one process, and checked before anything is built.
+
+use super::removal::is_there;
+use super::standing::StandingTree;
+use super::work::{WorkFolder, clear_leftovers};
+use super::{ReleaseError, failed};
+use crate::store::{Claim, Lock, StoreError};
+use rustix::fs::{AtFlags, CWD, StatxAttributes, StatxFlags};
+use std::ffi::OsString;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// A file or folder that no release may replace.
+#[derive(Debug, Clone)]
+pub struct GuardedPath {
+    /// What it is, with its article.
+    pub what: String,
+    /// The file or folder.
+    pub path: PathBuf,
+    /// Whether a release may not lie in it either.
+    pub whole: bool,
+}
+
+/// How a target is claimed.
+#[derive(Debug)]
+pub struct TargetClaim<'a> {
+    /// Replace a folder that is not a release, or one with edited, additional or missing files.
+    pub replace: bool,
+    /// What the target may neither be nor hold.
+    pub guarded: &'a [GuardedPath],
+    /// Who claims it, for others who wait.
+    pub claim: Claim,
+    /// Wait for another process that writes there.
+    pub wait: bool,
+    /// Set to stop waiting and reading.
+    pub cancel: &'a AtomicBool,
+}
+
+/// The place of a release. No other process of this program writes there until it is dropped.
+#[derive(Debug)]
+pub struct ReleaseTarget {
+    /// As the user named it.
+    shown: PathBuf,
+    /// The same without links in its parents.
+    path: PathBuf,
+    replace: bool,
+    /// What stands there, unless that is nothing or an empty folder.
+    standing: Option<StandingTree>,
+    notes: Vec<String>,
+    _lock: Lock,
+    _parents: MadeFolders,
+}
+
+impl ReleaseTarget {
+    /// Claims a place, clears what killed processes left for it, and reads what stands there. `waiting` receives the
+    /// holder of the place, and again as often as the claim says.
+    ///
+    /// # Errors
+    /// [`ReleaseError::Foreign`] where the place is guarded, or holds what a release may not replace; when another
+    /// process holds it and `wait` is false; when it cannot be read or made; when `cancel` is set.
+    pub fn claim(
+        to: &Path,
+        options: TargetClaim<'_>,
+        waiting: &mut dyn FnMut(&str),
+    ) -> Result<Self, ReleaseError> {
+        let TargetClaim { replace, guarded, claim, wait, cancel } = options;
+        let foreign = |because: String| ReleaseError::Foreign { path: to.to_owned(), because };
+        let path = resolve(to).map_err(failed(to))?;
+        let path = path.ok_or_else(|| foreign("is not a name for a release folder".into()))?;
+        if let Some(because) = guarded.iter().find_map(|guarded| guarded.forbids(&path)) {
+            return Err(foreign(because));
+        }
+        let parents = MadeFolders::make(path.parent().expect("a resolved path has a parent"))?;
+        let lock_path = path.with_file_name(lock_name(&path));
+        let lock = Lock::take_temporary(&lock_path, to, (&claim, wait), cancel, waiting);
+        let lock = lock.map_err(|error| match error {
+            StoreError::Io { source, .. } if source.kind() == io::ErrorKind::Interrupted => {
+                ReleaseError::Interrupted
+            }
+            other => other.into(),
+        })?;
+        let notes = clear_leftovers(&path, cancel)?;
+        let standing = stands(&path).map_err(|e| match e {
+            Unfit::Foreign(because) => foreign(because.to_owned()),
+            Unfit::Io(source) => failed(to)(source),
+        })?;
+        let standing = if standing { Some(StandingTree::read(&path, cancel)?) } else { None };
+        let refusal = standing.as_ref().filter(|_| !replace).and_then(refusal);
+        if let Some(because) = refusal {
+            return Err(foreign(because));
+        }
+        Ok(Self { shown: to.to_owned(), path, replace, standing, notes, _lock: lock, _parents: parents })
+    }
+
+    /// What there is to say of what was found there, one line each, since the last call.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+
+    /// The folder, without links in its parents.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What stands there, unless that is nothing or an empty folder.
+    pub(super) fn standing(&self) -> Option<&StandingTree> {
+        self.standing.as_ref()
+    }
+
+    /// Puts a written tree in place.
+    pub(super) fn put(&mut self, mut work: WorkFolder) -> Result<(), ReleaseError> {
+        // With leave to replace, what changed is kept aside.
+        self.change()?;
+        work.place()?;
+        let stood = self.standing.take();
+        self.notes.extend(work.finish(stood.as_ref()));
+        Ok(())
+    }
+
+    /// Whether the release with this `B3SUMS` stands there, unchanged since it was read.
+    pub(super) fn holds(&self, b3: &str) -> Result<bool, ReleaseError> {
+        let stands = self.standing.as_ref().is_some_and(|standing| standing.is_the_release_of(b3));
+        Ok(stands && self.change()?.is_none())
+    }
+
+    /// What changed since the place was read; refused unless the user lets everything there be replaced.
+    fn change(&self) -> Result<Option<String>, ReleaseError> {
+        let change = match &self.standing {
+            Some(standing) => standing.changed().map_err(failed(&self.shown))?,
+            None if matches!(stands(&self.path), Ok(false)) => None,
+            None => Some("something is there now".to_owned()),
+        };
+        match change {
+            Some(change) if !self.replace => Err(ReleaseError::Foreign {
+                path: self.shown.clone(),
+                because: format!("changed while the release was made: {change}"),
+            }),
+            change => Ok(change),
+        }
+    }
+}
+
+impl GuardedPath {
+    /// Why a release may not go to `target`; `None` where this path does not speak against it.
+    fn forbids(&self, target: &Path) -> Option<String> {
+        let path = self.path.canonicalize().ok()?;
+        let what = &self.what;
+        if path == target {
+            Some(format!("is {what}"))
+        } else if path.starts_with(target) {
+            Some(format!("holds {what}: {}", self.path.display()))
+        } else if self.whole && target.starts_with(&path) {
+            Some(format!("lies in {what}: {}", self.path.display()))
+        } else {
+            None
+        }
+    }
+}
+
+/// Why a release that would have to replace this tree is refused; `None` where it may.
+fn refusal(standing: &StandingTree) -> Option<String> {
+    /// Oddities that a message names.
+    const SHOWN: usize = 5;
+    let oddities = standing.oddities();
+    let mut because = oddities.iter().take(SHOWN).cloned().collect::<Vec<_>>().join("; ");
+    if oddities.len() > SHOWN {
+        because.push_str(&format!("; and {} more", oddities.len() - SHOWN));
+    }
+    match (oddities.is_empty(), standing.is_release()) {
+        (true, _) => None,
+        (false, true) => Some(format!("holds a release that was changed: {because}")),
+        (false, false) => Some(format!("is not empty and not a release: {because}")),
+    }
+}
+
+/// Why a path cannot be a release folder.
+enum Unfit {
+    Foreign(&'static str),
+    Io(io::Error),
+}
+
+/// Whether a folder that is not empty stands at `path`.
+fn stands(path: &Path) -> Result<bool, Unfit> {
+    match fs::symlink_metadata(path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(e) => Err(Unfit::Io(e)),
+        Ok(about) if about.is_symlink() => Err(Unfit::Foreign("is a link; name the folder that it leads to")),
+        Ok(about) if !about.is_dir() => Err(Unfit::Foreign("is not a folder")),
+        Ok(_) if is_mount_point(path) => Err(Unfit::Foreign("is a mount point")),
+        Ok(_) => Ok(fs::read_dir(path).map_err(Unfit::Io)?.next().is_some()),
+    }
+}
+
+/// Whether the kernel says that another file system is mounted at `path`. Where it says nothing, a rename of the mount
+/// point fails, and nothing is changed.
+fn is_mount_point(path: &Path) -> bool {
+    let about = rustix::fs::statx(CWD, path, AtFlags::SYMLINK_NOFOLLOW, StatxFlags::BASIC_STATS);
+    about.is_ok_and(|about| about.stx_attributes.contains(StatxAttributes::MOUNT_ROOT))
+}
+
+/// The target with the links of its parents resolved, as far as these are there; `None` where it ends in no name.
+fn resolve(to: &Path) -> io::Result<Option<PathBuf>> {
+    let Some(name) = to.file_name() else { return Ok(None) };
+    let parent = to.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Ok(Some(resolve_folder(&std::path::absolute(parent)?)?.join(name)))
+}
+
+fn resolve_folder(path: &Path) -> io::Result<PathBuf> {
+    match path.canonicalize() {
+        Err(e) if e.kind() == io::ErrorKind::NotFound && !is_there(path) => {
+            match (path.parent(), path.file_name()) {
+                (Some(parent), Some(name)) => Ok(resolve_folder(parent)?.join(name)),
+                _ => Err(e),
+            }
+        }
+        other => other,
+    }
+}
+
+/// The name of the lock of a target: `.NAME.gs2e-lock`, next to it.
+fn lock_name(target: &Path) -> OsString {
+    let mut name = OsString::from(".");
+    name.push(target.file_name().unwrap_or_default());
+    name.push(".gs2e-lock");
+    name
+}
+
+/// Folders that were made for a target; those that stay empty are removed with it.
+#[derive(Debug)]
+struct MadeFolders(Vec<PathBuf>);
+
+impl MadeFolders {
+    fn make(folder: &Path) -> Result<Self, ReleaseError> {
+        let absent = folder.ancestors().take_while(|folder| !is_there(folder)).map(Path::to_owned);
+        let made = Self(absent.collect());
+        fs::create_dir_all(folder).map_err(failed(folder))?;
+        Ok(made)
+    }
+}
+
+impl Drop for MadeFolders {
+    fn drop(&mut self) {
+        for folder in &self.0 {
+            // One with the release in it stays.
+            let _ = fs::remove_dir(folder);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn links_of_parents_are_resolved_and_missing_ones_kept() {
+        let place = tempfile::tempdir().unwrap();
+        let root = place.path().canonicalize().unwrap();
+        fs::create_dir(root.join("real")).unwrap();
+        symlink("real", root.join("link")).unwrap();
+        symlink("nothing", root.join("dangling")).unwrap();
+        let t = |to: &str, wanted: Option<&str>| {
+            let found = resolve(&root.join(to)).unwrap();
+            assert_eq!(found, wanted.map(|wanted| root.join(wanted)), "{to}");
+        };
+        t("link/out", Some("real/out"));
+        t("link/a/b/out/", Some("real/a/b/out"));
+        t("link/../out", Some("out"));
+        t("real/..", None);
+        assert_eq!(resolve(Path::new("/")).unwrap(), None);
+        assert!(resolve(&root.join("dangling/out")).is_err());
+    }
+
+    #[test]
+    fn a_guard_forbids_what_is_around_it_and_if_it_is_whole_what_is_in_it() {
+        let place = tempfile::tempdir().unwrap();
+        let root = place.path().canonicalize().unwrap();
+        fs::create_dir_all(root.join("a/store")).unwrap();
+        let t = |whole, target: &str, wanted: Option<&str>| {
+            let guard = GuardedPath { what: "the store".into(), path: root.join("a/store"), whole };
+            let found = guard.forbids(&root.join(target));
+            assert_eq!(found.as_ref().map(|because| because.split(' ').next().unwrap()), wanted, "{target}");
+        };
+        t(false, "a/store", Some("is"));
+        t(false, "a", Some("holds"));
+        t(false, "a/store/out", None);
+        t(true, "a/store/out", Some("lies"));
+        t(true, "a/out", None);
+        t(true, "a/store2", None);
+    }
+
+    #[test]
+    fn folders_made_for_nothing_go_again() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("a/b/c");
+        drop(MadeFolders::make(&folder).unwrap());
+        assert!(!place.path().join("a").exists());
+        let made = MadeFolders::make(&folder).unwrap();
+        fs::write(folder.join("release"), "").unwrap();
+        drop(made);
+        assert!(folder.join("release").exists());
+    }
+}

@@ -1,0 +1,416 @@
+//! The folder in which a release is written: next to its target, with a name that cannot be guessed, for one process.
+//!
+//! ```text
+//! .NAME.gs2e-<16 letters>/   about     the format, and every file that is written to tree/
+//!                            tree/     the release; once it is swapped with the target, what stood there
+//!                            old/      what stood there
+//!                            placing   there from the moment before the swap
+//! ```
+//! The lock of the target covers all of its work folders, so that whoever holds it may clear what a killed process
+//! left. Before the swap only files that `about` lists are removed; after it only the sound files of a release.
+//! Whatever else is found in the folder stays, and is reported.
+
+use super::removal::{is_there, remove_if_empty, remove_ours};
+use super::standing::StandingTree;
+use super::{ReleaseError, failed};
+use crate::files::{self, Links, MAX_DOCUMENT};
+use rustix::fs::{CWD, RenameFlags};
+use rustix::io::Errno;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::{OsStr, OsString};
+use std::fmt::Write as _;
+use std::fs::{self, File, Metadata, Permissions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// The first line of `about`.
+const FORMAT: &str = "work folder of gs2e release, format 1\n";
+/// What stands between a target's name and the letters of a work folder's.
+const INFIX: &str = ".gs2e-";
+/// Number of those letters: about 95 bits.
+const LETTERS: usize = 16;
+
+const ABOUT: &str = "about";
+const TREE: &str = "tree";
+const OLD: &str = "old";
+const PLACING: &str = "placing";
+
+/// A work folder of this process. Dropped before the release is in place, it is cleared.
+#[derive(Debug)]
+pub(super) struct WorkFolder {
+    folder: PathBuf,
+    target: PathBuf,
+    placed: bool,
+}
+
+impl WorkFolder {
+    /// Makes the folder for a release at `target` with these files of at most these sizes, and the folders of `tree/`.
+    pub(super) fn create(target: &Path, files: &BTreeMap<String, u64>) -> Result<Self, ReleaseError> {
+        let parent = target.parent().expect("a target has a parent");
+        let made = tempfile::Builder::new()
+            .prefix(&prefix(target))
+            .rand_bytes(LETTERS)
+            .permissions(Permissions::from_mode(0o700))
+            .tempdir_in(parent);
+        let folder = made.map_err(failed(parent))?.keep();
+        let work = Self { folder, target: target.to_owned(), placed: false };
+        let path = work.folder.join(ABOUT);
+        write_new(&path, listing(files).as_bytes()).map_err(failed(&path))?;
+        let folders = files.keys().filter_map(|path| Path::new(path).parent());
+        for folder in folders.collect::<BTreeSet<_>>() {
+            let folder = work.tree().join(folder);
+            fs::create_dir_all(&folder).map_err(failed(&folder))?;
+        }
+        Ok(work)
+    }
+
+    /// The folder that becomes the release.
+    pub(super) fn tree(&self) -> PathBuf {
+        self.folder.join(TREE)
+    }
+
+    /// Puts the tree in the target's place in one step, and moves what stood there into the work folder.
+    pub(super) fn place(&mut self) -> Result<(), ReleaseError> {
+        let parent = self.target.parent().expect("a target has a parent");
+        let placing = self.folder.join(PLACING);
+        write_new(&placing, b"").map_err(failed(&placing))?;
+        for folder in [&self.tree(), &self.folder] {
+            sync_folder(folder).map_err(failed(folder))?;
+        }
+        if is_there(&self.target) {
+            exchange(&self.tree(), &self.target, &self.folder.join(OLD))
+        } else {
+            move_to_free(&self.tree(), &self.target)
+        }
+        .map_err(failed(&self.target))?;
+        self.placed = true;
+        sync_folder(parent).map_err(failed(parent))
+    }
+
+    /// Removes the work folder after [`WorkFolder::place`], with the sound files of what stood there. Whatever else
+    /// stood there is kept next to the target; the notes say so.
+    pub(super) fn finish(self, stood: Option<&StandingTree>) -> Vec<String> {
+        let known = |folder: &Path| stood.map_or(Ok(!is_there(folder)), |stood| stood.remove_at(folder));
+        note_failure(&self.folder, self.clear_placed(&known))
+    }
+
+    /// Clears a folder whose tree may be in place: `remove` takes what may go of `tree/` and `old/`.
+    fn clear_placed(&self, remove: &dyn Fn(&Path) -> io::Result<bool>) -> io::Result<Vec<String>> {
+        let mut notes = Vec::new();
+        for (part, letter) in [(TREE, ""), (OLD, "-old")] {
+            let path = self.folder.join(part);
+            if is_there(&path) {
+                remove_if_empty(&path)?;
+            }
+            if is_there(&path) && !remove(&path)? {
+                let aside = self.kept_name(letter);
+                move_to_free(&path, &aside)?;
+                notes.push(format!(
+                    "kept what this release did not write there: {}; remove it when you do not need it",
+                    aside.display()
+                ));
+            }
+        }
+        self.remove_frame()?;
+        Ok(notes)
+    }
+
+    /// `NAME.replaced-<letters>`, next to the target.
+    fn kept_name(&self, suffix: &str) -> PathBuf {
+        let own = self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let letters = own.rsplit('-').next().unwrap_or_default().to_owned();
+        let mut name = self.target.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".replaced-{letters}{suffix}"));
+        self.target.with_file_name(name)
+    }
+
+    /// Clears a folder whose tree is not in place: its files as `about` lists them.
+    fn clear_unplaced(&self, files: &BTreeMap<String, u64>) -> io::Result<()> {
+        let is_ours = |path: &str, about: &Metadata| files.get(path).is_some_and(|size| about.len() <= *size);
+        if is_there(&self.tree()) {
+            remove_ours(&self.tree(), files.keys().map(String::as_str), &is_ours)?;
+        }
+        self.remove_frame()
+    }
+
+    /// Removes `placing`, `about` and the folder, if nothing else is left in it.
+    fn remove_frame(&self) -> io::Result<()> {
+        let frame = [PLACING, ABOUT];
+        let others = fs::read_dir(&self.folder)?.filter(|entry| {
+            entry.as_ref().map_or(true, |entry| frame.iter().all(|name| entry.file_name() != *name))
+        });
+        if others.count() > 0 {
+            return Err(io::Error::new(
+                io::ErrorKind::DirectoryNotEmpty,
+                "it holds files that gs2e did not write",
+            ));
+        }
+        // `about` last: without it the next run would not know the folder.
+        for name in frame.map(|name| self.folder.join(name)).iter().filter(|path| is_there(path)) {
+            fs::remove_file(name)?;
+        }
+        fs::remove_dir(&self.folder)
+    }
+}
+
+impl Drop for WorkFolder {
+    fn drop(&mut self) {
+        if !self.placed {
+            // What cannot be cleared now is cleared, or reported, by the next release to this target.
+            let _ = clear(&self.folder, &self.target, &AtomicBool::new(false));
+        }
+    }
+}
+
+/// Clears the work folders that killed processes left for `target`, whose lock is held. A folder that is not strictly
+/// of that form stays. Returns what there is to say.
+pub(super) fn clear_leftovers(target: &Path, cancel: &AtomicBool) -> Result<Vec<String>, ReleaseError> {
+    let parent = target.parent().expect("a target has a parent");
+    let mut notes = Vec::new();
+    let mut folders: Vec<PathBuf> = Vec::new();
+    for entry in fs::read_dir(parent).map_err(failed(parent))? {
+        let entry = entry.map_err(failed(parent))?;
+        if is_work_name(&entry.file_name(), target) {
+            folders.push(entry.path());
+        }
+    }
+    folders.sort();
+    for folder in folders {
+        notes.extend(note_failure(&folder, clear(&folder, target, cancel)));
+    }
+    Ok(notes)
+}
+
+/// Clears one work folder that no process is at work in.
+fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<String>> {
+    let foreign = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
+    if !fs::symlink_metadata(folder)?.is_dir() {
+        return Err(foreign("it is not a folder of gs2e"));
+    }
+    let about = match files::read_with(&folder.join(ABOUT), Links::Refuse, MAX_DOCUMENT) {
+        Ok(bytes) => String::from_utf8(bytes).map_err(|_| foreign("its `about` is not of gs2e"))?,
+        // A process that was killed before it wrote the file left an empty folder.
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            remove_if_empty(folder)?;
+            return if is_there(folder) {
+                Err(foreign("it is not a folder of gs2e"))
+            } else {
+                Ok(Vec::new())
+            };
+        }
+        Err(e) => return Err(e),
+    };
+    let files = parse_listing(&about).ok_or_else(|| foreign("its `about` is not of gs2e"))?;
+    let work = WorkFolder { folder: folder.to_owned(), target: target.to_owned(), placed: true };
+    if !is_there(&folder.join(PLACING)) {
+        return work.clear_unplaced(&files).map(|()| Vec::new());
+    }
+    let old = folder.join(OLD);
+    if is_there(&old) && !is_there(target) {
+        // The swap took two steps and was cut off between them.
+        move_to_free(&old, target)?;
+    }
+    work.clear_placed(&|part| {
+        let stood = StandingTree::read(part, cancel).map_err(|e| io::Error::other(e.to_string()))?;
+        stood.remove_at(part)
+    })
+}
+
+fn note_failure(folder: &Path, result: io::Result<Vec<String>>) -> Vec<String> {
+    result.unwrap_or_else(|e| vec![format!("left as it is: {}: {e}", folder.display())])
+}
+
+fn prefix(target: &Path) -> OsString {
+    let mut name = OsString::from(".");
+    name.push(target.file_name().unwrap_or_default());
+    name.push(INFIX);
+    name
+}
+
+fn is_work_name(name: &OsStr, target: &Path) -> bool {
+    let (name, prefix) = (name.as_encoded_bytes(), prefix(target));
+    let letters = name.strip_prefix(prefix.as_encoded_bytes());
+    letters.is_some_and(|letters| letters.len() == LETTERS && letters.iter().all(u8::is_ascii_alphanumeric))
+}
+
+/// The text of `about`: the format, then one line per file with its largest size and its path.
+fn listing(files: &BTreeMap<String, u64>) -> String {
+    files.iter().fold(FORMAT.to_owned(), |mut text, (path, size)| {
+        writeln!(text, "{size} {path}").expect("a String takes any text");
+        text
+    })
+}
+
+/// The files that an `about` lists; `None` where this program did not write it. One that was cut off while it was
+/// written lists fewer, and then none of them is there yet.
+fn parse_listing(text: &str) -> Option<BTreeMap<String, u64>> {
+    let Some(lines) = text.strip_prefix(FORMAT) else {
+        return FORMAT.starts_with(text).then(BTreeMap::new);
+    };
+    let line = |line: &str| {
+        let (size, path) = line.split_once(' ')?;
+        Some((path.to_owned(), size.parse().ok()?))
+    };
+    Some(lines.lines().map_while(line).collect())
+}
+
+/// Writes a new file and has it on disk.
+pub(super) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create_new(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+/// Moves a folder to a name that must be free.
+fn move_to_free(from: &Path, to: &Path) -> io::Result<()> {
+    match rustix::fs::renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+        // A rename of a folder replaces nothing but an empty folder.
+        Err(e) if is_unsupported(e) => fs::rename(from, to),
+        other => other.map_err(io::Error::from),
+    }
+}
+
+/// Swaps `tree` with `target`, so that what stood at the target is at `old`. Where the file system cannot swap in one
+/// step, the old one is moved first, and moved back if the second step fails.
+fn exchange(tree: &Path, target: &Path, old: &Path) -> io::Result<()> {
+    match rustix::fs::renameat_with(CWD, tree, CWD, target, RenameFlags::EXCHANGE) {
+        Ok(()) => fs::rename(tree, old),
+        Err(e) if is_unsupported(e) => {
+            fs::rename(target, old)?;
+            move_to_free(tree, target).inspect_err(|_| {
+                // If this fails too, the next release to this target moves it back.
+                let _ = move_to_free(old, target);
+            })
+        }
+        Err(e) => Err(e.into()),
+    }
+}
+
+fn is_unsupported(error: Errno) -> bool {
+    [Errno::INVAL, Errno::NOSYS, Errno::NOTSUP, Errno::OPNOTSUPP].contains(&error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn never() -> AtomicBool {
+        AtomicBool::new(false)
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// A place with a work folder whose process was killed while it wrote.
+    fn killed() -> (tempfile::TempDir, PathBuf, PathBuf) {
+        let place = tempfile::tempdir().unwrap();
+        let target = place.path().join("out");
+        let files = [("a/one", 3), ("two", 3)].map(|(path, size)| (path.to_owned(), size)).into();
+        let mut work = WorkFolder::create(&target, &files).unwrap();
+        fs::write(work.tree().join("a/one"), "one").unwrap();
+        work.placed = true;
+        let folder = work.folder.clone();
+        (place, target, folder)
+    }
+
+    #[test]
+    fn a_dropped_work_folder_leaves_nothing() {
+        let (place, target, folder) = killed();
+        drop(WorkFolder { folder, target, placed: false });
+        assert_eq!(names(place.path()), [""; 0]);
+    }
+
+    #[test]
+    fn names_cannot_be_foreseen() {
+        let [(_a, _, first), (_b, _, second)] = [killed(), killed()];
+        assert_ne!(first.file_name(), second.file_name());
+        assert_eq!(fs::metadata(&first).unwrap().permissions().mode() & 0o777, 0o700);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_is_cleared_and_nothing_else() {
+        let (place, target, folder) = killed();
+        // A longer file than this program would have written, one that it never writes, and one like it elsewhere.
+        fs::write(folder.join("tree/two"), "a thesis").unwrap();
+        fs::write(folder.join("notes"), "mine").unwrap();
+        fs::create_dir_all(place.path().join(".out.gs2e-notes/tree")).unwrap();
+        fs::create_dir(place.path().join(".out.gs2e-abcdefgh01234567")).unwrap();
+        let notes = clear_leftovers(&target, &never()).unwrap();
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        assert!(notes[0].starts_with("left as it is: "), "{notes:?}");
+        let own = folder.file_name().unwrap().to_str().unwrap();
+        let mut left = vec![own.to_owned(), ".out.gs2e-notes".to_owned()];
+        left.sort();
+        assert_eq!(names(place.path()), left, "the empty one is gone");
+        assert_eq!(names(&folder), ["about", "notes", "tree"]);
+        assert_eq!(names(&folder.join("tree")), ["two"]);
+        fs::remove_file(folder.join("tree/two")).unwrap();
+        fs::remove_file(folder.join("notes")).unwrap();
+        assert_eq!(clear_leftovers(&target, &never()).unwrap(), [""; 0]);
+        assert_eq!(names(place.path()), [".out.gs2e-notes"]);
+    }
+
+    #[test]
+    fn a_folder_without_the_format_stays() {
+        let (place, target, folder) = killed();
+        fs::write(folder.join("about"), "1 a/one\n").unwrap();
+        assert_eq!(clear_leftovers(&target, &never()).unwrap().len(), 1);
+        assert!(folder.join("tree/a/one").exists());
+        // A link of such a name is neither followed nor removed.
+        fs::rename(&folder, place.path().join("elsewhere")).unwrap();
+        std::os::unix::fs::symlink("elsewhere", &folder).unwrap();
+        assert_eq!(clear_leftovers(&target, &never()).unwrap().len(), 1);
+        assert!(folder.join("tree/a/one").exists());
+    }
+
+    #[test]
+    fn an_about_that_was_cut_off_is_known() {
+        let whole = listing(&[("a".to_owned(), 1), ("b".to_owned(), 22)].into());
+        for n in 0..=whole.len() {
+            assert!(parse_listing(&whole[..n]).is_some(), "cut at {n}");
+        }
+        assert_eq!(parse_listing("thesis"), None);
+    }
+
+    /// The swap in two steps, for file systems without one step: cut off in between, the next run moves the old back.
+    #[test]
+    fn a_swap_that_was_cut_off_is_undone() {
+        let (place, target, folder) = killed();
+        fs::write(folder.join(PLACING), "").unwrap();
+        fs::create_dir(folder.join(OLD)).unwrap();
+        fs::write(folder.join("old/thesis"), "mine").unwrap();
+        fs::remove_file(folder.join("tree/a/one")).unwrap();
+        fs::remove_dir(folder.join("tree/a")).unwrap();
+        assert_eq!(clear_leftovers(&target, &never()).unwrap(), [""; 0]);
+        assert_eq!(names(place.path()), ["out"]);
+        assert_eq!(fs::read(target.join("thesis")).unwrap(), b"mine");
+    }
+
+    #[test]
+    fn what_stood_there_and_is_not_ours_is_kept() {
+        let (place, target, folder) = killed();
+        fs::create_dir(&target).unwrap();
+        fs::write(target.join("thesis"), "mine").unwrap();
+        let stood = StandingTree::read(&target, &never()).unwrap();
+        assert!(!stood.is_release());
+        let mut work = WorkFolder { folder, target: target.clone(), placed: false };
+        work.place().unwrap();
+        let notes = work.finish(Some(&stood));
+        assert!(notes.len() == 1 && notes[0].contains("out.replaced-"), "{notes:?}");
+        let [out, kept] = <[String; 2]>::try_from(names(place.path())).unwrap();
+        assert_eq!((out.as_str(), names(&target)), ("out", vec!["a".to_owned()]));
+        assert_eq!(fs::read(place.path().join(kept).join("thesis")).unwrap(), b"mine");
+    }
+}

@@ -1,0 +1,122 @@
+//! Two releases to one folder, and releases that are stopped.
+
+use super::{POSES, beside, out, place, released};
+use crate::support::workspace::{Workspace, same_tree};
+use rustix::process::{Pid, Signal, kill_process};
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::process::{Child, Output, Stdio};
+use std::time::Duration;
+
+const ROUNDS: u32 = 20;
+
+/// The release of one of two recipes, each with its own store.
+fn start(place: &Workspace, which: &str) -> Child {
+    let mut command = place.command(&format!("release --store {which}.store --to out {which}.yaml"));
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn two_releases_to_one_folder_leave_one_whole_release() {
+    let place = Workspace::new();
+    for (which, seed) in [("a", "seed: 7"), ("b", "seed: 8")] {
+        place.write(&format!("{which}.yaml"), POSES.replace("seed: 7", seed));
+        place.ok(&format!("release -q --store {which}.store --to {which} {which}.yaml"));
+    }
+    let mut whole = [0, 0];
+    for round in 0..ROUNDS {
+        if round % 3 == 0 {
+            let _ = std::fs::remove_dir_all(place.path("out"));
+        }
+        let ended = [start(&place, "a"), start(&place, "b")].map(|child| child.wait_with_output().unwrap());
+        for output in &ended {
+            assert!(output.status.success(), "round {round}: {}", said(output));
+        }
+        place.ok("audit out");
+        let won = usize::from(out(&place) == crate::support::workspace::tree(&place.path("b")));
+        same_tree(&place.path("out"), &place.path(["a", "b"][won]));
+        whole[won] += 1;
+        let left = ["a", "a.store", "a.yaml", "b", "b.store", "b.yaml", "out"];
+        assert_eq!(beside(&place), left, "round {round}");
+    }
+    assert_eq!(whole[0] + whole[1], ROUNDS);
+}
+
+#[test]
+fn who_waits_for_a_folder_says_for_whom() {
+    let place = place();
+    let path = place.path(".out.gs2e-lock");
+    let holder = gs2e::store::Lock::take_temporary(
+        &path,
+        &path,
+        (&gs2e::store::Claim { command: "gs2e release".into(), ..Default::default() }, false),
+        &false.into(),
+        &mut |_| {},
+    );
+    let ended = place.gs2e("release --no-wait --to out r.yaml");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    let us = format!("out is in use by pid {}", std::process::id());
+    assert!(ended.stderr.contains(&us), "{}", ended.stderr);
+    let mut waiting = place.spawn("release --to out r.yaml");
+    let mut told = BufReader::new(waiting.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("waiting:") {
+        line.clear();
+        assert_ne!(told.read_line(&mut line).unwrap(), 0, "it did not wait");
+    }
+    assert!(line.contains(&us) && line.contains("(gs2e release)"), "{line}");
+    drop(holder);
+    let mut rest = String::new();
+    told.read_to_string(&mut rest).unwrap();
+    assert!(waiting.wait().unwrap().success(), "{rest}");
+    assert_eq!(beside(&place), ["out"]);
+}
+
+#[test]
+fn an_interrupt_while_waiting_ends_it() {
+    let place = place();
+    let path = place.path(".out.gs2e-lock");
+    let claim = (&gs2e::store::Claim::default(), false);
+    let _holder = gs2e::store::Lock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
+    let mut waiting = place.spawn("release --to out r.yaml");
+    let mut told = BufReader::new(waiting.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("waiting:") {
+        line.clear();
+        assert_ne!(told.read_line(&mut line).unwrap(), 0, "it did not wait");
+    }
+    kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
+    assert_eq!(waiting.wait().unwrap().code(), Some(130));
+    assert_eq!(beside(&place), [".out.gs2e-lock"], "it is the other one's");
+}
+
+/// Stopped at instants that move through its whole run, a release leaves the old tree or the new one, and the next
+/// run clears up.
+#[test]
+fn a_release_that_is_stopped_anywhere_is_made_whole_by_the_next() {
+    for signal in [Signal::KILL, Signal::INT] {
+        let place = released();
+        let old = out(&place);
+        place.write("r.yaml", POSES.replace("seed: 7", "seed: 8"));
+        place.ok("release -q --to new r.yaml");
+        let new = crate::support::workspace::tree(&place.path("new"));
+        for step in 0..12 {
+            let mut child = place.spawn("release --to out r.yaml");
+            std::thread::sleep(Duration::from_millis(7 * step));
+            // It may have ended by itself.
+            let _ = kill_process(Pid::from_child(&child), signal);
+            child.wait().unwrap();
+            let stands = out(&place);
+            assert!(stands == old || stands == new, "{signal:?} {step}: {:?}", stands.keys());
+            // The way back, with leftovers of the stopped run around.
+            place.write("r.yaml", POSES);
+            place.ok("release -q --to out r.yaml");
+            assert!(out(&place) == old, "{signal:?} {step}");
+            assert_eq!(beside(&place), ["new", "out"], "{signal:?} {step}");
+            place.write("r.yaml", POSES.replace("seed: 7", "seed: 8"));
+        }
+    }
+}

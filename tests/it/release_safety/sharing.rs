@@ -1,0 +1,69 @@
+//! Files of a release and files of the store: one is not the other unless the user asks for it.
+
+use super::{out, place, released};
+use crate::support::workspace::Workspace;
+use std::fs::{self, File, Permissions};
+use std::io::Write as _;
+use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
+
+const POSES_TXT: &str = "out/tiny/base/poses.txt";
+
+fn append(place: &Workspace, path: &str) {
+    let path = place.path(path);
+    fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
+    File::options().append(true).open(path).unwrap().write_all(b"0 0 0 0 0 0 0 1\n").unwrap();
+}
+
+fn names_of(place: &Workspace, path: &str) -> u64 {
+    fs::metadata(place.path(path)).unwrap().nlink()
+}
+
+#[test]
+fn a_line_appended_to_a_release_changes_nothing_else() {
+    for how in ["", "--link reflink", "--link copy", "--copy"] {
+        let place = place();
+        place.ok(&format!("release {how} --to out r.yaml"));
+        place.ok(&format!("release {how} --to other r.yaml"));
+        append(&place, POSES_TXT);
+        assert_eq!(place.gs2e("audit out").code, 3, "{how}");
+        place.ok("audit other");
+        assert!(place.stale("r.yaml").is_empty(), "{how}");
+        place.ok("build --verify r.yaml");
+        assert_eq!(names_of(&place, POSES_TXT), 1, "{how}");
+    }
+}
+
+#[test]
+fn files_are_those_of_the_store_where_that_is_asked_for() {
+    let place = place();
+    place.ok("release --link hard --to out r.yaml");
+    assert_eq!(names_of(&place, POSES_TXT), 2);
+    assert_eq!(names_of(&place, "out/README.md"), 1, "it was made for the release");
+    // Links moved the stat fields of the blobs, and no step counts as changed by it.
+    assert!(place.build("r.yaml").is_empty());
+    // A release that shares nothing takes its place, though every byte is the same.
+    let before = out(&place);
+    place.ok("release --to out r.yaml");
+    assert_eq!((names_of(&place, POSES_TXT), out(&place)), (1, before));
+    let ended = place.gs2e("release --link soft --to out r.yaml");
+    assert_eq!(ended.code, 2, "{}", ended.stderr);
+    assert_eq!(place.gs2e("release --copy --link hard --to out r.yaml").code, 2);
+}
+
+#[test]
+fn a_release_that_stands_is_not_written_again() {
+    let place = released();
+    let inode = |path: &str| fs::metadata(place.path(path)).unwrap().ino();
+    let before = [inode("out"), inode(POSES_TXT)];
+    let ended = place.ok("release --json --to out r.yaml");
+    assert!(ended.stderr.contains("out is up to date: 1 scene(s), "), "{}", ended.stderr);
+    assert!(ended.stdout.contains("\"written\":false"), "{}", ended.stdout);
+    assert_eq!([inode("out"), inode(POSES_TXT)], before);
+    // A change of one file's content takes over the files that stay as they are.
+    place.write("release.yaml", "name: Another\n");
+    let ended = place.ok("release --json --to out r.yaml");
+    assert!(ended.stdout.contains("\"written\":true"), "{}", ended.stdout);
+    assert_ne!(inode("out"), before[0]);
+    assert_eq!((inode(POSES_TXT), names_of(&place, POSES_TXT)), (before[1], 1));
+    place.ok("audit out");
+}
