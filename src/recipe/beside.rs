@@ -21,8 +21,8 @@ use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Reads the `release.yaml` of the folders that contain the recipes; returns defaults if the file is
-/// absent.
+/// Reads the `release.yaml` of the folders that contain the recipes; returns defaults if the file
+/// is absent.
 ///
 /// # Errors
 /// The file cannot be read or has a fault, or two folders have one each.

@@ -9,7 +9,8 @@
 //! y' = y radial + 2 p2 x y + p1 (r2 + 2 y^2)
 //! ```
 //!
-//! (OpenCV, "Camera Calibration and 3D Reconstruction", detailed description; COLMAP `sensor/models.h`.)
+//! (OpenCV, "Camera Calibration and 3D Reconstruction", detailed description; COLMAP
+//! `sensor/models.h`.)
 
 use super::Lens;
 use crate::camera::Camera;
