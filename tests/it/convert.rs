@@ -123,7 +123,7 @@ fn a_command_that_is_wrong_writes_nothing() {
     t("a.sog out", 2, "written: .ply, .spz, .splat");
     t("a.sog folder.ply", 2, "folder.ply is a folder");
     t("bad.ply out.ply", 1, "bad.ply: failed to read .ply at byte 38: found the end of the data");
-    t("a.sog no/such/out.ply", 1, "no/such/out.ply: No such file");
+    t("a.sog no/such/out.ply", 2, "no/such/out.ply lies in a folder that is not there");
     t("folder.ply out.ply", 1, "meta.json");
 }
 
