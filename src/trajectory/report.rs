@@ -140,17 +140,25 @@ impl Report {
         })
     }
 
-    /// The same report with everything measured again that the poses alone determine: their number, the speeds of the
-    /// steps, the largest turn and the largest change. `None` where the rate or the number of steps does not fit.
+    /// The same report with everything measured again that the poses determine (their number, the speeds of the steps,
+    /// the largest turn and the largest change), and everything that was asked of their schedule, where it is known.
+    /// `None` where the rate or the number of steps does not fit.
     #[must_use]
-    pub fn measured_again(&self, poses: &[Se3]) -> Option<Self> {
+    pub fn measured_again(&self, poses: &[Se3], schedule: Option<&Schedule>) -> Option<Self> {
         let rate = Hertz(self.rate.parse().ok()?);
         let steps = Steps::of(poses, Metric { scale: self.scale_distance });
-        if self.u.len() != steps.linear.len() {
+        let (u, s) = match schedule {
+            Some(of) => (of.speeds.clone(), of.shares.iter().map(|share| share * self.length).collect()),
+            None => (self.u.clone(), self.s.clone()),
+        };
+        if u.len() != steps.linear.len() {
             return None;
         }
-        let seconds = |j: usize| step_seconds(self.meaning, rate, &self.u, j);
+        let seconds = |j: usize| step_seconds(self.meaning, rate, &u, j);
         Some(Self {
+            u: u.clone(),
+            s,
+            law: schedule.map_or(self.law, |of| of.law),
             poses: poses.len(),
             linear_unit_s: per_second(&steps.linear, seconds),
             angular_rad_s: per_second(&steps.angular, seconds),

@@ -10,6 +10,8 @@ use crate::release::published::{self, PublishedScene, PublishedTrajectory};
 use crate::release::scene::{self, SceneFile, TrajectoryPart};
 use crate::release::tree::Content;
 use crate::release::{checksum, layout, loader, path_picture};
+use crate::speed::Speed;
+use crate::trajectory::sample::Schedule;
 use crate::trajectory::{Trajectory, picture};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -143,8 +145,15 @@ fn trajectory(
         (layout::TRANSFORMS, Content::json_bytes(&transforms)),
         ("trajectory.svg", picture::svg(&motion.trajectory, &motion.report).into_bytes()),
     ];
-    let speed = motion.report.measured_again(&motion.trajectory.world_from_camera);
-    wanted.extend(speed.map(|report| ("speed.json", Content::json_bytes(&report))));
+    let asked = scene.recipe.trajectories.iter().find(|asked| asked.name == part.name);
+    // What a speed in pixels comes to along a path is known where the scene is rendered.
+    let known = asked.filter(|asked| !matches!(asked.speed, Speed::Flow(_)));
+    let poses = &motion.trajectory.world_from_camera;
+    let law = scene.recipe.law;
+    let schedule = known.and_then(|asked| Schedule::new(&asked.speed, poses.len(), law).ok());
+    let speed = motion.report.measured_again(poses, schedule.as_ref());
+    // A report of another number of steps is not what any trajectory of these poses has.
+    wanted.push(("speed.json", speed.map_or_else(Vec::new, |report| Content::json_bytes(&report))));
     wanted.extend(path_picture::compose(motion).map(|picture| (path_picture::NAME, picture)));
     wanted
 }

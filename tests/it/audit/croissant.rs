@@ -146,7 +146,13 @@ fn an_index_that_says_otherwise_is_found() {
         |f| edit(f, SCENE, |v| v["source"]["upstream_id"] = "1a2b".into()),
         &[INDEX, INDEX, COMPOSED],
     );
-    check_resealed(|f| edit(f, "small/one/base/speed.json", |v| v["linear_unit_s"] = json!([1.0])), &[INDEX]);
+    let follows = ["speed.json", "trajectory.png", "trajectory.svg"];
+    let follows = follows.map(|name| format!("not-composed small/one/base/{name}"));
+    let [speed, png, svg] = follows.each_ref().map(String::as_str);
+    check_resealed(
+        |f| edit(f, "small/one/base/speed.json", |v| v["linear_unit_s"] = json!([1.0])),
+        &[INDEX, speed, png, svg, COMPOSED, COMPOSED, COMPOSED],
+    );
     check_resealed(
         |f| {
             fs::write(f.join("index.parquet"), "no table").unwrap();

@@ -2,7 +2,7 @@
 
 use super::super::audit::BASE;
 use gs2e::event::h5::{self, Filter, Options};
-use gs2e::event::{Event, EventSink as _, EventSource as _, Polarity};
+use gs2e::event::{Event, EventSink as _, EventSource as _};
 use gs2e::image::{Image, Size, npy, png};
 use std::fs;
 use std::io::Cursor;
@@ -23,11 +23,16 @@ pub(super) fn events(folder: &Path, options: Options, change: impl FnOnce(&mut V
     writer.finish(stamps.lines().next_back().unwrap().parse().unwrap()).unwrap();
 }
 
-/// Two events near the beginning that trade their polarities, so that every count stays.
+/// Two events of one pixel that trade their polarities, so that every count stays, and the picture in the report too.
 pub(super) fn trade_polarities(events: &mut Vec<Event>) {
-    let on = events.iter().position(|event| event.polarity == Polarity::On).unwrap();
-    let off = events.iter().position(|event| event.polarity == Polarity::Off).unwrap();
-    (events[on].polarity, events[off].polarity) = (Polarity::Off, Polarity::On);
+    let pairs = (0..events.len()).flat_map(|i| (i + 1..events.len()).map(move |j| (i, j)));
+    let place = |event: &Event| (event.x, event.y);
+    let mut opposite = pairs.filter(|(i, j)| {
+        place(&events[*i]) == place(&events[*j]) && events[*i].polarity != events[*j].polarity
+    });
+    let (i, j) = opposite.next().unwrap();
+    let (a, b) = (events[i].polarity, events[j].polarity);
+    (events[i].polarity, events[j].polarity) = (b, a);
     events.sort_by_key(Event::file_order);
 }
 

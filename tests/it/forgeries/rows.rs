@@ -206,7 +206,16 @@ fn manifest() -> Vec<Forgery> {
                 v["scenes"][0]["steps"][2]["made_of"]["params"]["forged"] = json!(true);
             });
         }),
-        row("another output that is not released", Rebuild, |f| {
+        row("another output that is not released and no input", Rebuild, |f| {
+            edit(f, "manifest.json", |v| {
+                let steps = v["scenes"][0]["steps"].as_array_mut().unwrap();
+                let checks = steps.iter_mut().find(|step| step["step"] == "base/checks").unwrap();
+                let outputs = checks["outputs"].as_array_mut().unwrap();
+                let verdicts = outputs.iter_mut().find(|output| output["name"] == "verdicts.json").unwrap();
+                verdicts["digest"] = json!("22".repeat(32));
+            });
+        }),
+        row("another output that is an input", Audit("step-disagrees"), |f| {
             edit(f, "manifest.json", |v| {
                 let output = v.pointer_mut("/scenes/0/steps/0/outputs/0/digest").unwrap();
                 *output = json!("22".repeat(32));
@@ -299,7 +308,7 @@ fn motion() -> Vec<Forgery> {
     let speed = "small/one/base/speed.json";
     let composed = "not-composed";
     vec![
-        row("one pose moved", Audit("claims-disagree"), |f| {
+        row("one pose moved", Audit(composed), |f| {
             let path = f.join(BASE).join("poses.txt");
             let text = fs::read_to_string(&path).unwrap();
             let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -354,7 +363,7 @@ fn raw() -> Vec<Forgery> {
     let frame = |f: &Path, number: &str| f.join(BASE).join(format!("sharp/{number}.png"));
     let deep = |f: &Path| f.join(BASE).join("depth/000000.npy");
     vec![
-        row("two events trade polarities", Rebuild, |f| {
+        row("two events of a pixel trade polarities", Rebuild, |f| {
             data::events(f, Options::default(), data::trade_polarities);
         }),
         row("an event is a microsecond late", Rebuild, |f| {
@@ -395,7 +404,7 @@ fn raw() -> Vec<Forgery> {
         row("bytes behind an array", Audit("unreadable"), move |f| {
             fs::write(deep(f), [fs::read(deep(f)).unwrap(), vec![0]].concat()).unwrap();
         }),
-        row("a head of an array in other words", Audit("not-composed"), move |f| {
+        row("a head of an array in other words", Audit("unreadable"), move |f| {
             let bytes = fs::read(deep(f)).unwrap();
             let head = String::from_utf8_lossy(&bytes[..128]).into_owned();
             let at = head.find("  ").expect("heads are padded with blanks");

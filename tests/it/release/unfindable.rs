@@ -29,7 +29,6 @@ pub(crate) const VALUES: [(&str, &[&str]); 3] = [
             "/curve",
             "/degree_drawn",
             "/degree_used",
-            "/law",
             "/literal",
             "/alpha",
             "/beta",
