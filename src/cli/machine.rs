@@ -50,7 +50,7 @@ fn said(file: &str) -> Option<String> {
 
 /// Whether this process was started to ignore a signal; false where the system does not say.
 pub(super) fn ignores(signal: i32) -> bool {
-    read_to_string("/proc/self/status").is_ok_and(|status| is_ignored(&status, signal))
+    said("/proc/self/status").is_some_and(|status| is_ignored(&status, signal))
 }
 
 /// `SigIgn` of `/proc/self/status`: a bit for each signal, that of signal 1 last.

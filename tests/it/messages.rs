@@ -1,6 +1,7 @@
 //! Every message of the engine, as the program says it: the exit code, the text for people, the objects for programs.
 
 use crate::command::trained_by;
+use crate::support::absent::not_run;
 use crate::support::given::sound;
 use crate::support::steps::steps;
 use crate::support::workspace::{Ended, TINY, Workspace, hidden_gpus};
@@ -8,7 +9,7 @@ use gs2e::store::record::{Provenance, Record};
 use gs2e::store::{Access, Claim, Digest, Key, Opening, Store};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 

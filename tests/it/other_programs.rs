@@ -3,6 +3,7 @@
 //! failure.
 
 use crate::programs::programs;
+use crate::support::absent::absent;
 use crate::support::shared;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
@@ -27,20 +28,16 @@ use std::sync::Arc;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 fn colmap_is_there() -> bool {
-    let absent = versions::colmap(&programs()).err();
-    assert!(absent.is_none() || std::env::var_os("REQUIRE_COLMAP").is_none(), "{absent:?}");
-    absent.inspect(|because| say(because)).is_none()
+    versions::colmap(&programs()).map_err(|because| absent("REQUIRE_COLMAP", &because)).is_ok()
 }
 
 /// Whether Python has OpenCV and h5py.
 fn python_is_there() -> bool {
     let programs = programs();
-    let found = versions::packages(&programs);
-    let packages = versions::python(&programs);
-    let there = packages.is_ok_and(|p| p.numpy.is_some() && p.cv2.is_some() && p.h5py.is_some());
-    assert!(there || std::env::var_os("REQUIRE_OPENCV").is_none_or(|value| value != "1"), "{found}");
+    let there =
+        versions::python(&programs).is_ok_and(|p| p.numpy.is_some() && p.cv2.is_some() && p.h5py.is_some());
     if !there {
-        say(&found);
+        absent("REQUIRE_OPENCV", &versions::packages(&programs));
     }
     there
 }

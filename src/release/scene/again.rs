@@ -94,7 +94,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Motion) -
     TrajectoryPart {
         name: found.name.clone(),
         kind: kind_name(motion.report.kind).into(),
-        parameters: asked.map(parameters).unwrap_or_default(),
+        parameters: asked.map(|asked| parameters(recipe, asked)).unwrap_or_default(),
         keyframes: motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
         duration_us: last_us,

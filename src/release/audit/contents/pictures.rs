@@ -49,7 +49,9 @@ fn picture(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
     let again = match kind {
         "depth" | "flow" => numbers(kind, size, &bytes),
         "checks" => png::read(Cursor::new(&bytes)).map(|image| written(&image)).map_err(|e| e.to_string()),
-        _ => png::read_sized(Cursor::new(&bytes), size).map(|image| written(&image)).map_err(|e| e.to_string()),
+        _ => {
+            png::read_sized(Cursor::new(&bytes), size).map(|image| written(&image)).map_err(|e| e.to_string())
+        }
     };
     match again {
         Ok(again) if again == bytes => None,
