@@ -146,7 +146,8 @@ fn text(bytes: Vec<u8>) -> io::Result<String> {
     })
 }
 
-/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error, as is a link to nothing.
+/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error, as is
+/// a link to nothing.
 ///
 /// # Errors
 /// `InvalidInput` for anything but a regular file; any error of the file system but `NotFound` of the name itself.
@@ -200,6 +201,7 @@ fn stat(path: &Path) -> io::Result<fs::Metadata> {
     })
 }
 
+<<<<<<< HEAD
 /// Returns true for the errors of this module that say that no regular file lies at a path.
 #[must_use]
 pub fn is_no_file(error: &io::Error) -> bool {
@@ -234,6 +236,16 @@ fn require_regular(found: FileType) -> io::Result<()> {
 
 fn invalid(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
+=======
+fn require_regular(about: &fs::Metadata) -> io::Result<()> {
+    if about.is_file() {
+        return Ok(());
+    }
+    Err(io::Error::new(
+        io::ErrorKind::InvalidInput,
+        format!("{}, not a regular file", kind(about.file_type())),
+    ))
+>>>>>>> main
 }
 
 /// The kind of a directory entry, with its article.
