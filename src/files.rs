@@ -146,7 +146,8 @@ fn text(bytes: Vec<u8>) -> io::Result<String> {
     })
 }
 
-/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error, as is a link to nothing.
+/// Returns true if a regular file lies at `path`. A folder or a device of that name is an error, as is
+/// a link to nothing.
 ///
 /// # Errors
 /// `InvalidInput` for anything but a regular file; any error of the file system but `NotFound` of the name itself.
