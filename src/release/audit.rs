@@ -21,14 +21,16 @@ mod terms;
 mod walk;
 
 use super::layout;
-use super::manifest::Manifest;
+use super::manifest::{Manifest, ManifestScene, Owners};
 use super::published::PublishedScene;
 use super::scene::SceneFile;
 use crate::recipe::Takedown;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io;
+use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
 /// What kind of fault it is. Codes are stable.
@@ -187,9 +189,9 @@ impl Fault {
     }
 
     /// With the scene that its file belongs to: the longest id that the path begins with.
-    fn placed(self, manifest: &Manifest) -> Self {
+    fn placed(self, owners: &Owners<'_>) -> Self {
         let Some(file) = self.file.as_deref().filter(|_| self.scene.is_none()) else { return self };
-        let scene = manifest.scene_of(file).map(|scene| scene.id.clone());
+        let scene = owners.of(file).map(|scene| scene.id.clone());
         Self { scene, ..self }
     }
 }
@@ -226,7 +228,7 @@ impl Report {
     #[must_use]
     pub fn proved(&self) -> Vec<String> {
         if !self.faults.is_empty() {
-            return vec!["The tree is not what its manifest says.".into()];
+            return vec!["The tree is not whole and consistent.".into()];
         }
         let mut proved = vec!["The tree is whole and consistent.".to_owned()];
         proved.extend(self.written_by.as_ref().map(|tool| {
@@ -300,7 +302,8 @@ pub fn audit_against(dir: &Path, takedown: Option<&Takedown>) -> io::Result<Repo
             written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
             scenes = manifest.scenes.len();
             faults.extend(audit_scenes(&tree, manifest, takedown));
-            faults = faults.into_iter().map(|fault| fault.placed(manifest)).collect();
+            let owners = Owners::new(manifest);
+            faults = faults.into_iter().map(|fault| fault.placed(&owners)).collect();
         } else if !tree.has(super::manifest::NAME) {
             let message = "a release has one, and it is not there, or not whole";
             faults.push(Fault::of_file(Code::Missing, super::manifest::NAME, message));
@@ -341,6 +344,12 @@ impl Tree<'_> {
     /// Where an intact file lies.
     fn intact_path(&self, path: &str) -> Option<PathBuf> {
         self.has(path).then(|| self.path_of(path))
+    }
+
+    /// The intact files whose paths start with a prefix, sorted.
+    fn below<'t>(&'t self, prefix: &'t str) -> impl Iterator<Item = &'t str> {
+        let from = self.intact.range::<str, _>((Bound::Included(prefix), Bound::Unbounded));
+        from.map(|(path, _)| *path).take_while(move |path| path.starts_with(prefix))
     }
 
     fn path_of(&self, path: &str) -> PathBuf {
@@ -387,18 +396,20 @@ fn published(
     if manifest.tool != super::TOOL {
         return None;
     }
-    let is_sound = |faults: &[Fault], id: &str| faults.iter().all(|fault| !fault.concerns(id));
-    let mut published = Vec::new();
-    for listed in &manifest.scenes {
-        let scene = scenes.iter().find(|scene| scene.id == listed.id);
-        let Some(scene) = scene.filter(|_| is_sound(faults, &listed.id)) else { continue };
-        if let Some(scene) = again::read(tree, listed, scene, faults) {
-            faults.extend(again::scene(tree, listed, &scene));
-            published.push(scene);
-        }
-    }
-    let sound = manifest.scenes.iter().all(|listed| is_sound(faults, &listed.id));
-    (sound && published.len() == manifest.scenes.len() && !published.is_empty()).then_some(published)
+    let scenes: BTreeMap<&str, &SceneFile> = scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect();
+    let read = |listed: &ManifestScene| -> (Option<PublishedScene>, Vec<Fault>) {
+        let sound = faults.iter().all(|fault| !fault.concerns(&listed.id));
+        let Some(scene) = scenes.get(listed.id.as_str()).filter(|_| sound) else { return (None, Vec::new()) };
+        let mut found = Vec::new();
+        let read = again::read(tree, listed, scene, &mut found);
+        found.extend(read.iter().flat_map(|scene| again::scene(tree, listed, scene)));
+        (read.filter(|_| found.is_empty()), found)
+    };
+    let (read, found): (Vec<Option<PublishedScene>>, Vec<Vec<Fault>>) =
+        manifest.scenes.par_iter().map(read).unzip();
+    faults.extend(found.into_iter().flatten());
+    // A release of no scene has no terms to compose.
+    read.into_iter().collect::<Option<Vec<_>>>().filter(|scenes| !scenes.is_empty())
 }
 
 /// The files at the top, as far as one look at each tells.

@@ -50,13 +50,6 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl Manifest {
-    /// The scene that a path lies in: that of the longest id that the path begins with.
-    pub(super) fn scene_of(&self, path: &str) -> Option<&ManifestScene> {
-        let below =
-            |scene: &&ManifestScene| path.strip_prefix(&scene.id).is_some_and(|rest| rest.starts_with('/'));
-        self.scenes.iter().filter(below).max_by_key(|scene| scene.id.len())
-    }
-
     /// The paths of all files that it lists.
     pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
         let of_scenes = self.scenes.iter().flat_map(|scene| &scene.files);
@@ -88,6 +81,26 @@ pub struct ManifestScene {
     pub omitted: BTreeMap<String, Vec<Row>>,
     /// Its files, sorted by path.
     pub files: Vec<ManifestFile>,
+}
+
+/// The scenes of a manifest by id, to find whose a file is.
+#[derive(Debug)]
+pub(super) struct Owners<'m>(BTreeMap<&'m str, &'m ManifestScene>);
+
+impl<'m> Owners<'m> {
+    pub(super) fn new(manifest: &'m Manifest) -> Self {
+        Self(manifest.scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect())
+    }
+
+    /// The scene that a path lies in: that of the longest id that the path begins with.
+    pub(super) fn of(&self, path: &str) -> Option<&'m ManifestScene> {
+        path.rmatch_indices('/').find_map(|(end, _)| self.0.get(&path[..end]).copied())
+    }
+
+    /// The scene with an id.
+    pub(super) fn scene(&self, id: &str) -> Option<&'m ManifestScene> {
+        self.0.get(id).copied()
+    }
 }
 
 impl ManifestScene {

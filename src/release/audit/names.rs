@@ -2,7 +2,7 @@
 
 use super::{Code, Fault, Tree};
 use crate::release::layout;
-use crate::release::manifest::{Manifest, ManifestScene};
+use crate::release::manifest::{Manifest, ManifestScene, Owners};
 use crate::release::published::stream_names;
 use crate::release::scene::{SceneFile, TrajectoryPart};
 use crate::release::{checksum, path_picture};
@@ -11,11 +11,12 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Files at the top and in scenes that the format does not have, and files that every release has and this one lacks.
 /// `scenes` are those that could be read; in others nothing is judged.
 pub(super) fn audit(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
+    let owners = Owners::new(manifest);
     let allowed: BTreeMap<&str, BTreeSet<String>> =
-        scenes.iter().map(|scene| (scene.id.as_str(), of_scene(tree, scene, manifest))).collect();
+        scenes.iter().map(|scene| (scene.id.as_str(), of_scene(tree, scene, &owners))).collect();
     let mut faults: Vec<Fault> = Vec::new();
     for path in tree.intact.keys() {
-        match manifest.scene_of(path) {
+        match owners.of(path) {
             None if !layout::is_top(path) => faults.push(stray(path, "at the top of a release")),
             Some(scene) if allowed.get(scene.id.as_str()).is_some_and(|paths| !paths.contains(*path)) => {
                 faults.push(stray(path, "in this scene").in_scene(&scene.id));
@@ -37,8 +38,8 @@ fn stray(path: &str, place: &str) -> Fault {
 }
 
 /// Every path that a scene may have.
-fn of_scene(tree: &Tree<'_>, scene: &SceneFile, manifest: &Manifest) -> BTreeSet<String> {
-    let listed = manifest.scenes.iter().find(|listed| listed.id == scene.id);
+fn of_scene(tree: &Tree<'_>, scene: &SceneFile, owners: &Owners<'_>) -> BTreeSet<String> {
+    let listed = owners.scene(&scene.id);
     let own = [layout::SCENE, layout::CHECKS].map(|name| format!("{}/{name}", scene.id));
     let paths = scene.trajectories.iter().flat_map(|part| {
         let names = of_trajectory(tree, scene, (part, listed));

@@ -149,7 +149,7 @@ fn restricted(scene: &SceneFile, asset: &Asset, tree: &Tree<'_>) -> Vec<Fault> {
         return faults;
     }
     let folder = format!("{}/", scene.id);
-    let derived = tree.intact.keys().filter(|path| path.starts_with(&folder) && !is_metadata(path));
+    let derived = tree.below(&folder).filter(|path| !is_metadata(path));
     faults.extend(derived.map(|path| {
         let message =
             format!("it is derived from {}, and nothing says why this release may pass that on", asset.name);

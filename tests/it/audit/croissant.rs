@@ -134,6 +134,8 @@ fn admit(folder: &Path) {
 fn an_index_that_says_otherwise_is_found() {
     const SCENE: &str = "small/one/scene.json";
     const COMPOSED: &str = "not-composed small/one/scene.json";
+    // It has the sum of an index that does not follow from the scenes.
+    const CATALOGUE: &str = "not-composed croissant.json";
     check_resealed(
         |f| edit(f, SCENE, |v| v["trajectories"][0]["statistics"]["rate_ev_px_s"] = 1.0.into()),
         &[INDEX, COMPOSED],
@@ -158,7 +160,7 @@ fn an_index_that_says_otherwise_is_found() {
             fs::write(f.join("index.parquet"), "no table").unwrap();
             admit(f);
         },
-        &["unreadable index.parquet"],
+        &[CATALOGUE, "unreadable index.parquet"],
     );
     // The index of another release, which is sound in itself.
     let folder = copy();
@@ -167,6 +169,6 @@ fn an_index_that_says_otherwise_is_found() {
     fs::copy(place.path("out/index.parquet"), folder.path().join("index.parquet")).unwrap();
     admit(folder.path());
     reseal(folder.path());
-    assert_eq!(found(folder.path()), [INDEX]);
+    assert_eq!(found(folder.path()), [INDEX, CATALOGUE]);
     assert_eq!(found(release()), [""; 0]);
 }

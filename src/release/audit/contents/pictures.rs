@@ -34,10 +34,10 @@ pub(super) fn audit(folder: &Folder<'_>) -> Vec<Fault> {
     let mut found = Vec::new();
     for (kind, end) in PICTURES.into_iter().chain([("checks", ".png")]) {
         let prefix = folder.path_of(&format!("{kind}/"));
-        let paths = folder.tree.intact.keys().filter(|path| path.starts_with(&prefix) && path.ends_with(end));
-        found.extend(paths.map(|path| (kind, &path[folder.path.len() + 1..])));
+        let paths = folder.tree.below(&prefix).filter(|path| path.ends_with(end));
+        found.extend(paths.map(|path| (kind, path[folder.path.len() + 1..].to_owned())));
     }
-    found.into_par_iter().filter_map(|(kind, name)| picture(folder, kind, name)).collect()
+    found.into_par_iter().filter_map(|(kind, name)| picture(folder, kind, &name)).collect()
 }
 
 fn picture(folder: &Folder<'_>, kind: &str, name: &str) -> Option<Fault> {
