@@ -55,7 +55,7 @@ pub fn amount(n: u64, unit: &str) -> String {
 /// A real for people, by value: `0.25`, `150`, and with an exponent where it would be long, `1e300`.
 #[must_use]
 pub fn brief(value: f64) -> String {
-    let usual = value == 0.0 || !value.is_finite() || (1e-5..1e16).contains(&value.abs());
+    let usual = value == 0.0 || !value.is_finite() || (1e-6..1e16).contains(&value.abs());
     if usual { value.to_string() } else { format!("{value:e}") }
 }
 
@@ -199,6 +199,7 @@ mod tests {
         t(0.0, "0");
         t(150.0, "150");
         t(-0.25, "-0.25");
+        t(1e-6, "0.000001");
         t(1e300, "1e300");
         t(-1.5e-7, "-1.5e-7");
         t(9_007_199_254_740_992.0, "9007199254740992");

@@ -355,7 +355,8 @@ fn paths_that_are_no_text_work_in_every_verb() {
     assert!(stderr.contains(r"x\xff/gone.yaml"), "{stderr}");
     // `gc` keeps what the release was made from, and lets it go with the release.
     let gc = r"gc --json --min-age 0 --store x\xff/.gs2e recipe.yaml";
-    fs::write(place.path("recipe.yaml"), TINY.replace("scene: tiny", "scene: none")).unwrap();
+    let other = TINY.replace("gaussians: 500, views: 6", "gaussians: 400, views: 7");
+    place.write("recipe.yaml", other.replace("scene: tiny", "scene: other"));
     let kept = |gc: &str| -> Value {
         let (code, stdout, stderr) = run_in(&place.path(""), gc);
         assert_eq!(code, Some(0), "{stderr}");
