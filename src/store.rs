@@ -209,8 +209,8 @@ impl Store {
         self.state().take_notices()
     }
 
-    /// The file of the store's lock, for a process that works in the store's folders: the lock is held until that process
-    /// has closed it, too. `None` where the store was opened to look only.
+    /// The file of the store's lock, for a process that works in the store's folders: the lock is held until that
+    /// process has closed it, too. `None` if the store was opened to look only.
     ///
     /// # Errors
     /// When the system has no more file descriptors.

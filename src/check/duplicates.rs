@@ -1,8 +1,9 @@
 //! Events that are in a stream twice (numerics.md section 9, pass 3). Gate.
 //!
-//! Two events of a pixel in one microsecond are legal in a burst and rare: their share is below 1e-4. The sensor
-//! counts its own pairs, and the stream must hold exactly as many, which also finds a chunk that was written twice into a
-//! stream with bursts. Three events of one microsecond are three pairs to both.
+//! Two events of a pixel in one microsecond are legal in a burst and rare: their share is below 1e-4.
+//! The sensor counts its own pairs, and the stream must hold exactly as many, which also finds a chunk
+//! that was written twice into a stream with bursts. Three events of one microsecond are three pairs to
+//! both.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
@@ -57,7 +58,8 @@ fn share(subject: &Subject<'_>, repeats: u64, events: u64) -> Finding {
     subject.finding(NAME, "share", judged)
 }
 
-/// Hot pixels fire by chance: each of their events has another one in its microsecond as often as they have one in any.
+/// Hot pixels fire by chance: each of their events has another one in its microsecond as often as they
+/// have one in any.
 fn by_chance(subject: &Subject<'_>) -> f64 {
     subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().rate * 1e-6)
 }

@@ -3,8 +3,8 @@
 //! `rate` is events per pixel and second, told and held against the recipe's `min` and `max`. `flow` is events per
 //! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
 //! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems. A sensor of a contrast
-//! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound. A stream
-//! without any event gets a warning whatever the sensor: it may be right, and nobody can use it.
+//! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound.
+//! A stream without any event gets a warning whatever the sensor.
 
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 pub enum Action {
     /// Its key has no sound record.
     Run,
-    /// An input will run, or a program is to be asked for its version: if both are as before, this step stays.
+    /// An input will run, or a program must be asked for its version. If both are as before, the step stays.
     MayRun,
     /// Up to date.
     Keep,
@@ -210,7 +210,7 @@ pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> 
     Ok(done)
 }
 
-/// Holds one step against the store, given the outputs of its inputs. The programs in its key have been asked.
+/// Holds one step against the store, given the outputs of its inputs. Its programs have been asked.
 ///
 /// # Errors
 /// As [`assess`].

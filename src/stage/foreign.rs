@@ -31,8 +31,8 @@ pub struct Asking {
 }
 
 impl Asking {
-    /// Who is asked where a recipe has these checks; `None` where nobody is. `version` gives the version of a program that
-    /// is known.
+    /// The programs that a recipe with these checks asks; `None` if it asks none. `version` gives the version of a
+    /// program, if it is known.
     #[must_use]
     pub fn of(
         checks: &Limits,

@@ -1,9 +1,11 @@
-//! `state.db`: an index of the records, the stat cache, the memos, and what each step and scene was last made from.
+//! `state.db`: an index of the records, the stat cache, the memos, and what each step and scene was
+//! last made from.
 //!
-//! Nothing in it is needed: every row can be lost, and costs time only. Nothing in it is trusted either: each row
-//! carries a hash of its table, name and body, and one that does not agree counts as absent. Rows are looked up when
-//! they are asked for, so a build of one scene does not read those of two thousand. A row is written only after the
-//! file system has been synced: what stands here is on disk, so no machine crash can make it claim lost bytes.
+//! Nothing in it is needed: every row can be lost, and costs time only. Nothing in it is trusted
+//! either: each row carries a hash of its table, name and body, and one that does not agree counts as
+//! absent. Rows are looked up when they are asked for, so a build of one scene does not read those of
+//! two thousand. A row is written only after the file system has been synced: what stands here is on
+//! disk, so no machine crash can make it claim lost bytes.
 
 use super::StoreError;
 use super::disk::Disk;
@@ -78,8 +80,8 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Opens the index. A missing, unreadable or older one is set aside and rebuilt from the records, with a notice.
-    /// It lies in the store, or in the folder `elsewhere`.
+    /// Opens the index. A missing, unreadable or older one is set aside and rebuilt from the records,
+    /// with a notice. It lies in the store, or in the folder `elsewhere`.
     pub(super) fn open(
         root: &Path,
         elsewhere: Option<&Path>,
@@ -170,8 +172,8 @@ impl State {
         Ok(())
     }
 
-    /// Makes a database without rows under another name, whole before it gets its own: a process that is killed here
-    /// leaves none instead of one without tables.
+    /// Makes a database without rows under another name, whole before it gets its own: a process that
+    /// is killed here leaves none instead of one without tables.
     fn make_new(&self) -> Result<PathBuf, StoreError> {
         let new = with_suffix(&self.path, ".new");
         for suffix in SUFFIXES {
@@ -190,7 +192,8 @@ impl State {
         Ok(new)
     }
 
-    /// Moves the database and its log into `trash/`, or, where it does not lie in the store, to a name beside its own.
+    /// Moves the database and its log into `trash/`, or, where it does not lie in the store, to a name
+    /// beside its own.
     fn set_aside(&self) -> Result<PathBuf, StoreError> {
         let home = self.path.parent().unwrap_or(Path::new(""));
         let folder = if home == self.root { home.join("trash") } else { home.to_owned() };
@@ -265,13 +268,15 @@ impl State {
         self.write && (!self.pending.is_empty() || self.damage.is_some())
     }
 
-    /// Writes what is new since the last call, in one transaction. Whoever calls has synced what it speaks of.
+    /// Writes what is new since the last call, in one transaction. Whoever calls has synced what it
+    /// speaks of.
     pub(super) fn flush(&mut self) -> Result<(), StoreError> {
         if self.damage.is_some() {
             self.rebuild()?;
         }
         if let Err(first) = self.write() {
-            // A database that turns out to be damaged only now is rebuilt once; any other failure is the disk's.
+            // A database that turns out to be damaged only now is rebuilt once; any other failure is
+            // the disk's.
             if !is_damage(&first) {
                 return Err(StoreError::State { path: self.path.clone(), source: first });
             }
