@@ -1,7 +1,8 @@
-//! The one seam between domain codecs and the store: which files an artifact consists of, and how it is opened.
+//! The interface between domain formats and the store: the files of each artifact, and how it is
+//! opened.
 //!
-//! An artifact is a handful of named files. Small ones are read whole; large ones (events, pictures) are opened as
-//! handles, and their bytes are streamed by whoever needs them.
+//! An artifact is a small set of named files. Small files are read whole. Large ones (events,
+//! pictures) are opened as handles, and consumers stream their bytes.
 
 use crate::camera::Camera;
 use crate::check::Finding;
@@ -33,7 +34,7 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// The files of an artifact by name, wherever the store keeps them.
+/// The files of an artifact by name, with their paths in the store.
 #[derive(Debug, Clone, Default)]
 pub struct Files {
     files: BTreeMap<String, Stored>,
@@ -47,29 +48,29 @@ struct Stored {
 }
 
 impl Files {
-    /// The files that a step made, where the store keeps them.
+    /// The files of a step, with their paths in the store.
     #[must_use]
     pub fn of(outputs: &[Output], store: &Store) -> Self {
         let stored = |o: &Output| Stored { path: store.path_of(&o.digest), size: o.size };
         Self { files: outputs.iter().map(|o| (o.name.clone(), stored(o))).collect() }
     }
 
-    /// Sum of their lengths.
+    /// Sum of the file sizes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.files.values().map(|file| file.size).sum()
     }
 
-    /// Length of the file of this name; 0 where there is none.
+    /// Size of the file with this name; 0 if there is none.
     #[must_use]
     pub fn size(&self, name: &str) -> u64 {
         self.files.get(name).map_or(0, |file| file.size)
     }
 
-    /// Where the file of this name lies.
+    /// Path of the file with this name.
     ///
     /// # Errors
-    /// When the artifact has no such file.
+    /// The artifact has no such file.
     pub fn path(&self, name: &str) -> Result<&Path, ArtifactError> {
         let found = self.files.get(name).map(|file| file.path.as_path());
         found.ok_or_else(|| ArtifactError { name: name.to_owned(), because: "it is not there".into() })
@@ -93,13 +94,13 @@ impl Files {
     /// Reads a JSON file.
     ///
     /// # Errors
-    /// When it is absent or of another form.
+    /// The file is absent or has another form.
     pub fn json<T: serde::de::DeserializeOwned>(&self, name: &str) -> Result<T, ArtifactError> {
         self.read(name, |file| serde_json::from_reader(file))
     }
 }
 
-/// Why a stored artifact cannot be opened: it was altered behind the store's back, or another version wrote it.
+/// The reason why a stored artifact cannot be opened: it was altered, or another version wrote it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("open {name} in the store: {because}")]
 pub struct ArtifactError {
@@ -107,10 +108,10 @@ pub struct ArtifactError {
     because: String,
 }
 
-/// Writes `value` as JSON for people and programs: indented, final newline.
+/// Writes `value` as readable JSON: indented, with a final newline.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// The file cannot be written.
 pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> std::io::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
     serde_json::to_writer_pretty(&mut file, value)?;
@@ -118,15 +119,15 @@ pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> std::io::Resul
     file.flush()
 }
 
-/// Something that steps hand to one another through the store.
+/// A product that steps pass to one another through the store.
 pub trait Artifact: Sized {
-    /// What it is; the role of the input that holds it.
+    /// Name of the kind; also the role of the input that takes it.
     const KIND: &'static str;
 
-    /// Opens it.
+    /// Opens the artifact.
     ///
     /// # Errors
-    /// When a file is absent or cannot be read.
+    /// A file is absent or cannot be read.
     fn open(files: &Files) -> Result<Self, ArtifactError>;
 }
 
@@ -158,7 +159,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// When each pose is, s: at its number over the frame rate, exactly, or at its stamp where the rate varies.
+    /// Time of each pose, s: its index divided by the frame rate, exactly, or its stamp if the rate
+    /// varies.
     #[must_use]
     pub fn seconds(&self) -> Vec<f64> {
         let stamps = &self.trajectory.stamps_us;
@@ -171,7 +173,7 @@ impl Motion {
         }
     }
 
-    /// How the camera moves at each pose, in its own axes.
+    /// Velocity of the camera at each pose, in its own axes.
     #[must_use]
     pub fn velocities(&self) -> Vec<Velocity> {
         let poses = &self.trajectory.world_from_camera;
@@ -192,93 +194,93 @@ impl Artifact for Motion {
     }
 }
 
-/// The event streams of a trajectory and what was counted while they were made.
+/// The event streams of a trajectory, and the counts of their simulation.
 #[derive(Debug)]
 pub struct EventStreams {
-    /// The file of each of [`Simulation::streams`].
+    /// The file of each stream of [`Simulation::streams`].
     pub files: Vec<PathBuf>,
-    /// What was seen at a few frames through each of [`Simulation::front_ends`]: `brightness.npy` and so on, float32
-    /// `[K, H, W]`.
+    /// Some frames as seen through each of [`Simulation::front_ends`]: `brightness.npy` and so on,
+    /// float32 `[K, H, W]`.
     anchors: Vec<Anchors>,
     /// Depth at [`Simulation::depth_stamps_us`], units along the optical axis.
     pub depths: Vec<Image<f32>>,
-    /// The rest.
+    /// The record of the simulation.
     pub simulation: Simulation,
 }
 
-/// One of the streams.
+/// One stream.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stream {
-    /// The sensor's name, where there are several.
+    /// The sensor's name, if there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// The sensor.
     pub sensor: Sensor,
-    /// What it counted.
+    /// Its counts.
     pub account: Account,
-    /// What it sees at twice the frames, in a few intervals; `None` where that was not tried.
+    /// Its events in some intervals with twice the frames; `None` if that was not simulated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resampled: Option<Resampled>,
 }
 
 impl Stream {
-    /// The name of a stream's file in the store.
+    /// File name of a stream in the store.
     #[must_use]
     pub fn stored(name: Option<&str>) -> String {
         name.map_or_else(|| "events.h5".to_owned(), |name| format!("events-{name}.h5"))
     }
 
-    /// The name of a stream's file in a trajectory's folder of a release.
+    /// File name of a stream in a trajectory's folder of a release.
     #[must_use]
     pub fn released(name: Option<&str>) -> String {
         name.map_or_else(|| "events.h5".to_owned(), |name| format!("events/{name}.h5"))
     }
 }
 
-/// How event streams were made: `simulation.json`.
+/// The record of a simulation: `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Simulation {
-    /// The camera that was rendered.
+    /// The camera.
     pub camera: Camera,
     /// Number of Gaussians.
     pub gaussians: usize,
     /// Degree of their harmonics.
     pub sh_degree: u8,
-    /// What the reader of the scene left out or mended.
+    /// Counts of what the reader of the scene left out or repaired.
     pub screening: Screening,
     /// Whether the antialiased rule was used.
     pub antialiased: bool,
-    /// The streams, one a sensor, in the order of names.
+    /// One stream per sensor, in the order of names.
     pub streams: Vec<Stream>,
     /// Seed of their noise.
     pub seed: Seed,
-    /// What the renderer left out.
+    /// Work that the renderer left out.
     #[serde(default, skip_serializing_if = "Omit::is_needless")]
     pub omit: Omit,
-    /// What the renderer counted, over all frames.
+    /// Work of the renderer, summed over all frames.
     pub work: Work,
-    /// How far the picture moves between neighbouring poses, px; `None` where no pixel has a depth.
+    /// Image motion between neighbouring poses, px; `None` if no pixel has a depth.
     pub flow_px: Option<Quantiles>,
-    /// Share of the blended weight that comes from Gaussians too deep for their distance, at the same poses; `None` where
-    /// nothing is blended.
+    /// Share of the blended weight from Gaussians too deep for their distance, at the same poses;
+    /// `None` if nothing is blended.
     pub doubtful_share: Option<f64>,
-    /// Depth at the same poses, units: 5 %, 50 % and 95 % quantile.
+    /// Depth at the same poses, units: 5 %, 50 % and 95 % quantiles.
     pub depth_unit: Option<[f32; 3]>,
-    /// Stamps of the images in `brightness.npy` and its like.
+    /// Stamps of the images in `brightness.npy` and the others.
     pub brightness_stamps_us: Vec<i64>,
-    /// Of these images three each that lie close together.
+    /// Index triples of closely spaced images, one per span.
     pub brightness_spans: Vec<[usize; 3]>,
-    /// Stamps of the images in `depth.npy`: float32 `[K, H, W]`, unit, NaN where there is none.
+    /// Stamps of the images in `depth.npy`: float32 `[K, H, W]`, units, NaN without depth.
     pub depth_stamps_us: Vec<i64>,
-    /// When frames were rendered, where the recipe asks for an error and not for a rate.
+    /// The choice of frames, if the recipe gives a tolerance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chosen: Option<Chosen>,
 }
 
 impl Simulation {
-    /// The front ends of the sensors, each once.
+    /// The distinct front ends of the sensors.
     #[must_use]
     pub fn front_ends(&self) -> Vec<FrontEnd> {
         front_end::distinct(self.streams.iter().map(|stream| stream.sensor.as_model()))
@@ -286,16 +288,16 @@ impl Simulation {
 }
 
 impl EventStreams {
-    /// The name of the file with the depths.
+    /// Name of the file with the depths.
     pub const DEPTH: &str = "depth.npy";
 
-    /// The name of the file with what was seen through the `i`-th front end.
+    /// Name of the file with the frames seen through the `i`-th front end.
     #[must_use]
     pub fn brightness(i: usize) -> String {
         if i == 0 { "brightness.npy".to_owned() } else { format!("brightness-{i}.npy") }
     }
 
-    /// What the sensor of a stream saw at a few frames.
+    /// Some frames as the sensor of a stream saw them.
     #[must_use]
     pub fn seen_by(&self, stream: &Stream) -> &Anchors {
         let front_end = stream.sensor.as_model().front_end();
@@ -322,7 +324,7 @@ impl Artifact for EventStreams {
     }
 }
 
-/// Pictures by name: PNG, or arrays of numbers.
+/// Pictures by name: PNG files or arrays of numbers.
 #[derive(Debug)]
 pub struct Pictures {
     /// Name and path, sorted by name.
@@ -337,15 +339,15 @@ impl Artifact for Pictures {
     }
 }
 
-/// Blurred frames: PNG files, and how each was exposed.
+/// Blurred frames: PNG files, and the record of each exposure.
 #[derive(Debug)]
 pub struct Blurred {
-    /// In the order of poses.
+    /// Records in the order of poses.
     pub exposures: Vec<Exposure>,
 }
 
 impl Blurred {
-    /// The name of the file that says how they were exposed.
+    /// Name of the file with the records.
     pub const EXPOSURES: &str = "exposures.json";
 }
 
@@ -373,13 +375,14 @@ impl Artifact for Foreign {
     }
 }
 
-/// The verdicts on a trajectory, or on a scene: `verdicts.json`.
+/// The findings on a trajectory or on a scene: `verdicts.json`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Verdicts {
-    /// One record a statement; the subjects are empty but for the name of a stream and a statement's own suffix.
+    /// One record per statement. Subjects contain only the name of a stream and the suffix of the
+    /// statement.
     pub findings: Vec<Finding>,
-    /// Most events in one millisecond, a stream; none of a scene.
+    /// Largest number of events in one millisecond, per stream; empty for a scene.
     pub peaks_ev_per_ms: Vec<u64>,
 }
 
@@ -393,7 +396,7 @@ impl Verdicts {
         self.findings
     }
 
-    /// The findings, with the trajectory that they are about.
+    /// The findings, with the trajectory as their subject.
     #[must_use]
     pub fn findings_of(mut self, scene: &str, trajectory: &str) -> Vec<Finding> {
         for finding in &mut self.findings {

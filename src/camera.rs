@@ -1,13 +1,13 @@
-//! Cameras: size, intrinsics in pixels, and the lens that a capture was taken with.
+//! Cameras: image size, and intrinsics in pixels.
 //!
-//! Pixel `(i, j)` covers `[i, i+1) x [j, j+1)`, its centre at `(i+0.5, j+0.5)`; a centred camera has
-//! `cx = width / 2`. Camera axes are OpenCV's: x right, y down, z forward.
+//! Pixel `(i, j)` covers `[i, i+1) x [j, j+1)`, and its centre is at `(i+0.5, j+0.5)`. A centred
+//! camera has `cx = width / 2`. Camera axes are OpenCV's: x right, y down, z forward.
 
 use crate::image::Size;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// A pinhole camera: what is rendered, and what trajectories carry.
+/// A pinhole camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Width and height in pixels.
@@ -24,21 +24,23 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The point of a place on the image at this depth along the optical axis, camera axes.
+    /// The point at a place on the image, at this depth along the optical axis, in camera axes.
     #[must_use]
     pub fn unproject(&self, [x, y]: [f64; 2], z: f64) -> DVec3 {
         DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0) * z
     }
 
-    /// Where a point in camera axes is on the image, px, or `None` where it is not in front of the camera.
+    /// The image position of a point in camera axes, px; `None` if the point is not in front of the
+    /// camera.
     #[must_use]
     pub fn project(&self, point: DVec3) -> Option<[f64; 2]> {
         let in_front = point.z > 0.0;
         in_front.then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
     }
 
-    /// The camera of another image size with the same horizontal field of view, cropped or extended about the
-    /// centre in height: `f' = f W'/W`, `cx' = cx W'/W`, `cy' = cy W'/W + (H' - H W'/W) / 2`.
+    /// The camera of another image size with the same horizontal field of view, cropped or extended
+    /// in height about the centre: `f' = f W'/W`, `cx' = cx W'/W`,
+    /// `cy' = cy W'/W + (H' - H W'/W) / 2`.
     #[must_use]
     pub fn resized(&self, size: Size) -> Self {
         let k = f64::from(size.width) / f64::from(self.size.width);
@@ -47,21 +49,21 @@ impl Camera {
     }
 }
 
-/// A recipe's camera, where it differs from the source's own.
+/// A recipe's camera, where it differs from the source's camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraChoice {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// fx, fy, cx, cy in pixels; `None` keeps the source's horizontal field of view.
+    /// fx, fy, cx and cy in pixels. `None` keeps the horizontal field of view of the source.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub intrinsics: Option<[f64; 4]>,
 }
 
 impl CameraChoice {
-    /// The camera that this choice makes of the source's; `None` where it takes the field of view of a source that has
-    /// no camera.
+    /// Applies this choice to the camera of the source. `None` if it keeps the field of view and
+    /// the source has no camera.
     #[must_use]
     pub fn resolve(&self, source: Option<&Camera>) -> Option<Camera> {
         let size = Size { width: self.width, height: self.height };
@@ -72,7 +74,8 @@ impl CameraChoice {
     }
 }
 
-/// The camera of a scene: the recipe's choice, else the source's own; `None` where neither says enough.
+/// The camera of a scene: the recipe's choice, otherwise the source's own. `None` if neither is
+/// sufficient.
 #[must_use]
 pub fn choose(choice: Option<CameraChoice>, source: Option<&Camera>) -> Option<Camera> {
     match choice {

@@ -1,8 +1,10 @@
-//! Validation passes: each judges values that it is handed, fetches nothing and repairs nothing.
+//! Validation passes. Each judges the values that it is given; it reads nothing itself, and repairs
+//! nothing.
 //!
-//! A pass is one file: what it measures, where the formula is from, its default limits, and whether a fault stops a
-//! release (a gate) or not (a warning). A limit that the recipe sets is a gate in every pass: who states a limit
-//! means it. What a pass cannot measure it says with [`Verdict::NotRun`] and the reason.
+//! Each pass is one file that states what it measures, the source of the formula, its default
+//! limits, and whether a fault stops a release (a gate) or not (a warning). A limit set by the
+//! recipe is a gate in every pass, because it is intended. What a pass cannot measure, it reports
+//! as [`Verdict::NotRun`] with the reason.
 
 pub mod affine;
 pub mod batching;
@@ -40,24 +42,24 @@ pub use tally::Tally;
 
 use serde::{Deserialize, Serialize};
 
-/// What a pass found.
+/// The verdict of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Within limits.
+    /// Within the limit.
     Pass,
     /// Outside a limit that does not stop a release.
     Warn,
-    /// Outside a limit that does.
+    /// Outside a limit that stops a release.
     Fail,
-    /// Failed, and accepted by the recipe with a reason.
+    /// Failed, but accepted by the recipe with a reason.
     Waived,
-    /// Could not be run; `because` says why.
+    /// Not run; `because` gives the reason.
     NotRun,
 }
 
 impl Verdict {
-    /// Its name in records.
+    /// The name in records.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -76,21 +78,21 @@ impl Verdict {
 pub struct Finding {
     /// Name of the pass, see [`NAMES`].
     pub check: String,
-    /// What was judged: `scene/trajectory`, with a suffix where a pass makes several statements.
+    /// The subject: `scene/trajectory`, with a suffix if a pass makes several statements.
     pub subject: String,
-    /// The judgement.
+    /// The verdict.
     pub verdict: Verdict,
-    /// The number that was judged, in `unit`; `None` where nothing could be measured.
+    /// The measured value, in `unit`; `None` if nothing could be measured.
     pub measured: Option<f64>,
-    /// The limit it was held against.
+    /// The limit.
     pub limit: Option<f64>,
-    /// Unit of both, `1` for pure numbers.
+    /// Unit of both values; `1` for pure numbers.
     pub unit: String,
-    /// One sentence for people: what was measured, and against what.
+    /// One sentence for people with the measured value and the limit.
     pub because: String,
 }
 
-/// The names that a recipe's `checks:` and the records use.
+/// The names in a recipe's `checks:` and in the records.
 pub const NAMES: [&str; 23] = [
     "schema",
     "stamps",
@@ -119,23 +121,24 @@ pub const NAMES: [&str; 23] = [
 
 /// A validation pass.
 pub trait Check: Sync {
-    /// Its name, one of [`NAMES`].
+    /// The name, one of [`NAMES`].
     fn name(&self) -> &'static str;
 
-    /// What it finds in a trajectory, whatever the sensors, one finding a statement.
+    /// The findings on a trajectory, independent of sensors: one per statement.
     fn of_trajectory(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let _ = subject;
         Vec::new()
     }
 
-    /// What it finds in the stream of one sensor. Between the two a pass never says nothing.
+    /// The findings on the stream of one sensor. Together, the two methods must return at least one
+    /// finding.
     fn of_stream(&self, subject: &Subject<'_>) -> Vec<Finding> {
         let _ = subject;
         Vec::new()
     }
 }
 
-/// The passes that are built, in the order of reports.
+/// The passes over trajectories, in the order of reports.
 pub const ALL: [&dyn Check; 21] = [
     &schema::Schema,
     &stamps::Stamps,
@@ -160,8 +163,8 @@ pub const ALL: [&dyn Check; 21] = [
     &speed::Speed,
 ];
 
-/// Runs every pass over a trajectory and its streams, and turns faults that the recipe accepts into
-/// [`Verdict::Waived`]. Where there is no stream, the passes over streams are told that there are no events.
+/// Runs every pass over a trajectory and its streams. Faults that the recipe accepts become
+/// [`Verdict::Waived`]. Without a stream, the passes over streams get a subject without events.
 #[must_use]
 pub fn judge(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> {
     let streams = if streams.is_empty() { std::slice::from_ref(trajectory) } else { streams };
@@ -180,7 +183,7 @@ pub fn judge(trajectory: &Subject<'_>, streams: &[Subject<'_>]) -> Vec<Finding> 
 /// The passes over a whole scene, in the order of reports.
 const SCENE: [&str; 2] = [capture::NAME, recon_psnr::NAME];
 
-/// Runs the passes over a scene, as [`judge`] does those over a trajectory.
+/// Runs the passes over a scene, as [`judge`] does for a trajectory.
 #[must_use]
 pub fn judge_scene(scene: &SceneSubject<'_>) -> Vec<Finding> {
     let mut findings = [capture::findings(scene), recon_psnr::findings(scene)].concat();

@@ -1,8 +1,9 @@
-//! Logarithm and exponential of eight numbers at a time, without a branch: the same bits on every machine and by every
-//! instruction set, since nothing is fused.
+//! Logarithm and exponential of eight numbers at a time, without branches. No operations are fused,
+//! so the bits are the same on every machine and with every instruction set.
 //!
-//! The algorithms and constants are those of FreeBSD's msun (`e_log.c`, `e_exp.c`; Sun Microsystems 1993, freely
-//! distributable), which `libm` follows too, so that where both are defined they agree to the bit; errors below 1 ulp.
+//! Algorithms and constants are those of FreeBSD's msun (`e_log.c`, `e_exp.c`; Sun Microsystems
+//! 1993, freely distributable). `libm` follows them too, so results agree to the bit where both are
+//! defined. Errors are below 1 ulp.
 #![expect(clippy::excessive_precision, clippy::unreadable_literal, reason = "constants as published")]
 
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f64x8, u64x8};
@@ -21,9 +22,9 @@ const LOG: [f64; 7] = [
     1.479819860511658591e-01,
 ];
 
-/// `2^52`: its last place is 1.
+/// `2^52`: its last bit has the value 1.
 const UNIT_ULP: u64 = 0x4330_0000_0000_0000;
-/// Upper half of the bits of `sqrt(1/2)`: reduced arguments lie between it and twice it.
+/// Upper half of the bits of `sqrt(1/2)`. Reduced arguments lie between it and twice its value.
 const LEAST: u64 = 0x3fe6_a09e << 32;
 const ONE: u64 = 0x3ff0_0000 << 32;
 const MANTISSA: u64 = (1 << 52) - 1;
@@ -49,13 +50,15 @@ pub(crate) fn ln<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     s * (half_square + (odd + even)) + exponent * LN2_LOW - half_square + f + exponent * LN2_HIGH
 }
 
-/// Where `ln` of a ratio is a series: `(b - a)/(b + a)` below this. It ends below `NEAR^14/15` of its first term, 1e-18.
+/// Bound on `(b - a)/(b + a)` below which `ln` of a ratio is a series. Its first omitted term is
+/// `NEAR^14/15` of the first term, 1e-18.
 const NEAR: f64 = 1.0 / 16.0;
 /// Coefficients of `atanh(q)/q` in powers of `q^2`.
 const ATANH: [f64; 7] = [1.0, 1.0 / 3.0, 1.0 / 5.0, 1.0 / 7.0, 1.0 / 9.0, 1.0 / 11.0, 1.0 / 13.0];
 
-/// `ln(b/a)` of positive finite numbers, as `2 atanh((b - a)/(b + a))` where they are near each other: a few ulp of the
-/// result there, and of the larger logarithm elsewhere.
+/// `ln(b/a)` of positive finite numbers, as `2 atanh((b - a)/(b + a))` if they are close to each
+/// other. The error is a few ulp of the result there, and a few ulp of the larger logarithm
+/// elsewhere.
 #[inline(always)]
 pub(crate) fn ln_ratio<S: Simd>([a, b]: [f64x8<S>; 2]) -> f64x8<S> {
     let q = (b - a) / (b + a);
@@ -80,12 +83,12 @@ const EXP: [f64; 5] = [
     4.13813679705723846039e-08,
 ];
 const INVERSE_LN2: f64 = std::f64::consts::LOG2_E;
-/// Adding `1.5 * 2^52` rounds to an integer, and leaves it in the low bits.
+/// Adding `1.5 * 2^52` rounds to an integer and leaves it in the low bits.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
-/// Beyond, arguments count as this: the result is neither infinite nor subnormal.
+/// Arguments are clamped to this, so that results are neither infinite nor subnormal.
 const LARGEST: f64 = 708.0;
 
-/// Exponentials of numbers, which count as 708 or -708 where they are beyond.
+/// Exponentials of numbers clamped to -708..708.
 #[inline(always)]
 pub(crate) fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
@@ -102,19 +105,19 @@ pub(crate) fn exp<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     f64x8::from_bits(y.to_bits() + (shifted.to_bits() << 52))
 }
 
-/// Eight of a slice's numbers, from `start` on.
+/// Eight numbers of a slice, from `start` on.
 #[inline(always)]
 pub(crate) fn load<S: Simd>(simd: S, from: &[f64], start: usize) -> f64x8<S> {
     f64x8::from_slice(simd, &from[start..start + 8])
 }
 
-/// Puts eight numbers into a slice, from `start` on.
+/// Stores eight numbers in a slice, from `start` on.
 #[inline(always)]
 pub(crate) fn store<S: Simd>(value: f64x8<S>, to: &mut [f64], start: usize) {
     value.store_slice(&mut to[start..start + 8]);
 }
 
-/// The places of the true lanes, from the first on.
+/// Indices of the set bits, lowest first.
 #[inline(always)]
 pub(crate) fn places(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -156,7 +159,7 @@ mod tests {
         }
     }
 
-    /// Numbers that fill their range evenly in no hurry.
+    /// Deterministic numbers that fill their range evenly.
     fn spread(low: f64, high: f64) -> impl Iterator<Item = f64> {
         (1..=1u32 << 16).map(move |i| low + (high - low) * (f64::from(i) * std::f64::consts::SQRT_2).fract())
     }
@@ -183,10 +186,11 @@ mod tests {
         for near in [1e-17, 1e-9, 1e-3, 0.05, 0.1, 0.13, 0.14, 0.9].into_iter().flat_map(|d| [d, -d]) {
             for a in [1e-300, 0.3, 20.0, 3e38] {
                 let b = a * (1.0 + near);
-                // Neighbours have an exact difference: an independent answer, good to 2 ulp.
+                // Neighbours have an exact difference, so this is an independent answer, good to 2
+                // ulp.
                 let wanted = libm::log1p((b - a) / a);
                 let error = (found(a, b) - wanted).abs();
-                // In the series, 5 roundings; beyond, those of two logarithms of at most 700.
+                // In the series, 5 roundings. Beyond it, those of two logarithms of at most 700.
                 let limit = if near.abs() < 0.1 { 4.0 * f64::EPSILON * wanted.abs() } else { 4e-13 };
                 assert!(error <= limit, "{a:e} {near}: {error:e}");
             }

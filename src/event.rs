@@ -1,4 +1,4 @@
-//! Events, the sinks that take them, and the order they have in files.
+//! Events, their sinks, and their order in files.
 
 pub mod aedat4;
 pub mod evt;
@@ -22,19 +22,19 @@ pub enum Polarity {
     On = 1,
 }
 
-/// Whether the pixel's brightness made an event.
+/// The cause of an event, where events are labelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 #[repr(u8)]
 pub enum Label {
-    /// A sensor's noise; 0 in files.
+    /// Noise of the sensor; 0 in files.
     Noise = 0,
-    /// A change of brightness; 1 in files. What every event of a stream without labels has.
+    /// A change of brightness; 1 in files. All events of a stream without labels have this label.
     #[default]
     Signal = 1,
 }
 
 impl Label {
-    /// The label that a file holds as this number.
+    /// The label for a number in a file.
     #[must_use]
     pub fn of(stored: u8) -> Option<Self> {
         match stored {
@@ -48,32 +48,32 @@ impl Label {
 /// One event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
-    /// When, in nanoseconds since the first stamp.
+    /// Time, in nanoseconds since the first stamp.
     pub t: Timestamp,
     /// Column.
     pub x: u16,
     /// Row.
     pub y: u16,
-    /// Brighter or darker.
+    /// Polarity.
     pub polarity: Polarity,
-    /// Signal or noise, where the stream has labels ([`Header::labelled`]).
+    /// Signal or noise, if the stream has labels ([`Header::labelled`]).
     pub label: Label,
 }
 
 impl Event {
-    /// The one total order of every file: `(t in us, y, x, polarity)`. It is total over what files store, so the
-    /// order in which threads or tiles delivered the events cannot show.
+    /// The total order of all files: `(t in us, y, x, polarity)`. It covers everything that files
+    /// store, so the order in which threads or tiles delivered the events has no effect.
     #[must_use]
     pub fn file_order(&self) -> (i64, u16, u16, Polarity) {
         (self.t.floor_micros(), self.y, self.x, self.polarity)
     }
 }
 
-/// Takes events in chunks, sorted by [`Event::file_order`] within and across chunks.
+/// Takes events in chunks, sorted by [`Event::file_order`] within and between chunks.
 pub trait EventSink {
     /// Appends a chunk.
     ///
-    /// # Errors
+    /// The bytes cannot be written.
     /// When the bytes cannot be written.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()>;
 }
@@ -85,32 +85,32 @@ impl EventSink for Vec<Event> {
     }
 }
 
-/// Gives events in chunks, in the order of the file.
+/// Yields events in chunks, in the order of the file.
 pub trait EventSource {
-    /// Replaces `out` by the next chunk; `false`, and an empty `out`, after the last.
+    /// Replaces `out` by the next chunk. Returns `false`, with an empty `out`, after the last.
     ///
     /// # Errors
-    /// When the file cannot be read, or holds a value that is no event.
+    /// The file cannot be read, or has a value that no event can have.
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError>;
 
-    /// Events so far that the file gives no time for, and that were left out.
+    /// Number of events so far that were dropped because the file has no time for them.
     fn untimed(&self) -> u64 {
         0
     }
 }
 
-/// What an event file says about its stream beside the events.
+/// Properties of a stream that an event file states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Header {
     /// Columns and rows of the sensor.
     pub size: Size,
-    /// How the stream was simulated; `None` where it was not, or nobody said.
+    /// The simulation of the stream; `None` if it was not simulated, or the file does not say.
     pub law: Option<LawStamp>,
     /// Whether its events are labelled as signal or noise.
     pub labelled: bool,
 }
 
-/// The law that a stream was simulated by, as event files carry it.
+/// The simulation law of a stream, as stored in event files.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawStamp {
     /// Revision of the simulating stage.
@@ -121,21 +121,21 @@ pub struct LawStamp {
     pub c_off: f64,
 }
 
-/// Why an event file cannot be read or written.
+/// The reason why an event file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum EventFileError {
-    /// The operating system refuses.
+    /// An error of the operating system.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// The container around the events is damaged or of another kind.
+    /// The container of the events is damaged, or of another kind.
     #[error("{0}")]
     Container(String),
-    /// A dataset is missing, or is not what the format prescribes.
+    /// A dataset is missing, or differs from the format.
     #[error("dataset `{dataset}`: {because}")]
     Dataset {
         /// Its path in the file.
         dataset: &'static str,
-        /// What was found and what was wanted.
+        /// The value found and the value wanted.
         because: String,
     },
     /// A value that no event can have.
@@ -143,19 +143,19 @@ pub enum EventFileError {
     Value {
         /// Path of the dataset in the file.
         dataset: &'static str,
-        /// Which element.
+        /// Index of the element.
         index: u64,
         /// Its value.
         found: i128,
-        /// What was wanted.
+        /// The value wanted.
         wanted: String,
     },
-    /// An event that breaks the contract of a stream.
+    /// An event that violates the contract of a stream.
     #[error("event {index}: {because}")]
     Order {
-        /// Its number in the stream.
+        /// Its index in the stream.
         index: u64,
-        /// What was found and what was wanted.
+        /// The value found and the value wanted.
         because: String,
     },
 }

@@ -1,4 +1,4 @@
-//! Sequences of luminance frames, pulled one at a time: a sequence is never whole in memory.
+//! Sequences of luminance frames, read one at a time: a sequence is never in memory as a whole.
 
 pub mod anchors;
 pub mod array;
@@ -13,23 +13,25 @@ use crate::units::Timestamp;
 /// One frame.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// Its number in the sequence, from 0.
+    /// Index in the sequence, from 0.
     pub index: usize,
-    /// When, in nanoseconds since the sequence's first stamp.
+    /// Time in nanoseconds since the sequence's first stamp.
     pub t: Timestamp,
-    /// Luminance on the grey scale 0..255, as rendered: it may exceed 255, and be negative only by rounding.
+    /// Luminance on the grey scale 0..255, as rendered: it may exceed 255, and may be negative by
+    /// rounding only.
     pub luminance: Image<f32>,
-    /// Its change per second on the same scale, where the sequence has it: what `between: hermite` goes by.
+    /// Its change per second on the same scale, if the sequence has it. `between: hermite` needs
+    /// it.
     pub rate: Option<Image<f32>>,
 }
 
-/// Why the next frame could not be had.
+/// The reason why there is no next frame.
 #[derive(Debug, thiserror::Error)]
 pub enum FrameError {
     /// Reading the sequence failed.
     #[error("frame {index}: {source}")]
     Io {
-        /// Number of the frame.
+        /// Index of the frame.
         index: usize,
         /// Cause.
         source: std::io::Error,
@@ -37,30 +39,30 @@ pub enum FrameError {
     /// Rendering the frame failed.
     #[error("frame {index}: {source}")]
     Render {
-        /// Number of the frame.
+        /// Index of the frame.
         index: usize,
         /// Cause.
         source: crate::render::RenderError,
     },
-    /// The frame's content cannot be used.
+    /// The content of the frame cannot be used.
     #[error("frame {index}: {because}")]
     Invalid {
-        /// Number of the frame.
+        /// Index of the frame.
         index: usize,
-        /// What was found and what was wanted.
+        /// The value found and the value wanted.
         because: String,
     },
 }
 
 /// A sequence of frames with strictly increasing stamps, the first at 0.
 pub trait Frames {
-    /// Size of every frame.
+    /// Size of all frames.
     fn size(&self) -> Size;
 
     /// Number of frames in the whole sequence.
     fn len(&self) -> usize;
 
-    /// Whether the sequence has no frame.
+    /// Whether the sequence has no frames.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -68,20 +70,21 @@ pub trait Frames {
     /// The next frame, or `None` after the last.
     ///
     /// # Errors
-    /// When it cannot be read or rendered, or holds a value that is not finite.
+    /// The frame cannot be read or rendered, or has a value that is not finite.
     fn next(&mut self) -> Result<Option<Frame>, FrameError>;
 
-    /// Says, before the first frame, that the colours of frames are wanted beside their luminance.
+    /// Requests, before the first frame, the colours of frames in addition to their luminance.
     fn want_colour(&mut self) {}
 
-    /// The colours that the luminance of the last frame was made of, where they are wanted and the frame is not grey:
-    /// display-encoded, each channel on the luminance's scale.
+    /// The colours of the last frame, if they were requested and the frame is not grey:
+    /// display-encoded, each channel on the scale of the luminance.
     fn colour(&self) -> Option<&Image<[f32; 3]>> {
         None
     }
 }
 
-/// An image, all of whose values are finite; an error with the first that is not, `what` saying what the values are.
+/// Checks that all values of an image are finite. The error has the first that is not; `what` names
+/// the values.
 fn finite(index: usize, what: &str, image: Image<f32>) -> Result<Image<f32>, FrameError> {
     let Some(bad) = image.pixels().iter().position(|v| !v.is_finite()) else { return Ok(image) };
     let width = image.size().width as usize;

@@ -34,6 +34,8 @@
 //! | [`study`] | measurements of a scene: what a setting costs and what it does to the events; of the program: how exact it is where it is hard |
 //! | [`cli`] | what the user types and reads; the only printing, environment and clock for people |
 //!
+//! Why it computes what it computes is in `docs/design`: laws, formulas and their sources, oracles, decisions.
+//!
 //! # Invariants
 //! - Nothing below `cli` prints or reads the environment; the clock is read in `cli`, `run` and the stat cache only.
 //! - A key never holds a path, a host, a time or a thread count.

@@ -1,9 +1,10 @@
-//! Under which terms a scene may be passed on (pipeline.md section 9).
+//! Under which terms a scene may be passed on (docs/design/pipeline.md, "Licences").
 //!
-//! A scene's expression is the AND of what its upstream source demands and what its owner says of the part that was
-//! added: never an OR, and never fewer ids than the sources have. Tools do not enter it. Where terms of one upstream
-//! contradict each other the stricter binds. Nothing here guesses: whose terms are not stated, has
-//! `LicenseRef-Unstated`. What upstreams demand is in the [`ledger`]; a recipe departs from it only with evidence.
+//! A scene's expression is the AND of what its upstream source demands and what its owner says of the part
+//! that was added: never an OR, and never fewer ids than the sources have. Tools do not enter it. Where
+//! terms of one upstream contradict each other the stricter binds. Nothing here guesses: whose terms are
+//! not stated, has `LicenseRef-Unstated`. What upstreams demand is in the [`ledger`]; a recipe departs from
+//! it only with evidence.
 
 pub mod expression;
 pub mod ledger;
@@ -177,9 +178,9 @@ pub struct LicenceError {
     pub because: String,
 }
 
-/// The terms of a scene. Without an expression of its owner, a procedural scene is CC0-1.0, and any other says that nothing
-/// is stated. A grant takes the place of the ids that the ledger has for the upstream; that the material may be passed on
-/// is another matter, and takes the releaser's reason as ever.
+/// The terms of a scene. Without an expression of its owner, a procedural scene is CC0-1.0, and any other
+/// says that nothing is stated. A grant takes the place of the ids that the ledger has for the upstream;
+/// that the material may be passed on is another matter, and takes the releaser's reason as ever.
 ///
 /// # Panics
 /// If the kind is none of [`SourceKind`], or a text no expression: recipes are read with all of them valid.
@@ -248,7 +249,8 @@ fn of_owner(kind: SourceKind, stated: &Stated<'_>) -> Part {
     }
 }
 
-/// The terms of several scenes together: of all of them at once, gated where one is. Warnings stay with the scenes.
+/// The terms of several scenes together: of all of them at once, gated where one is. Warnings stay with the
+/// scenes.
 ///
 /// # Panics
 /// If there is no scene.

@@ -1,4 +1,4 @@
-//! Plans: from recipes to steps, and from steps and the store to what must run.
+//! Plans: from recipes to steps, and from steps and the store to the work that must run.
 
 pub mod asked;
 pub mod assess;
@@ -12,12 +12,12 @@ use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::stage::{AnyStep, Stage, StepId, Target, Wired};
 
-/// Says what renders each scene, and how thoroughly, and which other programs are there.
+/// Chooses the renderer of each scene and the work that it may leave out, and knows other programs.
 pub trait Renderers {
     /// The back end of a scene.
     fn of(&self, recipe: &Recipe) -> Backend;
 
-    /// What is left out of every scene.
+    /// Work left out of every scene.
     fn omit(&self) -> Omit {
         Omit::default()
     }
@@ -28,14 +28,14 @@ pub trait Renderers {
     }
 }
 
-/// One for all.
+/// One back end for all scenes.
 impl Renderers for Backend {
     fn of(&self, _: &Recipe) -> Backend {
         self.clone()
     }
 }
 
-/// The steps of some scenes, inputs before those that need them.
+/// The steps of some scenes, inputs before their consumers.
 #[derive(Debug, Default)]
 pub struct Plan {
     scenes: Vec<Recipe>,
@@ -47,9 +47,9 @@ pub struct Plan {
 pub struct PlannedStep {
     /// Index of its scene.
     pub scene: usize,
-    /// Its name within the scene, as `capture` or `base/events`.
+    /// Name within the scene, such as `capture` or `base/events`.
     pub name: String,
-    /// What it is.
+    /// Its stage with inputs.
     pub step: Box<dyn AnyStep>,
 }
 
@@ -65,7 +65,7 @@ impl Plan {
         plan
     }
 
-    /// A plan of steps that no recipe asks for, all of the first scene.
+    /// A plan of steps without a recipe, all of the first scene.
     #[cfg(test)]
     pub(crate) fn of_steps(scenes: Vec<Recipe>, wire: impl FnOnce(&mut Wiring<'_>)) -> Self {
         let mut plan = Self { scenes, steps: Vec::new() };
@@ -79,25 +79,25 @@ impl Plan {
         &self.scenes
     }
 
-    /// Gives the scenes back.
+    /// Returns the scenes.
     #[must_use]
     pub fn into_scenes(self) -> Vec<Recipe> {
         self.scenes
     }
 
-    /// The steps, inputs before those that need them.
+    /// The steps, inputs before their consumers.
     #[must_use]
     pub fn steps(&self) -> &[PlannedStep] {
         &self.steps
     }
 
-    /// Id of the scene that a step belongs to.
+    /// Id of the scene of a step.
     #[must_use]
     pub fn scene_of(&self, step: &PlannedStep) -> &str {
         &self.scenes[step.scene].scene
     }
 
-    /// The steps of one scene, with their ids.
+    /// The steps of one scene, with their indices.
     pub fn steps_of(&self, scene: usize) -> impl Iterator<Item = (StepId, &PlannedStep)> {
         let ids = (0..self.steps.len()).map(StepId);
         ids.zip(&self.steps).filter(move |(_, step)| step.scene == scene)
@@ -112,7 +112,7 @@ pub struct Wiring<'p> {
 }
 
 impl Wiring<'_> {
-    /// Adds a step and promises its product.
+    /// Adds a step, and returns its product as a typed target.
     pub fn add<S>(&mut self, name: String, stage: S, inputs: S::Inputs) -> Target<S::Output>
     where
         S: Stage + std::fmt::Debug + Send + Sync + 'static,

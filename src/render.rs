@@ -1,4 +1,4 @@
-//! Rendering Gaussians: the trait that back ends implement, the rules they share, what they count.
+//! Rendering of Gaussians: the trait of the back ends, their common rules, and their counts.
 
 pub mod backend;
 pub mod centre;
@@ -18,60 +18,63 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use shared::MAX_EDGE;
 
-/// Which renderer's conventions decide extents, culling and stops (numbers in `render/shared.rs`).
+/// The renderer whose conventions decide extents, culling and early stops (constants in
+/// `render/shared.rs`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rules {
     /// graphdeco-inria/diff-gaussian-rasterization: 3-sigma square extents rounded out to 16x16 tiles.
     Official,
-    /// Every pixel where alpha reaches 1/255.
+    /// Every pixel at which alpha reaches 1/255.
     Exact,
-    /// nerfstudio-project/gsplat: its culling, its clamp of the projection's derivative, its stop; each axis by itself.
+    /// nerfstudio-project/gsplat: its culling, its clamp of the projection's derivative, its stop,
+    /// and its extent per axis.
     Gsplat,
-    /// As [`Self::Exact`], but a layer fades in between half and one and a half grey steps instead of appearing at
-    /// one: opacity is a continuous function of the view.
+    /// As [`Self::Exact`], but a layer fades in between half a grey step and one and a half, where
+    /// the other rules cut it off at one. Opacity is then a continuous function of the view.
     Soft,
 }
 
-/// In which order layers lie at a pixel.
+/// The order of layers at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layering {
-    /// By the depth of their means; two that pass each other change places at once.
+    /// By the depth of their means. Two layers that pass each other swap at once.
     #[default]
     Depth,
-    /// As [`Self::Depth`], but two layers of nearly the same depth each cover the other in part, so that the picture is
-    /// a continuous function of the view (`numerics.md` 3.3). For references: it costs more than twice the time.
+    /// As [`Self::Depth`], but two layers of nearly the same depth cover each other in part, so
+    /// that the image is a continuous function of the view. Made for references: it takes more than
+    /// twice the time.
     Blended,
 }
 
 impl Layering {
-    /// Whether it is the order of every recipe that does not name one.
+    /// Whether this is the order of recipes that name none.
     #[must_use]
     pub fn is_depth(&self) -> bool {
         *self == Self::Depth
     }
 }
 
-/// Parameters of a rendering that are part of its meaning, and so of its key.
+/// Parameters that define the image, and so enter the key.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Style {
-    /// Conventions.
+    /// Rendering rules.
     pub rules: Rules,
-    /// Layering of the layers.
+    /// Order of layers.
     pub order: Layering,
     /// Whether opacity is compensated for the screen-space dilation.
     pub antialiased: bool,
-    /// Colour behind the scene, on the scale 0..1.
+    /// Colour behind the scene, 0..1.
     pub background: [f32; 3],
 }
 
-/// A recipe's rendering: a [`Style`] that may leave antialiasing to the scene file.
+/// The rendering of a recipe: a [`Style`] in which antialiasing may depend on the scene file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RenderChoice {
-    /// Conventions.
+    /// Rendering rules.
     pub rules: Rules,
-    /// Layering of the layers.
+    /// Order of layers.
     #[serde(skip_serializing_if = "Layering::is_depth")]
     pub order: Layering,
     /// Antialiasing.
@@ -80,11 +83,11 @@ pub struct RenderChoice {
     pub background: [f64; 3],
 }
 
-/// Whether the antialiased rule is used.
+/// The choice of the antialiased rule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Antialiased {
-    /// As the scene file says; off where it cannot say.
+    /// As the scene file says; off if it does not say.
     Auto,
     /// On.
     On,
@@ -93,7 +96,7 @@ pub enum Antialiased {
 }
 
 impl RenderChoice {
-    /// The style for a scene that says of itself that it was, or was not, trained antialiased.
+    /// The style for a scene that was, or was not, trained with antialiasing.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "colours are blended in 32 bits")]
     pub fn resolve(&self, scene_antialiased: Option<bool>) -> Style {
@@ -111,75 +114,76 @@ impl RenderChoice {
     }
 }
 
-/// What a renderer leaves out of its own accord.
+/// Work that a renderer may leave out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Omit {
-    /// What changes no bit of an image: Gaussians that no promised view can see, harmonics that are zero in the whole
-    /// scene, layers behind what is finished.
+    /// Work that changes no bit of an image: Gaussians that no promised view can see, harmonics
+    /// that are zero in the whole scene, layers behind finished pixels.
     #[default]
     Needless,
-    /// Nothing: all is computed, as far as the back end can, so that [`Self::Needless`] can be held against it.
+    /// Nothing. The back end computes everything it can, so that [`Self::Needless`] can be compared
+    /// with it.
     Nothing,
 }
 
 impl Omit {
-    /// Whether it is what every rendering does that is not told otherwise.
+    /// Whether this is the default.
     #[must_use]
     pub fn is_needless(&self) -> bool {
         *self == Self::Needless
     }
 }
 
-/// Where from and through which camera, and how it moves.
+/// A camera, its pose and its velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// Intrinsics and size.
+    /// Intrinsics and image size.
     pub camera: Camera,
-    /// Pose, OpenCV camera axes.
+    /// Pose, with OpenCV camera axes.
     pub world_from_camera: Se3,
-    /// What channels that are rates are asked for.
+    /// Velocity, for channels that are rates.
     pub velocity: Velocity,
 }
 
-/// How a camera moves, in its own axes.
+/// Velocity of a camera, in its own axes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Velocity {
-    /// Scene units a second.
+    /// Linear velocity, scene units per second.
     pub linear: DVec3,
-    /// Radians a second.
+    /// Angular velocity, radians per second.
     pub angular: DVec3,
 }
 
 impl View {
-    /// The view of a camera at rest.
+    /// A view of a camera at rest.
     #[must_use]
     pub fn still(camera: Camera, world_from_camera: Se3) -> Self {
         Self { camera, world_from_camera, velocity: Velocity::default() }
     }
 }
 
-/// Which images are wanted; each is paid for only when asked.
+/// Requested images. Only requested images cost time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Channels {
     /// Colour.
     pub rgb: bool,
-    /// Luminance alone: one channel blended in place of three.
+    /// Luminance: one blended channel, where colour needs three.
     pub luminance: bool,
     /// Accumulated opacity.
     pub alpha: bool,
     /// Depth.
     pub depth: bool,
-    /// Optical flow, from depth and the view's velocity.
+    /// Optical flow, from depth and the velocity of the view.
     pub flow: bool,
-    /// How fast luminance changes while the camera moves with the view's velocity.
+    /// Rate of the luminance for the velocity of the view.
     pub luminance_rate: bool,
-    /// How much of each pixel comes from Gaussians too deep for their distance.
+    /// Share of each pixel that comes from Gaussians too deep for their distance.
     pub doubtful: bool,
 }
 
 impl Channels {
-    /// No image; [`Default`] for constants.
+    /// No image: [`Default`] as a constant.
     pub const NONE: Self = Self {
         rgb: false,
         luminance: false,
@@ -191,56 +195,58 @@ impl Channels {
     };
 }
 
-/// The images asked for; the others are `None`.
+/// The requested images; the others are `None`.
 #[derive(Debug, Clone, Default)]
 pub struct Rendered {
-    /// Encoded colour, nominally 0..1, unclamped.
+    /// Encoded colour, nominally 0..1, not clamped.
     pub rgb: Option<Image<[f32; 3]>>,
-    /// Luminance of the unclamped colour on the scale 0..1.
+    /// Luminance of the unclamped colour, 0..1.
     pub luminance: Option<Image<f32>>,
     /// `1 - T`.
     pub alpha: Option<Image<f32>>,
-    /// `sum(w z) / sum(w)`, scene units along the optical axis; NaN where alpha is below 0.5.
+    /// `sum(w z) / sum(w)`, scene units along the optical axis. NaN where alpha is below 0.5.
     pub depth: Option<Image<f32>>,
-    /// Image velocity of the point at each pixel's depth, px/s; NaN where depth is.
+    /// Image velocity of the point at each pixel's depth, px/s. NaN where depth is NaN.
     pub flow: Option<Image<[f32; 2]>>,
     /// Time derivative of [`Self::luminance`], 1/s.
     pub luminance_rate: Option<Image<f32>>,
-    /// Blended weight, 0..1, of the Gaussians that [`Work::affine_doubtful`] counts.
+    /// Blended weight, 0..1, of the Gaussians counted by [`Work::affine_doubtful`].
     pub doubtful: Option<Image<f32>>,
 }
 
-/// What one rendering did and what it left out.
+/// Counts of one rendering: what was done, and what was left out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Gaussians in the scene.
     pub gaussians: u64,
-    /// Left out: no view that was promised can see it ([`Renderer::keep_to`]).
+    /// Gaussians left out because no promised view can see them ([`Renderer::keep_to`]).
     pub unseen: u64,
-    /// Left out: not in front of the near plane.
+    /// Gaussians left out because they are not in front of the near plane.
     pub behind: u64,
-    /// Left out: a field, or what is projected from it, is not finite.
+    /// Gaussians left out because a field, or a projected value, is not finite.
     pub degenerate: u64,
-    /// Left out: touches no tile of the image, or too transparent to count.
+    /// Gaussians left out because they touch no tile of the image, or are too transparent.
     pub outside: u64,
-    /// Of those drawn: harmonics not evaluated, since they are zero in the whole scene.
+    /// Harmonics of drawn Gaussians that were not evaluated, because they are zero in the whole
+    /// scene.
     pub zero_harmonics: u64,
     /// (Gaussian, tile) pairs listed.
     pub tile_pairs: u64,
-    /// Of those, left out: every pixel of the tile was finished before.
+    /// Listed pairs that were skipped, because every pixel of the tile was finished.
     pub hidden: u64,
     /// (Gaussian, pixel) pairs whose alpha was blended.
     pub blended: u64,
-    /// Pixels whose blend stopped early.
+    /// Pixels at which blending stopped early.
     pub stopped: u64,
-    /// Of those drawn: depth deviation above 0.1 of the depth, so the affine approximation is doubtful.
+    /// Drawn Gaussians with a depth deviation above 0.1 of the depth, for which the affine
+    /// approximation is doubtful.
     pub affine_doubtful: u64,
-    /// The same, above 0.3.
+    /// The same with a limit of 0.3.
     pub affine_invalid: u64,
 }
 
 impl Work {
-    /// Gaussians that were drawn.
+    /// Number of Gaussians that were drawn.
     #[must_use]
     pub fn drawn(&self) -> u64 {
         self.gaussians - self.unseen - self.behind - self.degenerate - self.outside
@@ -264,55 +270,56 @@ impl std::ops::AddAssign for Work {
     }
 }
 
-/// Why an image could not be rendered.
+/// The reason why an image could not be rendered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RenderError {
-    /// The view has a value that no image can be made of.
+    /// The view has a value that cannot be rendered.
     #[error("the view cannot be rendered: {0}")]
     View(String),
     /// The back end cannot hold the scene.
     #[error("the scene cannot be rendered: {0}")]
     Scene(String),
-    /// A parameter has a value that no image can be made with.
+    /// A parameter has a value that cannot be rendered.
     #[error("the style cannot be rendered: {0}")]
     Style(String),
-    /// The GPU failed, or has no room.
+    /// The GPU failed or is out of memory.
     #[error(transparent)]
     Gpu(#[from] gpu::GpuError),
 }
 
-/// A back end that holds one scene and renders views of it.
+/// A back end that holds one scene and renders its views.
 pub trait Renderer {
-    /// The numerical class: what, beside inputs and parameters, the pixels depend on. Enters the key.
+    /// The numerical class: everything other than inputs and parameters on which pixels depend.
+    /// Enters the key.
     fn fingerprint(&self) -> &str;
 
-    /// Leaves out this from now on. A back end that has no other way of rendering goes on as before: the reference leaves
-    /// nothing out, and a GPU no more than pairs behind finished tiles.
+    /// Sets the work to leave out from now on. A back end without a choice ignores it: the
+    /// reference leaves out nothing, and a GPU only pairs behind finished tiles.
     fn omit(&mut self, omit: Omit) {
         let _ = omit;
     }
 
-    /// Promises that from now on only these poses of this camera are rendered: what none of them can see may be left
-    /// out, which changes no pixel. A view that was not promised is rendered too, but may lack Gaussians. A later
-    /// promise takes the place of an earlier one; one of no pose leaves nothing out.
+    /// Promises that later frames show only these poses of this camera. What none of them can see
+    /// may be left out, which changes no pixel. A view outside the promise may lack Gaussians. A
+    /// later promise replaces an earlier one; an empty promise leaves nothing out.
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         let _ = (camera, poses);
     }
 
-    /// Says that this view is going to be rendered, after those said before: a back end that works beside the program may
-    /// begin it now. What fails is told when it is rendered.
+    /// Announces a view that will be rendered after those announced before. An asynchronous back
+    /// end may start it now. Failures are reported by `render`.
     fn expect(&mut self, view: &View, want: Channels) {
         let _ = (view, want);
     }
 
-    /// Renders one view into `out`, reusing its images where their size fits.
+    /// Renders one view into `out`, and reuses its images if their size fits.
     ///
     /// # Errors
-    /// When the view is not finite or its camera has no pixels.
+    /// The view is not finite, or its camera has no pixels.
     fn render(&mut self, view: &View, want: Channels, out: &mut Rendered) -> Result<Work, RenderError>;
 }
 
-/// Whether an image can be made in this style.
+/// Checks that the style can be rendered.
 fn check_style(style: &Style) -> Result<(), RenderError> {
     if !style.background.iter().all(|v| v.is_finite()) {
         return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
@@ -324,7 +331,7 @@ fn check_style(style: &Style) -> Result<(), RenderError> {
     Ok(())
 }
 
-/// Whether an image can be made of the view.
+/// Checks that the view can be rendered.
 fn check_view(view: &View) -> Result<(), RenderError> {
     let camera = view.camera;
     let fail = |because: String| Err(RenderError::View(because));

@@ -1,8 +1,8 @@
-//! The executor: runs what is stale, in the order of the plan, on as many cores as it is given.
+//! The executor: runs stale steps in the order of the plan on the cores that it is given.
 //!
-//! A step is assessed when its inputs are known, so an input that was re-made with equal bytes gives its followers
-//! the keys they had, and the wave stops. Two steps with one key run once. The clock is read here for durations
-//! only; nothing read from it reaches a file of the release.
+//! A step is assessed when its inputs are known, so an input that was made again with equal bytes
+//! gives its consumers the same keys, and the wave of work stops. Two steps with one key run once.
+//! The clock is read here for durations only; no reading reaches a file of the release.
 
 pub mod estimate;
 mod executor;
@@ -30,32 +30,33 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How a plan is run.
+/// Options of a run.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// What all steps together may use.
+    /// Resources for all steps together.
     pub budget: Budget,
-    /// Go on with what does not depend on a failed step.
+    /// Whether to continue with steps that do not depend on a failed one.
     pub keep_going: bool,
-    /// Make again what is up to date, to hold it against what is on record.
+    /// Steps that are up to date and made again, to compare them with the record.
     pub recheck: Option<Recheck>,
-    /// Run the programs that recipes name. Without it a step fails that would, and none that is up to date is made again.
+    /// Whether programs named by recipes may run. Otherwise a step that needs one fails, and one
+    /// that is up to date is not made again.
     pub allow_commands: bool,
     /// The programs that can be run.
     pub programs: Programs,
 }
 
-/// Which of the steps that are up to date are made again.
+/// The steps that are made again although they are up to date.
 #[derive(Debug, Clone, Copy)]
 pub struct Recheck {
-    /// This share of them, 0 to 1.
+    /// Share of these steps, 0 to 1.
     pub share: f64,
-    /// Another seed chooses others.
+    /// Seed of the choice.
     pub seed: u64,
 }
 
 impl Recheck {
-    /// Whether this step is among them.
+    /// Whether this step is chosen.
     fn chooses(&self, key: &Key) -> bool {
         let bytes = [&key.0.as_bytes()[..], &self.seed.to_le_bytes()].concat();
         let drawn = Digest::of(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
@@ -64,125 +65,125 @@ impl Recheck {
     }
 }
 
-/// What an observer is told, as it happens.
+/// An event for an observer.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// A step starts.
     Started {
-        /// Which.
+        /// Index of the step.
         step: StepId,
         /// Why.
         reason: &'a Reason,
-        /// The cores that it is given.
+        /// Number of cores.
         cores: usize,
     },
-    /// A step needs more memory than all may use, and runs alone.
+    /// A step needs more memory than the total, and runs alone.
     TooLarge {
-        /// Which.
+        /// Index of the step.
         step: StepId,
-        /// What it needs, by its estimate, bytes.
+        /// Its estimate, bytes.
         memory: u64,
-        /// What there is, bytes.
+        /// The total, bytes.
         budget: u64,
     },
     /// A step was made.
     Made {
-        /// Which.
+        /// Index of the step.
         step: StepId,
         /// Its key.
         key: &'a Key,
         /// What it made.
         outputs: &'a [Output],
-        /// How long it took.
+        /// Duration.
         seconds: f64,
-        /// The cores that it was given.
+        /// Number of cores.
         cores: usize,
-        /// What it had to say.
+        /// Warnings of the step.
         warnings: &'a [String],
-        /// A word on the size of its product.
+        /// A short remark on the size of its product.
         remark: Option<&'a str>,
-        /// What leaving out saved, where it was measured.
+        /// Time saved by leaving work out, if it was measured.
         saving: Option<Saving>,
     },
     /// A step is up to date.
     Kept {
-        /// Which.
+        /// Index of the step.
         step: StepId,
         /// Its key.
         key: &'a Key,
-        /// What it made when it ran.
+        /// Resources used when it ran.
         outputs: &'a [Output],
     },
     /// A step failed.
     Failed {
-        /// Which.
+        /// Index of the step.
         failure: &'a Failure,
     },
 }
 
-/// Told of the run's events, in the order they happen.
+/// Receives the events of a run in order.
 pub trait Observer {
-    /// One event.
+    /// Takes one event.
     fn tell(&self, event: &Event<'_>);
 }
 
 /// A step that failed.
 #[derive(Debug)]
 pub struct Failure {
-    /// Which.
+    /// Index of the step.
     pub step: StepId,
-    /// Why.
+    /// Cause.
     pub error: StepError,
 }
 
 /// Why a step failed.
 #[derive(Debug, thiserror::Error)]
 pub enum StepError {
-    /// It could not be held against the store.
+    /// It could not be assessed.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// Its own work failed.
+    /// Its work failed.
     #[error("failed to {0}")]
     Stage(#[from] StageError),
     /// The store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A file that it reads changed meanwhile.
+    /// A file that it reads has changed during the run.
     #[error("{0} changed while it was read; nothing was recorded")]
     Moved(String),
-    /// There is no room for its files.
+    /// There is no space for its files.
     #[error("no space: {cause}")]
     Full {
         /// Bytes that it had written.
         wrote: u64,
-        /// The file system, where the system tells of it.
+        /// The file system, if it is known.
         space: Option<Space>,
-        /// What it was told when it went on writing.
+        /// The error of the failed write.
         cause: String,
     },
 }
 
-/// What a run came to.
+/// The result of a run.
 #[derive(Debug, Default)]
 pub struct Summary {
-    /// Steps that were made.
+    /// Number of steps made.
     pub made: usize,
-    /// Steps that were up to date.
+    /// Number of steps up to date.
     pub kept: usize,
-    /// How many of those were made again, and came out the same.
+    /// Number of steps up to date that were made again with the same result.
     pub rechecked: usize,
     /// Steps that failed.
     pub failures: Vec<Failure>,
-    /// Steps that were not reached, because a step before them failed or the run was stopped.
+    /// Number of steps not reached, because an earlier step failed or the run was stopped.
     pub unreached: usize,
     /// Whether it was interrupted.
     pub interrupted: bool,
-    /// What each step that was made or kept stands at.
+    /// The state of each step that was made or kept.
     pub products: BTreeMap<StepId, Product>,
 }
 
 impl Failure {
-    /// What befell the GPU, where that is why.
+    /// The GPU error that caused this failure, if any.
     #[must_use]
     pub fn of_gpu(&self) -> Option<&GpuError> {
         let StepError::Stage(error) = &self.error else { return None };
@@ -198,41 +199,42 @@ impl Failure {
 }
 
 impl Summary {
-    /// The whole of two runs, the second of which began where this one ended.
+    /// Adds a later run that started where this one ended.
     #[must_use]
     pub fn then(self, second: Self) -> Self {
         Self {
             made: self.made + second.made,
-            // What the first made the second found up to date.
+            // The steps that the first run made are up to date in the second.
             kept: second.kept.saturating_sub(self.made),
             rechecked: self.rechecked + second.rechecked,
             ..second
         }
     }
 
-    /// Whether a step found no room for its files.
+    /// Whether a step ran out of disk space.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.failures.iter().any(|failure| matches!(failure.error, StepError::Full { .. }))
     }
 }
 
-/// The longest time before what was made is synced and indexed, if it is not much.
+/// Longest time before finished steps are synced and indexed, if there are few.
 const BATCH: Duration = Duration::from_secs(2);
 
-/// Remembers what a run came to, so that the next one finds it at a glance, and has all of it on disk.
+/// Stores memos for the result of a run, so that the next one finds it quickly, and syncs
+/// everything.
 ///
 /// # Errors
-/// When the store can no longer be written.
+/// The store can no longer be written.
 pub fn settle(plan: &Plan, summary: &Summary, store: &Store, tag: &Digest) -> Result<(), StoreError> {
     survey::remember(plan, &summary.products, store, tag);
     store.flush()
 }
 
-/// Runs a plan. What is made is on disk, and found at a glance, after [`settle`].
+/// Runs a plan. Products are synced, and found quickly, after [`settle`].
 ///
 /// # Errors
-/// When the store itself can no longer be written; failures of steps are in the summary.
+/// The store itself can no longer be written. Failures of steps are in the summary.
 pub fn run(
     plan: &Plan,
     store: &Store,
@@ -260,7 +262,7 @@ pub fn run(
             executor.finish(finished);
             if store.is_due() || flushed.elapsed() >= BATCH {
                 match store.flush() {
-                    // Told already, with the step; what runs is let come to its end.
+                    // The failure was reported with the step. Running steps are allowed to finish.
                     Err(error) if executor.summary.is_full() && error.is_full() => {}
                     flushed => flushed?,
                 }

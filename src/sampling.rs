@@ -1,12 +1,13 @@
-//! When frames are rendered for the sensor, where a recipe asks for an error and not for a rate (`numerics.md` 3.4).
+//! Choice of the frames for the sensor, where a recipe gives an error and not a frame rate.
 //!
 //! ```text
 //! poses ─ path ─┬─ flow: how fast the picture moves ─ steps of equal way
 //!               └─ pilot: errors of each method at a few steps ─ law ─ cheapest ─ check elsewhere ─ frames
 //! ```
-//! The error is that of brightness between frames, `k1 V`, in thresholds of the sensor: its root mean square over the pixels
-//! in the middles of the intervals, held against what is rendered there. The poses, stamps and pictures of a release stay
-//! those of the recipe's rate. The room has also which moments a blurred frame is the mean of ([`exposure`]).
+//! The error is that of brightness between frames, `k1 V`, in thresholds of the sensor: its root
+//! mean square over the pixels at the middles of the intervals, compared with a rendering there.
+//! The poses, stamps and pictures of a release stay those of the recipe's rate. This module also
+//! chooses the sub-frames of blurred frames ([`exposure`]).
 
 pub mod between;
 pub mod choose;
@@ -23,38 +24,39 @@ use law::Law;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What a recipe asks for.
+/// A tolerance as requested by a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Tolerance {
-    /// Root of the mean square of the error, thresholds.
+    /// Root mean square of the error, thresholds.
     pub rms: f64,
-    /// How brightness is taken between frames, where the recipe says.
+    /// Interpolation of brightness between frames, if the recipe fixes it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<Between>,
 }
 
-/// A method of taking brightness between frames, as the pilot found it.
+/// A method of interpolation, as measured by the pilot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Candidate {
     /// The method.
     pub between: Between,
-    /// Its error, thresholds, by the way of the picture in a step, px.
+    /// Its error in thresholds, as a function of the image motion per step, px.
     pub law: Law,
     /// The finest step that was tried, px.
     pub finest_px: f64,
-    /// The error there, by the law.
+    /// The error at that step, by the fitted law.
     pub finest: f64,
-    /// The share of the squared error that jumps of the renderer make, at the step it needs or else at the finest.
+    /// The share of the squared error that comes from jumps of the renderer, at the required step
+    /// or else at the finest.
     pub jumps: f64,
-    /// The step it needs, px; `None` where no step that was tried is enough.
+    /// The required step, px; `None` if no step that was tried is sufficient.
     pub step_px: Option<f64>,
-    /// Frames of that step.
+    /// Number of frames at that step.
     pub frames: Option<usize>,
 }
 
 impl Candidate {
-    /// Of a picture that does not move.
+    /// The candidate for a picture that does not move.
     fn still(between: Between, step_px: f64, frames: usize) -> Self {
         let law = Law { c: 0.0, p: 1.0, jumps: 0.0 };
         let (finest_px, step_px, frames) = (step_px, Some(step_px), Some(frames));
@@ -62,29 +64,29 @@ impl Candidate {
     }
 }
 
-/// What was chosen for a tolerance, and what it was found to reach.
+/// The choice for a tolerance, and its measured error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Chosen {
-    /// What was asked for, thresholds.
+    /// The tolerance, thresholds.
     pub tolerance: f64,
-    /// How brightness is taken between frames.
+    /// Interpolation of brightness between frames.
     pub between: Between,
-    /// How far the picture moves from frame to frame at most, px: 99 % of its pixels move no farther.
+    /// Maximum image motion between frames, px: 99 % of the pixels move no farther.
     pub step_px: f64,
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
-    /// The error by the law of the pilot, thresholds.
+    /// The error predicted by the pilot, thresholds.
     pub predicted: f64,
-    /// The error on intervals that were held out, thresholds.
+    /// The error on held-out intervals, thresholds.
     pub achieved: f64,
-    /// With 95 % confidence the error of all intervals is no larger, thresholds.
+    /// Upper bound, with 95 % confidence, of the error over all intervals, thresholds.
     pub bound_95: f64,
-    /// Intervals that were held out.
+    /// Number of held-out intervals.
     pub held_out: usize,
-    /// How often the step was made finer because these failed.
+    /// Number of times that the step was refined because held-out intervals failed.
     pub refinements: u32,
-    /// Frames that were rendered to find out.
+    /// Number of frames rendered for the choice.
     pub pilot_frames: usize,
     /// The methods that were tried.
     pub candidates: Vec<Candidate>,

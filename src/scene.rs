@@ -20,11 +20,12 @@ use glam::DVec3;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Gaussians as a structure of arrays; all arrays have one entry a Gaussian, in file order.
+/// Gaussians as a structure of arrays. All arrays have one entry per Gaussian, in file order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gaussians {
-    /// World position of the local origin. Zero for files that store 32-bit positions (which are then exact);
-    /// files with 64-bit positions are recentred so that 32 bits are enough for the rest.
+    /// World position of the local origin. Zero for files with 32-bit positions, which are then
+    /// exact. Files with 64-bit positions are recentred, so that 32 bits are sufficient for the
+    /// rest.
     pub origin: DVec3,
     /// Means relative to `origin`, in scene units.
     pub positions: Vec<[f32; 3]>,
@@ -34,25 +35,27 @@ pub struct Gaussians {
     pub rotations: Vec<[f32; 4]>,
     /// Opacity before the sigmoid.
     pub opacity_logits: Vec<f32>,
-    /// Spherical-harmonic coefficients: Gaussian `i` owns `sh[i * n .. (i + 1) * n]`, `n = (degree + 1)^2`, each
-    /// entry the red, green and blue coefficient of one basis function.
+    /// Spherical-harmonic coefficients: Gaussian `i` owns `sh[i * n .. (i + 1) * n]` with
+    /// `n = (degree + 1)^2`. Each entry has the red, green and blue coefficient of one basis
+    /// function.
     pub sh: Vec<[f32; 3]>,
     /// Degree of the harmonics, 0 to 3.
     pub sh_degree: u8,
-    /// Whether the scene was trained with the antialiased rule; `None` where the file format cannot say.
+    /// Whether the scene was trained with the antialiased rule; `None` if the file format cannot
+    /// say.
     pub antialiased: Option<bool>,
-    /// What the reader left out or mended.
+    /// Counts of what the reader dropped or repaired.
     pub screening: Screening,
 }
 
-/// Counts of what reading a scene file left out or mended.
+/// Counts of what the reader of a scene file dropped or repaired.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Screening {
     /// Gaussians in the file.
     pub read: u64,
-    /// Dropped: a field was NaN or infinite.
+    /// Gaussians dropped because a field was NaN or infinite.
     pub non_finite: u64,
-    /// Kept with the identity rotation: the quaternion was zero.
+    /// Gaussians kept with the identity rotation because their quaternion was zero.
     pub zero_quaternions: u64,
 }
 
@@ -63,7 +66,7 @@ impl Gaussians {
         self.positions.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no Gaussians.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
@@ -75,13 +78,13 @@ impl Gaussians {
         self.origin + DVec3::from_array(self.positions[i].map(f64::from))
     }
 
-    /// Basis functions a Gaussian: `(sh_degree + 1)^2`.
+    /// Number of basis functions per Gaussian: `(sh_degree + 1)^2`.
     #[must_use]
     pub fn sh_len(&self) -> usize {
         (usize::from(self.sh_degree) + 1).pow(2)
     }
 
-    /// The same without the harmonics above a degree.
+    /// The scene without the harmonics above a degree.
     #[must_use]
     pub fn with_degree(&self, degree: u8) -> Self {
         let sh_degree = degree.min(self.sh_degree);
@@ -98,7 +101,7 @@ impl Gaussians {
     }
 }
 
-/// Why a scene file could not be read.
+/// The reason why a scene file could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The file could not be read at all.
@@ -106,7 +109,7 @@ pub enum SceneError {
     File {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// The reason given by the system.
         because: io::Error,
     },
     /// The file's content could not be read as a scene.
@@ -114,68 +117,68 @@ pub enum SceneError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What was wrong with the content.
+        /// The problem with the content.
         because: Box<SceneError>,
     },
     /// The bytes do not follow the format.
     #[error("read {format} at byte {offset}: found {found}, wanted {wanted}")]
     Malformed {
-        /// The format, and which of its parts where offsets do not count from the start of the file.
+        /// The format, and the part of it if offsets do not count from the start of the file.
         format: &'static str,
-        /// Where, in bytes from the start.
+        /// Offset in bytes from the start.
         offset: usize,
-        /// What was there.
+        /// Value found.
         found: String,
-        /// What the format asks for.
+        /// Value wanted.
         wanted: String,
     },
-    /// A format, or a variant of one, that this program does not read.
+    /// A format, or a variant of one, that is not supported.
     #[error("read {format} at byte {offset}: {what} is not supported; {hint}")]
     Unsupported {
         /// The format.
         format: &'static str,
-        /// Where it says so, in bytes from the start.
+        /// Offset in bytes from the start.
         offset: usize,
         /// The variant.
         what: String,
-        /// What can be done.
+        /// Suggested remedy.
         hint: &'static str,
     },
-    /// No Gaussian is left.
+    /// No Gaussian remains.
     #[error("find a Gaussian to render: of {read} in the scene, {non_finite} hold a NaN or an infinity")]
     Empty {
         /// Gaussians in the file.
         read: u64,
-        /// Those that were dropped.
+        /// Number of dropped Gaussians.
         non_finite: u64,
     },
 }
 
-/// Why a scene could not be written.
+/// The reason why a scene could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// A position is beyond the format's fixed-point numbers.
+    /// A position is out of range for the format's fixed-point numbers.
     #[error("write .spz: found a coordinate of {farthest:e}, wanted less than 2^23")]
     TooFar {
         /// Its distance from zero along an axis.
         farthest: f64,
     },
-    /// More Gaussians than the format counts.
+    /// The format cannot count this many Gaussians.
     #[error("write .spz: found {count} Gaussians, wanted less than 2^32")]
     TooMany {
-        /// How many.
+        /// Number of Gaussians.
         count: usize,
     },
     /// The format's numbers overflow.
     #[error("write the scene: {count} Gaussians have a position or a scale beyond the form's numbers")]
     Overflow {
-        /// How many.
+        /// Number of Gaussians.
         count: usize,
     },
-    /// What was written is no scene any more.
+    /// The written bytes are not a valid scene.
     #[error("read what was written: {0}")]
     Unreadable(Box<SceneError>),
-    /// The system's reason.
+    /// The reason given by the system.
     #[error("write the scene: {0}")]
     Io(#[from] io::Error),
 }
@@ -186,8 +189,8 @@ fn nearest_byte(x: f64) -> u8 {
     x.round().clamp(0.0, 255.0) as u8
 }
 
-/// Reads a scene of one file: `.splat`, which has no signature, by its extension, and `.ply` (plain and compressed),
-/// `.spz` and `.sog` by their content.
+/// Reads a scene from one file: `.splat`, which has no signature, by its extension; `.ply` (plain
+/// and compressed), `.spz` and `.sog` by their content.
 ///
 /// # Errors
 /// [`SceneError::File`] or [`SceneError::Content`].
@@ -198,7 +201,8 @@ pub fn read(path: &Path) -> Result<Gaussians, SceneError> {
     scene.map_err(|because| SceneError::Content { path: path.to_owned(), because: Box::new(because) })
 }
 
-/// Reads a scene of one file, as [`read`] does, or of several: a folder that holds a SOG, or the `meta.json` in it.
+/// Reads a scene from one file, as [`read`], or from several: a folder with a SOG scene, or its
+/// `meta.json`.
 ///
 /// # Errors
 /// [`SceneError::File`] or [`SceneError::Content`].

@@ -1,11 +1,12 @@
 //! Rigid motions.
 //!
-//! Names say both ends: `world_from_camera` turns camera coordinates into world coordinates, so spaces cancel by
-//! eye. The world is the source's own right-handed frame and scale. Camera axes are OpenCV's (x right, y down, z
-//! forward); OpenGL's (nerfstudio, Blender) differ by [`OPENCV_FROM_OPENGL`] on the camera's side only.
+//! Names give both ends: `world_from_camera` maps camera coordinates to world coordinates, so
+//! spaces cancel by eye. The world is the source's own right-handed frame and scale. Camera axes
+//! are OpenCV's (x right, y down, z forward). OpenGL's axes (nerfstudio, Blender) differ by
+//! [`OPENCV_FROM_OPENGL`] on the camera's side only.
 //!
-//! Angles are radians. Everything here is `f64`, and every transcendental comes from `libm`, so that a path has the
-//! same bits on every machine.
+//! Angles are in radians. Everything here is `f64`, and every transcendental function comes from
+//! `libm`, so that a path has the same bits on every machine.
 
 pub mod arc_length;
 pub mod rotation;
@@ -26,7 +27,8 @@ pub const OPENCV_FROM_OPENGL: DVec3 = DVec3::new(1.0, -1.0, -1.0);
 pub struct Se3 {
     /// Unit quaternion.
     pub rotation: DQuat,
-    /// In units of the target space; for `world_from_camera` this is the camera's centre.
+    /// Translation, in units of the target space. For `world_from_camera` this is the camera's
+    /// centre.
     pub translation: DVec3,
 }
 
@@ -34,7 +36,7 @@ impl Se3 {
     /// No motion.
     pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
-    /// The motion `b_from_a` of this `a_from_b`.
+    /// The inverse: `b_from_a` for this `a_from_b`.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
@@ -47,27 +49,27 @@ impl Se3 {
         DMat3::from_quat(self.rotation)
     }
 
-    /// Whether every number of it is finite.
+    /// Whether every component is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         self.rotation.is_finite() && self.translation.is_finite()
     }
 }
 
-/// How fast a pose `world_from_body` changes with a parameter; or how fast that changes.
+/// Derivative of a pose `world_from_body` by a parameter, or the derivative of that.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Twist {
-    /// Derivative of the translation: world axes, units.
+    /// Derivative of the translation, in world axes, units.
     pub linear: DVec3,
     /// Body rate, in the body's own axes, radians.
     pub angular: DVec3,
 }
 
-/// The rotation, world from camera, of a camera that looks along `forward` with the top of its image towards `up`;
-/// `None` where they are parallel, zero or not finite.
+/// The rotation, world from camera, of a camera that looks along `forward` with the top of its
+/// image towards `up`. `None` if they are parallel, zero or not finite.
 #[must_use]
 pub fn look_at(forward: DVec3, up: DVec3) -> Option<DQuat> {
-    /// Sine of the angle between the two below which the image has no top.
+    /// Sine of the angle between both directions below which the top of the image is undefined.
     const LEAST: f64 = 1e-9;
     let (forward, up) = (forward.try_normalize()?, up.try_normalize()?);
     let right = forward.cross(up);

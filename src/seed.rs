@@ -1,9 +1,12 @@
-//! Randomness as a pure function of what is drawn for: no generator in the program has a hidden position.
+//! Randomness as a pure function of purpose and place: no generator in the program has a hidden
+//! position.
 
 pub(crate) mod eight;
 pub mod ks;
 pub mod normal;
 pub mod philox;
+#[cfg(test)]
+pub(crate) mod rival;
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +14,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Seed(pub u64);
 
-/// What a stream is drawn for.
+/// The purpose of a random stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// Choice of key frames of a novel trajectory.
@@ -23,7 +26,7 @@ pub enum Purpose {
 }
 
 impl Purpose {
-    /// The name that enters the derivation.
+    /// The name that enters the derivation of the seed.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -35,8 +38,9 @@ impl Purpose {
 }
 
 impl Seed {
-    /// The seed of a stream: the first 64 bits (little endian) of BLAKE3 over the recipe's seed and the
-    /// length-prefixed names, so that adding a trajectory changes no other trajectory's draws.
+    /// The seed of a stream: the first 64 bits (little endian) of BLAKE3 over the recipe's seed and
+    /// the length-prefixed names. Adding a trajectory therefore changes no other trajectory's
+    /// draws.
     #[must_use]
     pub fn derive(recipe_seed: u64, scene: &str, trajectory: &str, purpose: Purpose) -> Self {
         let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 stream seed v1");
@@ -51,44 +55,48 @@ impl Seed {
     }
 }
 
-/// What the draws of one sequence are for; sequences of different purpose never meet.
+/// The purpose of a sequence of draws. Sequences of different purpose never share a draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Space {
     /// Increments of the Brownian tree.
     Tree,
-    /// What happens inside a leaf of the clock.
+    /// Draws inside a leaf of the clock.
     Leaf,
-    /// The state before the first frame; its cell has level 0 and index 0.
+    /// The state before the first frame. Its cell has level 0 and index 0.
     Initial,
-    /// Choices of which no pixel knows; their cell is at pixel 0, 0 and level 0, and its index says which choice.
+    /// Choices that do not belong to a pixel. Their cell is at pixel 0, 0 and level 0; its index
+    /// numbers the choices.
     Choice,
-    /// What a law that goes frame by frame draws between two frames; the index is the earlier frame's.
+    /// Draws of a frame-to-frame law between two frames. The index is that of the earlier frame.
     Pair,
-    /// How a pixel differs from its neighbours; level 0, and the index is a frame's where it differs in each.
+    /// Mismatch of a pixel. Level 0; the index is that of a frame if the mismatch is drawn per
+    /// frame.
     Mismatch,
-    /// Jitter of a pixel's leak between two frames; level 0, and the index is the earlier frame's.
+    /// Jitter of a pixel's leak between two frames. Level 0; the index is that of the earlier
+    /// frame.
     Leak,
-    /// Shot noise; level 0, and the index counts the pixel's shots.
+    /// Shot noise. Level 0; the index counts the pixel's shots.
     Shot,
-    /// A hot pixel's own events; level 0, index 0 says whether it is one, the others count the events.
+    /// Own events of hot pixels. Level 0; index 0 decides whether the pixel is hot, the others
+    /// count its events.
     Hot,
 }
 
-/// One sensor pixel in one cell of the dyadic clock: where a sequence of draws belongs.
+/// One sensor pixel in one cell of the dyadic clock: the address of a sequence of draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
-    /// Column on the sensor (not in a crop).
+    /// Column on the sensor, not in a crop.
     pub x: u16,
     /// Row on the sensor.
     pub y: u16,
-    /// Halvings of the root cell, at most 63 (a nanosecond is 20).
+    /// Number of halvings of the root cell, at most 63 (20 for a nanosecond).
     pub level: u8,
-    /// Number of the cell among those of its level, from 0, below 2^56.
+    /// Index of the cell within its level, from 0, below 2^56.
     pub index: u64,
 }
 
 impl Seed {
-    /// The draws of one cell, from number 0.
+    /// The draws of one cell, from index 0.
     #[must_use]
     pub fn draws(self, cell: Cell, space: Space) -> Draws {
         Draws {
@@ -101,7 +109,7 @@ impl Seed {
         }
     }
 
-    /// Draw `number` of a cell as a standard normal deviate; `number` 0 and 1 cost one block each.
+    /// Draw `number` of a cell as a standard normal deviate. Draws 0 and 1 cost one block each.
     #[must_use]
     pub fn normal(self, cell: Cell, space: Space, number: u32) -> f64 {
         let mut at = counter(cell, space);
@@ -115,8 +123,8 @@ impl Seed {
     }
 }
 
-/// Counter of a cell's first block. The fields fill it without overlap: x, y (16 bits each), index (56), level and
-/// space (8), and 32 bits that number the blocks.
+/// Counter of a cell's first block. The fields do not overlap: x and y (16 bits each), index (56),
+/// level and space (8), and 32 bits that number the blocks.
 #[expect(clippy::cast_possible_truncation, reason = "the two halves of the index")]
 fn counter(cell: Cell, space: Space) -> [u32; 4] {
     debug_assert!(cell.index < 1 << 56 && cell.level < 64, "{cell:?} fits its fields");
@@ -139,13 +147,14 @@ fn tag(level: u8, space: Space) -> u32 {
     }
 }
 
-/// Draw `number` lies in the first or the second half of its block.
+/// Draw `number` is in the first or the second half of its block.
 fn half(block: [u32; 4], number: u32) -> u64 {
     let at = 2 * (number % 2) as usize;
     u64::from(block[at + 1]) << 32 | u64::from(block[at])
 }
 
-/// The upper 52 bits as a number strictly between 0 and 1: with 53 bits the largest would round to 1.
+/// The upper 52 bits as a number strictly between 0 and 1. With 53 bits, the largest value would
+/// round to 1.
 fn uniform(bits: u64) -> f64 {
     ((bits >> 12) as f64 + 0.5) * STEP
 }
@@ -157,7 +166,7 @@ const STEP: f64 = 1.0 / (1u64 << 52) as f64;
 pub struct Draws {
     key: [u32; 2],
     counter: [u32; 4],
-    /// The first draws, of which so many are known.
+    /// The first draws, if they were computed in advance, and their number.
     first: [u64; 4],
     known: u32,
     block: [u32; 4],
@@ -170,12 +179,12 @@ impl Draws {
         uniform(self.bits())
     }
 
-    /// A number below `count`, each as likely as any other: the upper half of a product, drawn again where the lower
-    /// half tells that the number would have one draw too many (Lemire 2019, "Fast random integer generation in an
-    /// interval").
+    /// A number below `count`, each equally likely: the upper half of a product, drawn again if the
+    /// lower half shows that the number would be drawn once too often (Lemire 2019, "Fast random
+    /// integer generation in an interval").
     ///
     /// # Panics
-    /// If `count` is 0.
+    /// `count` is 0.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "halves of a product, of which the upper is below `count`"
@@ -285,8 +294,8 @@ mod tests {
         }
     }
 
-    /// Numbers below three quarters of 2^64 tell a draw that rejects none apart: the remainder of 64 bits makes the
-    /// lowest third twice as likely, and a product makes every third number so.
+    /// Numbers below three quarters of 2^64 reveal a draw without rejection: with a remainder of 64
+    /// bits, the lowest third is twice as likely; with a product, every third number is.
     #[test]
     fn numbers_below_a_count_are_all_as_likely() {
         const N: usize = 60_000;
@@ -321,7 +330,7 @@ mod tests {
         }
     }
 
-    /// The first draws are part of the law: whoever changes them changes every stream ever released.
+    /// The first draws are part of the law: changing them changes every released stream.
     #[test]
     fn first_draws_are_frozen() {
         let first = |mut draw: Box<dyn FnMut() -> f64>| std::array::from_fn::<f64, 16, _>(|_| draw());

@@ -1,6 +1,7 @@
 //! Event sensors: from luminance over time to events.
 //!
-//! A sensor knows the colours of frames, or their luminance, and time; it sees neither the scene nor the renderer.
+//! A sensor knows time and the luminance (or the colours) of frames. It knows neither the scene nor
+//! the renderer.
 
 mod cap;
 mod choice;
@@ -32,27 +33,29 @@ use serde::{Deserialize, Serialize};
 
 /// Parameters of a sensor.
 pub trait Model {
-    /// Version of the law that draws the events; raised when the same parameters come to mean other events.
+    /// Version of the law that draws the events. Raise it when the same parameters give other
+    /// events.
     fn law_version(&self) -> u32;
 
-    /// What stands before its pixels: the frames that they see are those behind it.
+    /// The front end, which turns frames into the brightness that the pixels see.
     fn front_end(&self) -> FrontEnd;
 
-    /// Brightness contrast of one ON and of one OFF event, as a difference of natural logarithms.
+    /// Brightness contrast of one ON and one OFF event, as a difference of natural logarithms.
     fn contrast(&self) -> (f64, f64);
 
     /// Whether its events are labelled as signal or noise.
     fn labels(&self) -> bool;
 
-    /// Pixels at rest, about to see the first frame of a sequence. `origin` is the sensor position of the frames'
-    /// top-left pixel, so that a crop draws the noise of the whole.
+    /// Pixels at rest, before the first frame of a sequence. `origin` is the sensor position of the
+    /// frames' top-left pixel, so that a crop draws the same noise as the whole image.
     ///
     /// # Errors
-    /// When a parameter is outside its range, or a pixel outside the 65536 x 65536 that events can name.
+    /// A parameter is outside its range, or a pixel is outside the 65536 x 65536 that events can
+    /// name.
     fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn Pixels>, SensorError>;
 }
 
-/// Whether every pixel of a frame has coordinates that events can hold.
+/// Checks that every pixel of a frame has coordinates that events can hold.
 fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
     let fits = |extent: u32, from: u16| u64::from(extent) + u64::from(from) <= 1 << 16;
     if fits(size.width, origin[0]) && fits(size.height, origin[1]) {
@@ -66,56 +69,58 @@ fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
 
 /// State of a sensor's pixels.
 pub trait Pixels {
-    /// Sees the next frame and hands over the events that are now certain.
+    /// Takes the next frame, and passes on the events that are now final.
     ///
     /// # Errors
-    /// When a pixel exceeds its cap, or the sink fails.
+    /// A pixel exceeds its cap, or the sink fails.
     fn advance(&mut self, frame: &Frame, sink: &mut dyn EventSink) -> Result<(), SensorError>;
 
-    /// Hands over the rest, up to and including the last frame's stamp, and the account of the run.
+    /// Passes on the remaining events, up to and including the stamp of the last frame, and returns
+    /// the counts.
     ///
     /// # Errors
     /// As [`Pixels::advance`].
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError>;
 }
 
-/// What happened in a simulation, over all pixels.
+/// Counts of a simulation over all pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Account {
-    /// Events handed over.
+    /// Events passed on.
     pub events: u64,
-    /// Of these, brighter.
+    /// ON events among them.
     pub on: u64,
-    /// Of these, darker.
+    /// OFF events among them.
     pub off: u64,
     /// Pairs of events of one pixel in the same microsecond.
     pub same_us_same_pixel: u64,
     /// Luminance values below zero, set to zero.
     pub negative_luminance: u64,
-    /// Most events of one pixel between two frames.
+    /// Largest number of events of one pixel between two frames.
     pub max_per_pixel_frame: u64,
-    /// Leaf cells of the clock visited.
+    /// Visited leaf cells of the clock.
     pub leaves: u64,
     /// Cells split.
     pub splits: u64,
     /// Pixels with at least one event.
     pub active_pixels: u64,
-    /// Pixels whose event balance differs from their drift by more than the law allows (numerics O1); 0 in a
-    /// sound run.
+    /// Pixels with an event balance that differs from their drift by more than the law allows. 0 in
+    /// a sound run.
     pub drift_violations: u64,
-    /// The largest such difference over its bound: at most 1 in a sound run.
+    /// The largest such difference divided by its bound; at most 1 in a sound run.
     pub drift_worst: f64,
     /// Events left out because of the cap.
     #[serde(default, skip_serializing_if = "is_default")]
     pub capped: u64,
 }
 
-/// Whether a value is its type's default, which stands in no record: older ones do not have it.
+/// Whether a value is the default of its type. Defaults are left out of records, because older
+/// records lack the field.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// Why a simulation cannot go on.
+/// The reason why a simulation cannot continue.
 #[derive(Debug, thiserror::Error)]
 pub enum SensorError {
     /// A pixel fires more often than the cap allows.
@@ -128,11 +133,11 @@ pub enum SensorError {
         x: u16,
         /// Row.
         y: u16,
-        /// Number of the earlier frame.
+        /// Index of the earlier frame.
         frame: usize,
-        /// Luminance before, 0..255.
+        /// Luminance at the earlier frame, 0..255.
         before: f32,
-        /// Luminance after.
+        /// Luminance at the later frame, 0..255.
         after: f32,
         /// `max_events_per_pixel_frame`.
         cap: u32,
@@ -140,12 +145,12 @@ pub enum SensorError {
     /// The sensor cannot be set up.
     #[error("{0}")]
     Setup(String),
-    /// A frame that does not follow the one before.
+    /// A frame does not fit the sequence.
     #[error("frame {frame}: {because}")]
     Frame {
-        /// Its number.
+        /// Index of the frame.
         frame: usize,
-        /// What was found and what was wanted.
+        /// The value found and the value wanted.
         because: String,
     },
     /// The events could not be written.

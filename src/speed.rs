@@ -7,34 +7,35 @@ use function::Expression;
 use list::List;
 use serde::{Deserialize, Serialize};
 
-/// A law of the recipe. Only its shape matters: trajectories divide by its sum.
+/// The speed law of a recipe. Only its shape matters: trajectories divide by its sum.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Speed {
     /// An expression in `t`.
     Function(Expression),
-    /// Levels over equal parts, blended.
+    /// Levels over equal parts of time, blended.
     List(List),
-    /// How fast the picture moves.
+    /// Image speed.
     Flow(Flow),
 }
 
-/// Speed by what the camera sees: the median optical flow, over the pixels of a frame, as a function of time.
+/// Speed as image motion: the median optical flow over the pixels of a frame, as a function of
+/// time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Flow {
-    /// Its mean over the trajectory, px/s, positive and finite.
+    /// Mean over the trajectory, px/s, positive and finite.
     pub px_s: f64,
-    /// Its shape.
+    /// Shape over the trajectory.
     pub shape: Expression,
 }
 
-/// What large values of a speed law mean.
+/// The effect of large values of a speed law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Meaning {
-    /// Large steps at a constant frame rate.
+    /// Large steps, at a constant frame rate.
     Speed,
-    /// Many frames: small steps in little time, at a constant speed.
+    /// Many frames: small steps in short times, at a constant speed.
     FrameRate,
 }
 
@@ -43,15 +44,15 @@ pub trait Law {
     /// `v(t)`, dimensionless, positive and finite.
     fn speed(&self, t: f64) -> f64;
 
-    /// The integral of the speed from 0 to `k / steps`, for every k from 0 to `steps`.
+    /// The integrals of the speed from 0 to `k / steps`, for every k from 0 to `steps`.
     fn distances(&self, steps: usize) -> Vec<f64>;
 
-    /// What in the law makes speed less than twice differentiable, if anything does.
+    /// The part of the law that is not twice differentiable, if there is one.
     fn roughness(&self) -> Option<String>;
 }
 
 impl Speed {
-    /// The law behind the recipe's choice.
+    /// The law of the recipe's choice.
     #[must_use]
     pub fn as_law(&self) -> &dyn Law {
         match self {
@@ -61,7 +62,7 @@ impl Speed {
         }
     }
 
-    /// What its large values mean.
+    /// The effect of its large values.
     #[must_use]
     pub fn meaning(&self) -> Meaning {
         match self {

@@ -1,7 +1,9 @@
-//! Stages: what a step is. Each holds its parameters, names its inputs, and calls the room that does the work.
+//! Stages: the kinds of steps. A stage holds its parameters, names its inputs, and calls the module
+//! that does the work.
 //!
-//! A stage's own fields are its parameters: nothing else of a recipe can enter its key. What must not enter
-//! (paths, a back end already told by the class) is skipped in its serialisation. No stage holds arithmetic.
+//! The fields of a stage are its parameters: nothing else of a recipe can enter its key. Fields
+//! that must not enter it (paths, a back end that the class already names) are skipped in the
+//! serialisation. A stage contains no arithmetic.
 
 pub mod blur;
 pub mod capture;
@@ -34,7 +36,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct StepId(pub usize);
 
-/// A promise that a step will make an artifact of kind `A`: wiring the wrong kind does not compile.
+/// A typed reference to the product of a step: wiring the wrong kind does not compile.
 #[derive(Debug)]
 pub struct Target<A> {
     /// The step.
@@ -43,7 +45,7 @@ pub struct Target<A> {
 }
 
 impl<A> Target<A> {
-    /// The product of a step, whose stage makes `A` by the type of [`crate::plan::Wiring::add`].
+    /// The product of a step that makes `A`, as guaranteed by [`crate::plan::Wiring::add`].
     pub(crate) fn new(step: StepId) -> Self {
         Self { step, kind: PhantomData }
     }
@@ -57,18 +59,18 @@ impl<A> Clone for Target<A> {
 
 impl<A> Copy for Target<A> {}
 
-/// What a stage takes: nothing, targets, or targets that may be absent.
+/// The inputs of a stage: nothing, targets, or optional targets.
 pub trait Inputs {
     /// The opened artifacts.
     type Opened;
 
-    /// Role and step of each input that is there.
+    /// Role and step of each present input.
     fn targets(&self) -> Vec<(&'static str, StepId)>;
 
-    /// Opens the inputs; `files` are those of [`Inputs::targets`], in order.
+    /// Opens the inputs. `files` are those of [`Inputs::targets`], in order.
     ///
     /// # Errors
-    /// When an artifact cannot be opened.
+    /// An artifact cannot be opened.
     fn open(&self, files: &mut dyn Iterator<Item = &Files>) -> Result<Self::Opened, ArtifactError>;
 }
 
@@ -130,60 +132,63 @@ tuple_inputs!(A 0, B 1, C 2, D 3);
 /// A file outside the store that a stage reads.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SourceFile {
-    /// Its name within the source: this enters the key.
+    /// Name within the source; it enters the key.
     pub name: String,
-    /// Where it is: this does not.
+    /// Path; it does not enter the key.
     pub path: PathBuf,
 }
 
-/// A stage: parameters, inputs, and how its product is made.
+/// A stage: parameters, inputs, and the making of its product.
 pub trait Stage: serde::Serialize {
     /// Its name.
     const NAME: &'static str;
 
-    /// Raised when the same parameters and inputs come to mean other bytes.
+    /// Revision. Raise it when the same parameters and inputs give other bytes.
     const REVISION: u32;
 
-    /// Parameters that came after the first revision, as their place among the parameters and the text of the value
-    /// that they had until then: a parameter that has this value stays out of the key. So adding one rekeys nothing,
-    /// and another default later rekeys just what relies on it. An entry is never changed.
+    /// Parameters that were added after the first revision: their place among the parameters, and
+    /// the text of the value that they had implicitly until then. A parameter with this value stays
+    /// out of the key, so adding one changes no key, and a later change of the default changes only
+    /// the keys that rely on it. Entries never change.
     const ADDED: &'static [(&'static str, &'static str)] = &[];
 
-    /// What it takes from other steps.
+    /// Inputs from other steps.
     type Inputs: Inputs;
 
-    /// What it makes.
+    /// The product.
     type Output: Artifact;
 
-    /// The numerical class, for stages whose bytes depend on the machinery that computes them.
+    /// The numerical class, for stages whose bytes depend on the machine that computes them.
     fn class(&self) -> Option<String> {
         None
     }
 
-    /// The files outside the store that it reads, in a stable order.
+    /// The files outside the store that the stage reads, in a stable order.
     ///
     /// # Errors
-    /// When a source cannot be listed.
+    /// A source cannot be listed.
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         Ok(Vec::new())
     }
 
-    /// The folders whose listing decides which files [`Stage::sources`] names, as far as they exist.
+    /// The existing folders whose content decides which files [`Stage::sources`] returns.
     fn source_folders(&self) -> Vec<PathBuf> {
         Vec::new()
     }
 
-    /// What it will need, by the sizes of its inputs; `files` are those of its inputs that are there, in order.
+    /// Resources needed, by the sizes of the inputs. `files` are those of the present inputs, in
+    /// order.
     fn need(&self, files: &[Files]) -> Need {
         Need::memory([copies(files)])
     }
 
-    /// The programs that it would run, a command a line, as a person may type it.
+    /// The programs that the stage would run, one command per line, as typed in a shell.
     fn programs(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// Whether it runs programs that need no leave, whatever a recipe says: what they say is kept, too.
+    /// Whether the stage runs programs that need no permission, because no recipe names them. Their
+    /// output is kept too.
     fn runs_known_programs(&self) -> bool {
         false
     }
@@ -196,38 +201,38 @@ pub trait Stage: serde::Serialize {
     /// Writes the product's files into `cx.out`.
     ///
     /// # Errors
-    /// When the work fails, or was asked to stop.
+    /// The work fails, or was cancelled.
     fn run(&self, inputs: <Self::Inputs as Inputs>::Opened, cx: &mut Context<'_>) -> Result<(), StageError>;
 }
 
-/// What a step needs beside cores.
+/// Resources of a step other than cores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Need {
-    /// Memory at its peak, bytes; an estimate.
+    /// Peak memory, bytes; an estimate.
     pub memory: u64,
-    /// Whether it renders on a graphics processor.
+    /// Whether the step renders on a GPU.
     pub gpu: bool,
 }
 
 impl Need {
-    /// Memory for these parts, bytes, beside what every step needs.
+    /// Memory for these parts plus the base of every step, bytes.
     #[must_use]
     pub fn memory(parts: impl IntoIterator<Item = u64>) -> Self {
-        /// Buffers, stacks and tables; with the program itself.
+        /// Base: the program itself with its buffers, stacks and tables.
         const BASE: u64 = 24 << 20;
         Self { memory: parts.into_iter().fold(BASE, u64::saturating_add), gpu: false }
     }
 }
 
-/// Bytes that a small stage holds of its inputs: each a few times over.
+/// Factor on the bytes of the inputs that a small stage holds.
 fn copies(files: &[Files]) -> u64 {
     const COPIES: u64 = 4;
     COPIES * files.iter().map(Files::bytes).sum::<u64>()
 }
 
-/// What a stage needs that renders: the renderer, and `others` bytes a pixel of its own. Its first input is the capture;
-/// without one that can be read the number of pixels is not known, and the stage will not run either. The scene is its
-/// second.
+/// Resources of a stage that renders: the renderer, and `others` bytes per pixel of its own. The
+/// first input is the capture; if it cannot be read, the number of pixels is unknown, and the stage
+/// will not run. The second input is the scene.
 fn rendering_need(backend: &Backend, choice: Option<CameraChoice>, files: &[Files], others: u64) -> Need {
     let capture = files.first().and_then(|capture| Capture::open(capture).ok());
     let own = |capture: Capture| capture.camera().map(|(own, _)| own);
@@ -239,30 +244,31 @@ fn rendering_need(backend: &Backend, choice: Option<CameraChoice>, files: &[File
     Need { gpu: backend.takes_gpu(), ..need }
 }
 
-/// What a running stage may use beside its inputs.
+/// Facilities for a running stage.
 #[derive(Debug)]
 pub struct Context<'a> {
     /// Empty folder for its files.
     pub out: &'a Path,
     cancel: &'a AtomicBool,
-    /// What it has to say beside its product.
+    /// Warnings.
     pub warnings: Vec<String>,
-    /// A word on the size of its product, for the line of progress.
+    /// A short remark on the size of the product, for the progress line.
     pub remark: Option<String>,
-    /// Seconds since some moment, for what is told of the work and enters no product.
+    /// A clock in seconds, for reports on the work that enter no product.
     pub clock: Option<fn() -> f64>,
-    /// What leaving out saved, where it was measured.
+    /// Time saved by leaving work out, if it was measured.
     pub saving: Option<Saving>,
-    /// Whether programs that a recipe names may be run.
+    /// Whether programs named by a recipe may be run.
     pub allows_commands: bool,
-    /// Where the file goes that holds what they say; else it lies beside the product's files while they run.
+    /// Destination of the log of external programs. During the run it lies next to the product's
+    /// files.
     pub log: Option<PathBuf>,
     /// The programs that can be run.
     pub programs: Programs,
 }
 
 impl<'a> Context<'a> {
-    /// A context that writes into `out` and stops when `cancel` is set.
+    /// A context that writes to `out` and stops when `cancel` is set.
     #[must_use]
     pub fn new(out: &'a Path, cancel: &'a AtomicBool) -> Self {
         let (warnings, remark, clock, saving) = (Vec::new(), None, None, None);
@@ -270,13 +276,13 @@ impl<'a> Context<'a> {
         Self { out, cancel, warnings, remark, clock, saving, allows_commands: false, log: None, programs }
     }
 
-    /// Whether the work is asked to stop.
+    /// Whether the work has been cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.cancel.load(Ordering::Relaxed)
     }
 
-    /// Asked at every frame or chunk: `Err` where the work shall stop.
+    /// Called at every frame or chunk. Returns an error if the work has been cancelled.
     ///
     /// # Errors
     /// [`StageError::Cancelled`].
@@ -285,50 +291,51 @@ impl<'a> Context<'a> {
     }
 }
 
-/// The camera of a trajectory: the recipe's choice, else the source's own, with a warning where views disagree.
+/// The camera of a trajectory: the recipe's choice, otherwise the source's own, with a warning if
+/// views disagree.
 fn camera(choice: Option<CameraChoice>, capture: &Capture, cx: &mut Context<'_>) -> Camera {
     let (own, warning) = capture.camera().unzip();
     cx.warnings.extend(warning.flatten().map(|w| w.to_string()));
     camera::choose(choice, own.as_ref()).expect("recipes without views write a whole camera")
 }
 
-/// Why a step failed. The texts fit after "failed to ".
+/// The reason why a step failed. The texts complete the phrase "failed to ".
 #[derive(Debug, thiserror::Error)]
 pub enum StageError {
-    /// It was asked to stop.
+    /// The step was cancelled.
     #[error("finish: it was interrupted")]
     Cancelled,
-    /// A source is not there.
+    /// A source does not exist.
     #[error("find {}", path.display())]
     Missing {
-        /// Where it should be.
+        /// Its path.
         path: PathBuf,
     },
     /// An input cannot be opened.
     #[error(transparent)]
     Artifact(#[from] ArtifactError),
-    /// It would run programs, and may not.
+    /// The step would run programs without permission.
     #[error("run a program that the recipe names: it is not allowed to")]
     Refused {
-        /// The commands, one a line.
+        /// The commands, one per line.
         programs: Vec<String>,
     },
-    /// A program that it ran failed.
+    /// A program failed.
     #[error(transparent)]
     Program(Box<Failed>),
-    /// The work itself failed.
+    /// The work failed.
     #[error("{doing}: {cause}")]
     Work {
-        /// At what.
+        /// The operation.
         doing: String,
-        /// Why.
+        /// The reason.
         #[source]
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A file cannot be read or written.
     #[error("use {}: {source}", path.display())]
     Io {
-        /// Which.
+        /// The file.
         path: PathBuf,
         /// Cause.
         source: std::io::Error,
@@ -336,7 +343,7 @@ pub enum StageError {
 }
 
 impl StageError {
-    /// A failure of the work, as `doing: cause`.
+    /// A failure of the work, shown as `doing: cause`.
     pub fn work<E>(doing: &str) -> impl FnOnce(E) -> Self
     where
         E: std::error::Error + Send + Sync + 'static,
@@ -357,11 +364,11 @@ impl StageError {
 pub struct Wired<S: Stage> {
     /// Parameters.
     pub stage: S,
-    /// Where its inputs come from.
+    /// Sources of its inputs.
     pub inputs: S::Inputs,
 }
 
-/// A wired stage whatever its types.
+/// A wired stage with its types erased.
 pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Name of the stage.
     fn stage(&self) -> &'static str;
@@ -369,29 +376,29 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Role and step of each input.
     fn inputs(&self) -> Vec<(&'static str, StepId)>;
 
-    /// The numerical class, for stages whose bytes depend on the machinery that computes them.
+    /// The numerical class, for stages whose bytes depend on the machine that computes them.
     fn class(&self) -> Option<String>;
 
-    /// Files outside the store that it reads.
+    /// Files outside the store that the stage reads.
     ///
     /// # Errors
-    /// When a source cannot be listed.
+    /// A source cannot be listed.
     fn sources(&self) -> Result<Vec<SourceFile>, StageError>;
 
-    /// Folders whose listing decides which files those are.
+    /// Folders whose content decides which files those are.
     fn source_folders(&self) -> Vec<PathBuf>;
 
-    /// What enters the key: the stage, its revision and class, its parameters, and the digests of its inputs by
-    /// role.
+    /// The content of the key: the stage, its revision and class, its parameters, and the digests
+    /// of its inputs by role.
     fn describe(&self, inputs: &[(String, Digest)]) -> Value;
 
-    /// What it will need, by the sizes of its inputs.
+    /// Resources needed, by the sizes of the inputs.
     fn need(&self, inputs: &[Files]) -> Need;
 
-    /// The programs that it would run, a command a line.
+    /// The programs that the stage would run, one command per line.
     fn programs(&self) -> Vec<String>;
 
-    /// Whether it runs programs that need no leave.
+    /// Whether the stage runs programs that need no permission.
     fn runs_known_programs(&self) -> bool;
 
     /// A program that must be asked for its version before the key is known.
@@ -400,7 +407,7 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Opens the inputs and does the work.
     ///
     /// # Errors
-    /// When an input cannot be opened, or the work fails.
+    /// An input cannot be opened, or the work fails.
     fn run(&self, inputs: &[Files], cx: &mut Context<'_>) -> Result<(), StageError>;
 }
 

@@ -1,13 +1,15 @@
-//! The store: immutable blobs under the BLAKE3 of their bytes, and records that say what a key made.
+//! The store: immutable blobs named by the BLAKE3 of their bytes, and records of what each key
+//! produced.
 //!
 //! ```text
 //! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  tmp/  trash/  roots/
 //! ```
-//! `cas/` and `ac/` are the truth and never changed in place; `state.db` is an index of `ac/` and a cache of file
-//! digests: losing it costs time, never correctness. Publishing goes blobs, record, sync, database row, in this order,
-//! so a record never names bytes that are not there, and the database never one that a power cut may take. A process
-//! that is killed loses nothing that it published: the records count without the database. The store knows nothing
-//! of scenes, poses or events.
+//! `cas/` and `ac/` are the truth and never change in place. `state.db` is an index of `ac/` and a
+//! cache of file digests; losing it costs time, never correctness. Publishing goes blobs, record,
+//! sync, database row, in this order. A record therefore never names bytes that are not there, and
+//! the database never has a row that a power cut could undo. A process that is killed loses nothing
+//! that it published: records count without the database. The store knows nothing of scenes, poses
+//! or events.
 
 pub mod blob;
 pub mod description;
@@ -46,20 +48,20 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// Why the store cannot do what it was asked.
+/// The reason why the store cannot do what it was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// An operation on a file failed.
     #[error("{doing} {}: {source}", path.display())]
     Io {
-        /// What was being done.
+        /// The operation.
         doing: &'static str,
-        /// To which file.
+        /// The file.
         path: PathBuf,
         /// Cause.
         source: std::io::Error,
     },
-    /// The database refused.
+    /// The database reported an error.
     #[error("the state database {}: {source}", path.display())]
     State {
         /// The file.
@@ -77,20 +79,20 @@ pub enum StoreError {
         /// The format of this program.
         known: u32,
     },
-    /// Another process works in the store.
+    /// Another process is working in the store.
     #[error("{} is in use by {holder}", path.display())]
     Locked {
         /// The store.
         path: PathBuf,
-        /// Who holds it: pid, host and command.
+        /// The holder of the lock: pid, host and command.
         holder: String,
     },
-    /// A key made other bytes than before.
+    /// A key produced other bytes than before.
     #[error("nondeterministic step: {0}")]
     Nondeterministic(Box<Unlike>),
 }
 
-/// Format of the folder; raised when an older program could no longer use it.
+/// Format of the folder. Raise it when an older program can no longer use it.
 const FORMAT: u32 = 1;
 
 /// An open store.
@@ -100,47 +102,48 @@ pub struct Store {
     disk: Disk,
     blobs: Blobs,
     state: Mutex<State>,
-    /// Files whose bytes this process has read, where it trusts no stat fields.
+    /// Files whose bytes this process has read, if it does not trust stat fields.
     verified: Option<Mutex<BTreeSet<PathBuf>>>,
     counts: Counts,
-    /// The first failure of an operation whose result nobody waits for.
+    /// The first failure of an operation whose result was not awaited.
     failed: Mutex<Option<StoreError>>,
-    /// The kernel frees it with the store.
+    /// The lock. The kernel frees it with the store.
     lock: Option<lock::Lock>,
 }
 
-/// Where digests came from.
+/// Sources of digests.
 #[derive(Debug, Default)]
 struct Counts {
     trusted: AtomicUsize,
     hashed: AtomicUsize,
 }
 
-/// What a store is opened for.
+/// The purpose for which a store is opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// To look only: takes no lock, creates nothing.
+    /// Reading: takes no lock, creates nothing.
     Read,
-    /// To build: takes the lock, and waits for it.
+    /// Building: takes the lock, and waits for it.
     Write,
-    /// To build: takes the lock, or fails at once.
+    /// Building: takes the lock, or fails at once.
     WriteNow,
 }
 
 /// How a store is opened.
 #[derive(Debug, Clone)]
 pub struct Opening {
-    /// What for.
+    /// Purpose.
     pub access: Access,
-    /// Who opens it to write.
+    /// The writer, for others who wait.
     pub claim: Claim,
-    /// Read every file, whatever its stat fields say.
+    /// Whether every file is read, whatever its stat fields say.
     pub verify: bool,
-    /// Have each file on disk before the next is written, instead of a batch at once.
+    /// Whether each file is synced before the next is written, instead of a whole batch at once.
     pub sync_each: bool,
-    /// Folder of the database, where it is not to lie in the store: a store on a network file system.
+    /// Folder of the database, if it must not lie in the store: for a store on a network file
+    /// system.
     pub index: Option<PathBuf>,
-    /// What operates on the files.
+    /// Implementation of file operations.
     pub fs: Arc<dyn Fs>,
 }
 
@@ -157,17 +160,18 @@ impl From<Access> for Opening {
     }
 }
 
-/// The folder of what programs said, a file a key.
+/// Folder of the log files of external programs, one per key.
 const LOGS: &str = "logs";
-/// How the names of those files end.
+/// Ending of the names of those files.
 const LOG: &str = ".txt";
 
 impl Store {
-    /// Opens the store at `root`, for writing creates it. `waiting` is told for whom it waits, and again as often as
-    /// the claim says.
+    /// Opens the store at `root`, and creates it for writing. `waiting` is called with the holder
+    /// of the lock, and again at the interval given by the claim.
     ///
     /// # Errors
-    /// When it cannot be read or made, was made by a newer program, or is locked and `access` does not wait.
+    /// The store cannot be read or created, was made by a newer program, or is locked and `access`
+    /// does not wait.
     pub fn open(
         root: &Path,
         opening: impl Into<Opening>,
@@ -187,7 +191,8 @@ impl Store {
             for folder in ["cas", "ac", "tmp", "trash"] {
                 disk.create_dir(&root.join(folder))?;
             }
-            // Nobody else may write while the lock is held: what lies here was left by a process that died.
+            // No other process writes while the lock is held, so everything here is left over from
+            // a process that died.
             disk.empty_dir(&root.join("tmp"))?;
         }
         let state = State::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
@@ -203,14 +208,14 @@ impl Store {
         })
     }
 
-    /// What had to be mended since the last call, one line each.
+    /// Notices of repairs since the last call, one line each.
     #[must_use]
     pub fn take_notices(&self) -> Vec<String> {
         self.state().take_notices()
     }
 
-    /// The file of the store's lock, for a process that works in the store's folders: the lock is held until that
-    /// process has closed it, too. `None` if the store was opened to look only.
+    /// The file of the store's lock, for a process that works in the store's folders: the lock is held
+    /// until that process has closed it, too. `None` if the store was opened to look only.
     ///
     /// # Errors
     /// When the system has no more file descriptors.
@@ -219,18 +224,18 @@ impl Store {
         shared.map_err(disk::failed("sharing", &self.root.join("lock")))
     }
 
-    /// How many digests were taken from stat fields, and how many from bytes.
+    /// Number of digests taken from stat fields, and number taken from bytes.
     #[must_use]
     pub fn digests(&self) -> (usize, usize) {
         (self.counts.trusted.load(Ordering::Relaxed), self.counts.hashed.load(Ordering::Relaxed))
     }
 
-    /// The outputs on record for a key, if there is a record, and what it took. The index is asked first; what a
-    /// process recorded that was killed before it wrote the index, or that works just now, stands in `ac/` alone and
-    /// counts as much.
+    /// The recorded outputs of a key, if there is a record, and what the step used. The index is
+    /// asked first. A record of a process that was killed before it wrote the index, or that is
+    /// working now, stands in `ac/` only, and counts as much.
     ///
     /// # Errors
-    /// When the record is there and cannot be read.
+    /// The record exists but cannot be read.
     pub fn record(&self, key: &Key) -> Result<Option<Brief>, StoreError> {
         let name = key.to_string();
         let indexed = self.state().get(Table::Record, &name);
@@ -242,48 +247,48 @@ impl Store {
         Ok(brief)
     }
 
-    /// What the index has of every record.
+    /// Every record of the index.
     #[must_use]
     pub fn records(&self) -> Vec<Brief> {
         let rows = self.state().all(Table::Record).into_values();
         rows.filter_map(|row| serde_json::from_slice(&row).ok()).collect()
     }
 
-    /// The whole record of a key as it lies in `ac/`; `None` where it is absent or damaged.
+    /// The whole record of a key from `ac/`; `None` if it is absent or damaged.
     ///
     /// # Errors
-    /// When it is there and cannot be read.
+    /// It exists but cannot be read.
     pub fn full_record(&self, key: &Key) -> Result<Option<Record>, StoreError> {
         Record::read(&self.root, &self.disk, key)
     }
 
-    /// The key that a step of a scene was last made with.
+    /// The key with which a step of a scene was last made.
     #[must_use]
     pub fn last_key(&self, scene: &str, step: &str) -> Option<Key> {
         let row = self.state().get(Table::Last, &last_name(scene, step))?;
         std::str::from_utf8(&row).ok()?.parse().ok().map(Key)
     }
 
-    /// Remembers that a step of a scene now stands at `key`, for explanations.
+    /// Stores the present key of a step of a scene, for explanations.
     pub fn note_last(&self, scene: &str, step: &str, key: Key) {
         self.state().put_new(Table::Last, &last_name(scene, step), key.to_string().into_bytes());
     }
 
-    /// The recipe that a scene was last made from.
+    /// The recipe from which a scene was last made.
     #[must_use]
     pub fn last_recipe(&self, scene: &str) -> Option<String> {
         String::from_utf8(self.state().get(Table::Recipe, scene)?).ok()
     }
 
-    /// Remembers the recipe that a scene is made from, for explanations.
+    /// Stores the recipe of a scene, for explanations.
     pub fn note_recipe(&self, scene: &str, recipe: &str) {
         self.state().put_new(Table::Recipe, scene, recipe.as_bytes().to_vec());
     }
 
-    /// The state of a blob, by its stat fields where they are known and by its bytes where not.
+    /// The state of a blob, from its stat fields if they are known, otherwise from its bytes.
     ///
     /// # Errors
-    /// When the file is there and cannot be read.
+    /// The file exists but cannot be read.
     pub fn examine(&self, output: &Output) -> Result<BlobState, StoreError> {
         let path = self.blobs.path(&output.digest);
         match self.look(&path) {
@@ -294,29 +299,31 @@ impl Store {
         }
     }
 
-    /// Where a blob lies.
+    /// Path of a blob.
     #[must_use]
     pub fn path_of(&self, digest: &Digest) -> PathBuf {
         self.blobs.path(digest)
     }
 
-    /// Where the programs that a step runs leave what they say: told beside what is kept under the key, and no part of it.
+    /// Log file for external programs run by the step with this key. It is not part of the step's
+    /// outputs.
     ///
     /// # Errors
-    /// When the folder cannot be made.
+    /// The folder cannot be created.
     pub fn log_of(&self, key: &Key) -> Result<PathBuf, StoreError> {
         let folder = self.root.join(LOGS);
         self.disk.create_dir(&folder)?;
         Ok(folder.join(format!("{key}{LOG}")))
     }
 
-    /// What is known of a file, in the store or outside it; it is read only where its stat fields moved.
+    /// The digest of a file, in the store or outside. The file is read only if its stat fields have
+    /// changed.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// The file cannot be read.
     pub fn look(&self, path: &Path) -> std::io::Result<Entry> {
         let stat = self.disk.stat(path)?;
-        // A path that is not UTF-8 is hashed each time: correct, only slower.
+        // A path that is not UTF-8 is hashed each time: correct, but slower.
         let name = path.to_str().filter(|_| self.trusts(path));
         let known = name.and_then(|name| self.state().get(Table::Stat, name));
         let known = known.and_then(|row| postcard::from_bytes::<Entry>(&row).ok());
@@ -331,15 +338,15 @@ impl Store {
         Ok(entry)
     }
 
-    /// The stat fields of a file or folder, seen now.
+    /// The present stat fields of a file or folder.
     ///
     /// # Errors
-    /// When it is not there.
+    /// It does not exist.
     pub fn sight(&self, path: &Path) -> std::io::Result<Sighting> {
         self.disk.stat(path).map(Sighting::now)
     }
 
-    /// Whether what is on record of a file may be believed.
+    /// Whether the recorded digest of a file can be trusted.
     fn trusts(&self, path: &Path) -> bool {
         self.verified.as_ref().is_none_or(|read| read.lock().expect("no holder panics").contains(path))
     }
@@ -354,11 +361,10 @@ impl Store {
         }
     }
 
-    /// Takes a blob that is altered out of the way, into `trash/`. One that another step has made anew meanwhile
-    /// stays.
+    /// Moves an altered blob into `trash/`. A blob that another step has replaced meanwhile stays.
     ///
     /// # Errors
-    /// When it cannot be read or moved.
+    /// It cannot be read or moved.
     pub fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
         self.blobs.discard(digest)
     }
@@ -366,15 +372,16 @@ impl Store {
     /// The file system that the store is on.
     ///
     /// # Errors
-    /// When the system does not tell.
+    /// The system does not report it.
     pub fn space(&self) -> std::io::Result<Space> {
         Space::around(&self.root)
     }
 
-    /// Renews what is known of a blob after this program itself linked or unlinked it, which moves its ctime.
+    /// Updates the stat fields of a blob after this program linked or unlinked it, which changes
+    /// its ctime.
     ///
     /// # Errors
-    /// When it cannot be looked at.
+    /// The blob cannot be accessed.
     pub fn settle(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.blobs.path(digest);
         let stat = self.disk.stat(&path).map_err(disk::failed("reading", &path))?;
@@ -382,7 +389,7 @@ impl Store {
         Ok(())
     }
 
-    /// Whether so much is pending that it should be written, for the case that this process is killed.
+    /// Whether enough is pending that it should be written, in case this process is killed.
     #[must_use]
     pub fn is_due(&self) -> bool {
         /// Some hundred steps with their files.
@@ -390,10 +397,10 @@ impl Store {
         self.state().pending() >= ROWS
     }
 
-    /// Has what was published on disk, and writes what is pending to the database.
+    /// Syncs what was published, then writes what is pending to the database.
     ///
     /// # Errors
-    /// When the disk or the database refuses, or an operation failed before whose result nobody waited for.
+    /// The disk or the database fails, or an earlier operation failed whose result was not awaited.
     pub fn flush(&self) -> Result<(), StoreError> {
         if let Some(error) = self.failed.lock().expect("no holder panics").take() {
             return Err(error);
@@ -402,7 +409,8 @@ impl Store {
         if !state.is_behind() {
             return Ok(());
         }
-        // With the state held: a row that is entered from here on speaks of bytes that this sync may have missed.
+        // With the state locked: a row that is added after this sync may describe bytes that the
+        // sync missed.
         self.disk.sync_all(&self.root)?;
         state.flush()
     }
@@ -416,13 +424,13 @@ fn last_name(scene: &str, step: &str) -> String {
     format!("{scene}\0{step}")
 }
 
-/// What became of a blob.
+/// The state of a blob.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlobState {
-    /// There, with the bytes of its name.
+    /// Present, with the bytes of its name.
     Sound,
-    /// Not there.
+    /// Absent.
     Missing,
-    /// There, with other bytes.
+    /// Present, with other bytes.
     Altered,
 }

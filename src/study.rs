@@ -1,4 +1,5 @@
-//! Studies: measurements over one scene, beside the building of it; and the table of extremes, over the program itself.
+//! Studies: measurements on one scene, in addition to its build; and the stress table, which tests
+//! the program itself.
 
 pub mod growth;
 pub mod stress;

@@ -6,8 +6,8 @@
 //! keyframes  poses by hand ------------> knots ─┘          ├─> course -> travel (speed law) -> Trajectory, Report
 //! orbit      a point and an axis ---------------> circle ──┘
 //! ```
-//! A [`path`] is how a course is made, [`travel`] is how it is followed: it alone knows of speed and time. Each step is
-//! a file of its own; knots are measured, merged and told of gaps in one [`metric`].
+//! A [`path`] makes a course; [`travel`] follows it, and only travel knows speed and time. Each
+//! step is a file. One [`metric`] measures knots, merges them, and finds gaps.
 
 mod course;
 pub mod curve;
@@ -42,11 +42,11 @@ use crate::se3::Se3;
 pub struct Trajectory {
     /// Pose of each frame, camera to world, OpenCV camera axes.
     pub world_from_camera: Vec<Se3>,
-    /// Stamp of each frame in microseconds, strictly increasing, the first is 0.
+    /// Stamp of each frame in microseconds, strictly increasing, from 0.
     pub stamps_us: Vec<i64>,
 }
 
-/// A view of a capture: the name of its image and where it was taken.
+/// A view of a capture: the name of its image, and its pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NamedPose<'a> {
     /// Image file name as the source gives it.

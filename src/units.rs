@@ -1,7 +1,7 @@
 //! Units that would otherwise be bare numbers: exact ratios, frame rates, time stamps.
 //!
-//! Inside the program time is an integer count of nanoseconds since a trajectory's first stamp; files hold integer
-//! microseconds. Both conversions are here and nowhere else.
+//! Inside the program, time is an integer number of nanoseconds since a trajectory's first stamp.
+//! Files hold integer microseconds. Both conversions are here only.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,16 +11,17 @@ use std::str::FromStr;
 pub struct Timestamp(pub i64);
 
 impl Timestamp {
-    /// The instant of an integer microsecond stamp.
+    /// The instant of a stamp in integer microseconds.
     ///
     /// # Panics
-    /// Beyond 292,000 years, where nanoseconds leave 64 bits; readers bound their stamps long before.
+    /// The stamp is beyond 292,000 years, where nanoseconds exceed 64 bits. Readers bound their
+    /// stamps long before.
     #[must_use]
     pub fn from_micros(us: i64) -> Self {
         Self(us.checked_mul(1000).expect("stamps are bounded where they are read"))
     }
 
-    /// The microsecond that this instant lies in, as event files store it: `floor(ns / 1000)`.
+    /// The microsecond that contains this instant, as event files store it: `floor(ns / 1000)`.
     #[must_use]
     pub fn floor_micros(self) -> i64 {
         self.0.div_euclid(1000)
@@ -33,7 +34,8 @@ impl Timestamp {
     }
 }
 
-/// An amount for people, with at most three digits before the point: `999 B`, `52.1 MB`, `12.4 Mev`.
+/// An amount for messages, with at most three digits before the point: `999 B`, `52.1 MB`,
+/// `12.4 Mev`.
 #[must_use]
 pub fn amount(n: u64, unit: &str) -> String {
     const PREFIXES: [&str; 6] = ["k", "M", "G", "T", "P", "E"];
@@ -42,7 +44,7 @@ pub fn amount(n: u64, unit: &str) -> String {
     }
     let mut scaled = n as f64 / 1000.0;
     let mut prefix = 0;
-    // What would be rounded to 1000.0 is shown as 1.0 of the next.
+    // A value that would round to 1000.0 is shown as 1.0 of the next unit.
     while scaled >= 999.95 && prefix + 1 < PREFIXES.len() {
         scaled /= 1000.0;
         prefix += 1;
@@ -50,8 +52,8 @@ pub fn amount(n: u64, unit: &str) -> String {
     format!("{scaled:.1} {}{unit}", PREFIXES[prefix])
 }
 
-/// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without passing through floating point:
-/// in floats `ceil(1.1 * 50)` is 56.
+/// A positive rational in lowest terms, read from `5`, `1.1` or `11/10` without floating point, in
+/// which `ceil(1.1 * 50)` is 56.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,
@@ -87,7 +89,7 @@ impl Ratio {
         self.numerator as f64 / self.denominator as f64
     }
 
-    /// `ceil(self * n)`, or `None` where that leaves 64 bits.
+    /// `ceil(self * n)`, or `None` if that exceeds 64 bits.
     #[must_use]
     pub fn ceil_times(self, n: u64) -> Option<u64> {
         let product = u128::from(self.numerator) * u128::from(n);
@@ -114,7 +116,7 @@ impl serde::Serialize for Ratio {
     }
 }
 
-/// Why a text is no [`Ratio`].
+/// The reason why a text is not a [`Ratio`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not a positive number such as 5, 1.1, 2.4e3 or 11/10 (of at most 18 digits)")]
 pub struct RatioError(String);
@@ -167,11 +169,11 @@ impl Hertz {
         self.0.to_f64()
     }
 
-    /// The stamp of frame `index` in microseconds: `index / rate`, rounded half up in integers, so that
+    /// The stamp of frame `index` in microseconds: `index / rate`, rounded half up in integers.
     /// 2400 Hz gives 0, 417, 833, 1250, ... and never drifts.
     ///
     /// # Panics
-    /// Where the stamp leaves 64 bits (index and rate are bounded where recipes are read).
+    /// The stamp exceeds 64 bits (index and rate are bounded where recipes are read).
     #[must_use]
     pub fn stamp_us(self, index: u64) -> i64 {
         let (p, q) = (u128::from(self.0.numerator), u128::from(self.0.denominator));

@@ -1,17 +1,18 @@
-//! The projection's soundness (numerics.md section 7.3). Warning; a gate where the recipe sets the limit.
+//! Validity of the affine projection. A warning; a gate where the recipe sets the limit.
 //!
-//! A Gaussian is drawn as the ellipse of the projection's linear part at its mean, which is wrong for one that is deep
-//! for its distance: at a deviation of a tenth of the depth the ellipse is about right, at half it is not.
+//! A Gaussian is drawn as the ellipse of the projection's linear part at its mean, which is wrong
+//! if it is deep for its distance: with a standard deviation of a tenth of the depth, the ellipse
+//! is approximately right; with half the depth, it is not.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest share of the picture that doubtful Gaussians make up.
+    /// Largest share of the image from doubtful Gaussians.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }

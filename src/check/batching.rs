@@ -1,18 +1,18 @@
-//! Event times that cling to frames (numerics.md section 9, pass 7; pipeline.md section 11, complaint 2).
+//! Event times that cluster at frame times.
 //!
-//! `times`: more than two distinct times a frame, or the stream was made frame by frame: a gate. `phase`: the counts
-//! over 16 phases of the frame interval vary by at most 0.35 of their mean: a warning. Neither says anything about a
-//! stream with few events, so both need some a frame.
+//! `times`: at most two distinct times per frame means that the stream was made frame by frame: a
+//! gate. `phase`: the counts over 16 phases of the frame interval vary by at most 0.35 of their
+//! mean: a warning. Both need a minimum number of events per frame.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, Tally, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Fewest distinct event times per frame.
+    /// Smallest number of distinct event times per frame.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub unique_per_frame: Option<f64>,
     /// Largest coefficient of variation of event counts over the phase of the frame interval.
@@ -22,9 +22,10 @@ pub struct Limits {
 
 const UNIQUE_PER_FRAME: f64 = 2.0;
 const PHASE_CV: f64 = 0.35;
-/// With 16 bins and this many events the counts of a stream without phase vary by 0.1 of their mean.
+/// With 16 bins and this many events, the counts of a stream without phase vary by 0.1 of their
+/// mean.
 const LEAST_EVENTS: u64 = 1600;
-/// Events a frame below which two distinct times a frame are too many to ask for.
+/// Events per frame below which two distinct times per frame cannot be expected.
 const LEAST_PER_FRAME: f64 = 8.0;
 
 /// The pass.

@@ -1,22 +1,24 @@
-//! The capture that a scene was made from: how well its poses fit its points, and whether views are missing or astray.
-//! Warnings; gates where the recipe sets the limit.
+//! The capture of a scene: the fit of its poses to its points, missing views, outliers. Warnings;
+//! gates where the recipe sets the limit.
 //!
-//! - `reprojection`: the mean distance of COLMAP's points from their key points, at most 2 px, over points (as COLMAP says
-//!   it) and over observations. COLMAP drops observations beyond 4 px (`Mapper.filter_max_reproj_error`). Where errors
-//!   scatter alike in both directions, with deviation `s`, their mean is `s sqrt(pi/2)`, and a mean of 2 px has
-//!   `exp(-4^2 / (2 s^2)) = exp(-pi)`, 4.3 %, beyond that filter: above it the filter decides what the error is.
+//! - `reprojection`: the mean distance of COLMAP's points from their key points, at most 2 px, over
+//! points (as in COLMAP) and over observations. COLMAP drops observations beyond 4 px
+//! (`Mapper.filter_max_reproj_error`). If errors have standard deviation `s` in both directions,
+//! their mean is `s sqrt(pi/2)`, and a mean of 2 px has `exp(-4^2 / (2 s^2)) = exp(-pi)`, 4.3 %,
+//! beyond that filter. Above 2 px, the filter determines the error.
 //! - `gap`: the longest step between neighbouring views, at most 8 median steps ([`GAP`]).
-//! - `outlier`: the largest detour ([`crate::trajectory::walk`]), at most 3 median steps. A walk has none above 1 but where it
-//!   turns back; and views that fill a ball of radius R have, in whatever order, none above 2: a detour is at most one
-//!   distance between two of them, so at most 2 R, and the median of such distances is about R.
-//! - `registered`: the share of the photos that have a pose, at least 0.9.
+//! - `outlier`: the largest detour ([`crate::trajectory::walk`]), at most 3 median steps. A walk
+//! has no detour above 1 except where it turns back. Views that fill a ball of radius R have none
+//! above 2 in any order: a detour is at most one distance between two views, so at most 2 R, and
+//! the median of such distances is about R.
+//! - `registered`: the share of photos with a pose, at least 0.9.
 
 use super::subject::{Bound, Judged};
 use super::{Finding, SceneSubject, limits};
 use crate::trajectory::knots::GAP;
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
@@ -29,7 +31,7 @@ pub struct Limits {
     /// Largest detour of a view, median steps.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub outlier: Option<f64>,
-    /// Least share of photos that have a pose.
+    /// Smallest share of photos with a pose.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub registered: Option<f64>,
 }
@@ -38,13 +40,13 @@ const REPROJECTION_PX: f64 = 2.0;
 const OUTLIER: f64 = 3.0;
 const REGISTERED: f64 = 0.9;
 
-/// Names that a finding tells of those beyond a limit.
+/// Maximum number of names in a finding.
 const TOLD: usize = 3;
 
 /// Name of the pass.
 pub(super) const NAME: &str = "capture";
 
-/// What it finds in a scene.
+/// The findings on a scene.
 pub(super) fn findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     let limits = subject.limits.capture.unwrap_or_default();
     let mut findings = reprojection(subject, &limits);
@@ -75,7 +77,7 @@ fn reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Finding> {
     ]
 }
 
-/// Quantities with their names: the largest, and the names of those beyond a limit, the largest first.
+/// Named quantities: the largest, and the names of those beyond a limit, in descending order.
 fn largest(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, String)> {
     named.sort_by(|a, b| b.1.total_cmp(&a.1));
     let (first, measured) = named.first()?.clone();
@@ -150,7 +152,8 @@ mod tests {
     use crate::trajectory::walk::Walk;
     use glam::{DQuat, DVec3};
 
-    /// Verdict, measure and sentence of a statement about a walk of 30 views a step apart, after `plant`.
+    /// Verdict, value and sentence of a statement about a walk of 30 evenly spaced views, after
+    /// `plant`.
     fn found(part: &str, limits: &str, plant: impl FnOnce(&mut Vec<DVec3>)) -> (Verdict, f64, String) {
         let mut centres: Vec<DVec3> = (0..30u8).map(|i| DVec3::X * f64::from(i)).collect();
         plant(&mut centres);
@@ -198,7 +201,7 @@ mod tests {
         close(measured, 50f64.sqrt() - 1.0);
         assert_eq!(verdict, Verdict::Warn);
         assert!(because.ends_with("6.07 median steps: `13.jpg`"), "{because}");
-        // It is no gap, and one that stays within the limit is no outlier.
+        // It is not a gap, and a view within the limit is not an outlier.
         assert_eq!(found("gap", "{}", |c| c[13] += 7.0 * DVec3::Y).0, Verdict::Pass);
         assert_eq!(found("outlier", "{}", |c| c[13] += 3.8 * DVec3::Y).0, Verdict::Pass);
         assert_eq!(found("outlier", "{}", |c| c[13] += 4.0 * DVec3::Y).0, Verdict::Warn);

@@ -1,17 +1,18 @@
-//! The drift of a pixel's voltage between two frames, as the sensor's law has it.
+//! The drift of a pixel's voltage between two frames, by the sensor's law.
 
 use crate::sensor::Sensor;
 use crate::sensor::esim::{Esim, Intensity};
 use crate::sensor::voltmeter::{Gain, Initial, Law, Voltmeter};
 
-/// The part of a sensor's law that frames alone decide: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
-/// microseconds and greys (numerics.md section 1).
+/// The deterministic part of a sensor's law: `D(t) = k1 ln(L + k2) + integral of (k4 + k5 L)`, in
+/// microseconds and greys.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriftLaw {
     k: [f64; 6],
     /// Thresholds of ON and OFF events.
     pub thresholds: [f64; 2],
-    /// Whether all voltages are 0 at the first frame; else they lie anywhere between the thresholds.
+    /// Whether all voltages are 0 at the first frame. Otherwise they lie anywhere between the
+    /// thresholds.
     pub from_zero: bool,
 }
 
@@ -19,7 +20,7 @@ impl DriftLaw {
     /// The law of a sensor.
     ///
     /// # Errors
-    /// Where the frames at two instants do not decide the drift between them; the text says why.
+    /// The frames at two instants do not determine the drift between them; the text is the reason.
     pub fn of(sensor: &Sensor) -> Result<Self, &'static str> {
         let Voltmeter { k, threshold_on, threshold_off, gain, initial, law, .. } = match sensor {
             Sensor::Voltmeter(voltmeter) => voltmeter,
@@ -43,8 +44,8 @@ impl DriftLaw {
         }
     }
 
-    /// The largest difference that a pixel's drift and its events can have without noise (numerics.md O1): the
-    /// voltage that is left, less the one that it began with.
+    /// The largest difference between a pixel's drift and its events without noise: the remaining
+    /// voltage minus the initial voltage.
     #[must_use]
     pub fn most_residual(&self) -> f64 {
         let [on, off] = self.thresholds;
@@ -57,14 +58,14 @@ impl DriftLaw {
         self.thresholds.map(|threshold| threshold / self.k[0])
     }
 
-    /// `ln(L + k2)`; negative luminance counts as none.
+    /// `ln(L + k2)`; negative luminance counts as 0.
     #[must_use]
     pub fn log_brightness(&self, luminance: f32) -> f64 {
         libm::log(f64::from(luminance).max(0.0) + self.k[1])
     }
 
-    /// The drift where `ln(L + k2)` grows by `logs` in `dt_us` microseconds and the luminance integrates to
-    /// `exposure` grey-microseconds.
+    /// The drift for a change of `ln(L + k2)` by `logs` in `dt_us` microseconds, with an integral
+    /// of luminance of `exposure` grey-microseconds.
     #[must_use]
     pub fn drift(&self, logs: f64, dt_us: f64, exposure: f64) -> f64 {
         self.k[0] * logs + self.k[3] * dt_us + self.k[4] * exposure
@@ -83,8 +84,8 @@ impl DriftLaw {
         self.noise(self.k[1], dt_us)
     }
 
-    /// An upper bound of the events that a pixel of constant luminance makes in `dt_us` microseconds. The renewal rate
-    /// is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x` (numerics.md section 8.1).
+    /// An upper bound of the events of a pixel of constant luminance in `dt_us` microseconds. The
+    /// renewal rate is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x`.
     #[must_use]
     pub fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
         let threshold = self.thresholds[0].min(self.thresholds[1]);
@@ -92,16 +93,17 @@ impl DriftLaw {
         self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise
     }
 
-    /// Standard deviation of the leak where the luminance is known at the ends of `intervals` of `dt_us` only: in each
-    /// its mean is off by an eighth of the grey scale, as pictures with contrast have it, and at random.
+    /// Standard deviation of the leak if the luminance is known only at the ends of `intervals`
+    /// intervals of `dt_us`. In each interval, its mean has a random error of an eighth of the grey
+    /// scale, typical for pictures with contrast.
     #[must_use]
     pub fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
         32.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt()
     }
 }
 
-/// Without noise the reference of a pixel moves as the voltage of a voltmeter of `k1 = 1` does, with `k2` the `eps` of the
-/// grey scale.
+/// Without noise, the reference of a pixel moves like the voltage of a voltmeter with `k1 = 1` and
+/// `k2` equal to `eps` on the grey scale.
 fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
     let Esim { threshold, intensity, eps, .. } = esim;
     if *intensity == Intensity::Linear {
@@ -114,10 +116,11 @@ fn of_esim(esim: &Esim) -> Result<DriftLaw, &'static str> {
     Ok(DriftLaw { k, thresholds: [threshold.on, threshold.off], from_zero: true })
 }
 
-/// Whether a sensor's events must balance the change of what each pixel sees, as its account then says of every pixel.
+/// Whether a sensor's events must balance the change of each pixel's brightness, as its account
+/// states for every pixel.
 ///
 /// # Errors
-/// Where they need not; the text says why.
+/// They need not; the text is the reason.
 pub fn balances(sensor: &Sensor) -> Result<(), &'static str> {
     match sensor {
         Sensor::Voltmeter(Voltmeter { law: Law::Official, .. }) => {
@@ -152,7 +155,7 @@ mod tests {
         let law =
             DriftLaw { k: [5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], thresholds: [1.0; 2], from_zero: true };
         let logs = law.log_brightness(128.0) - law.log_brightness(64.0);
-        // ln(148 / 84) = 0.566396...; numerics.md 1.1 gives 0.74 leak events a second at grey 128.
+        // ln(148 / 84) = 0.566396. The preset has 0.74 leak events per second at grey 128.
         assert!((law.drift(logs, 0.0, 0.0) - 5.265 * 0.566_395).abs() < 1e-5);
         assert!((law.drift(0.0, 1e6, 128e6) - 0.74).abs() < 1e-12);
     }
@@ -183,7 +186,7 @@ mod tests {
     #[test]
     fn an_ideal_logarithm_drifts_by_its_own() {
         let law = DriftLaw::of(&Sensor::Esim(Esim::default())).unwrap();
-        // ln(0.001 + 1) - ln(0.001), whatever adds a constant.
+        // ln(0.001 + 1) - ln(0.001), for any added constant.
         let logs = law.log_brightness(255.0) - law.log_brightness(0.0);
         assert!((law.drift(logs, 5.0, 1e3) - 6.908_754_779_3).abs() < 1e-9);
         assert!(law.thresholds.iter().all(|threshold| (threshold - 0.2).abs() < 1e-15));

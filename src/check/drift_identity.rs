@@ -1,9 +1,9 @@
-//! The drift identity of the sensor's own account (numerics.md section 8, O1). Gate, exact.
+//! The drift identity of the sensor's own account. An exact gate.
 //!
-//! While it simulates, the sensor holds each pixel's event balance against the drift of the frames that it sees:
-//! `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account carries the number of pixels
-//! that break it and the largest difference over its bound. Sensors whose noise takes the events away from the frames
-//! make no such promise, and the pass says so.
+//! During the simulation, the sensor compares each pixel's event balance with the drift of its
+//! frames: `|A N_on - B N_off - (D(T) - D(0))| <= max(A, B) + 6 sigma sqrt(T)`. The account has the
+//! number of pixels that violate it, and the largest difference relative to its bound. Sensors with
+//! noise that decouples events from frames make no such promise; the pass then reports that.
 
 use super::drift::balances;
 use super::subject::{Bound, Judged};

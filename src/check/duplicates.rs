@@ -1,24 +1,24 @@
-//! Events that are in a stream twice (numerics.md section 9, pass 3). Gate.
+//! Events that occur twice in a stream. A gate.
 //!
-//! Two events of a pixel in one microsecond are legal in a burst and rare: their share is below 1e-4.
-//! The sensor counts its own pairs, and the stream must hold exactly as many, which also finds a chunk
-//! that was written twice into a stream with bursts. Three events of one microsecond are three pairs to
-//! both.
+//! Two events of a pixel in one microsecond are valid in a burst, but rare: their share is below
+//! 1e-4. The sensor counts its own pairs, and the stream must have exactly as many. That also finds a
+//! chunk that was written twice into a stream with bursts. Both count three events of one microsecond
+//! as three pairs.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest share of events that repeat the time and pixel of another.
+    /// Largest share of events with the time and pixel of another event.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
-/// Share of repeats that bursts explain.
+/// Share of repeats that bursts can explain.
 const SHARE: f64 = 1e-4;
 
 /// The pass.
@@ -58,8 +58,7 @@ fn share(subject: &Subject<'_>, repeats: u64, events: u64) -> Finding {
     subject.finding(NAME, "share", judged)
 }
 
-/// Hot pixels fire by chance: each of their events has another one in its microsecond as often as they
-/// have one in any.
+/// Hot pixels fire at random: the expected repeats follow from their rate.
 fn by_chance(subject: &Subject<'_>) -> f64 {
     subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().rate * 1e-6)
 }

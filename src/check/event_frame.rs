@@ -1,8 +1,8 @@
-//! Events against frames: what the pixels counted is what the frames changed. The core pass (numerics.md section 9,
-//! pass 10).
+//! Events against frames: the event counts of pixels must match the change between frames. This is
+//! the core pass.
 //!
-//! For the span from the first frame to each anchor and for every pixel, `dv` is the drift by the sensor's law and
-//! `s = A N_on - B N_off`. Judged are:
+//! For the span from the first frame to each anchor and for every pixel, `dv` is the drift by the
+//! sensor's law, and `s = A N_on - B N_off`. The statements are:
 //!
 //! | statement | formula | limit | catches |
 //! |---|---|---|---|
@@ -11,13 +11,15 @@
 //! | `residual` | share of these pixels with a possible residual | at least 0.99 | lost resets, dropped chunks, offsets |
 //! | `sign` | share of pixels with \|dv\| above two thresholds whose `s` agrees in sign | at least 0.995 | polarity |
 //!
-//! Two departures from the text of numerics.md, both because a residual is no noise. Spans start at the first frame,
-//! where the residual is known to be 0; between two later instants it may change by `A + B`, and 3 to 5 % of a sound
-//! stream's pixels lie beyond 1.5. And `c` is no estimate of the threshold: on a scene that only grows brighter the
-//! residuals all have one sign, and sound streams give 1.1 to 1.7. So its limits are widened by what residuals can
-//! do, [`fit::Slope::allowance`], and the threshold is read off the edge of what the residuals reach, which is sharp
-//! to 2 %. A residual is possible when `|dv - s| <= max(A, B)` (O1), with 2 %, six standard deviations of the noise
-//! and two of the leak added. Where voltages do not start at 0 the bound is `A + B`, and there is no edge. Gate.
+//! The definitions follow from two properties of residuals, which are not noise. First, spans start
+//! at the first frame, where the residual is 0. Between two later instants it may change by
+//! `A + B`, and 3 to 5 % of the pixels of a sound stream lie beyond 1.5. Second, `c` does not
+//! estimate the threshold: in a scene that only grows brighter, all residuals have one sign, and
+//! sound streams give 1.1 to 1.7. Its limits are therefore widened by the possible effect of
+//! residuals, [`fit::Slope::allowance`]. The threshold is read from the edge of the residuals,
+//! which is sharp to 2 %. A residual is possible when `|dv - s| <= max(A, B)`, plus 2 %, six
+//! standard deviations of the noise and two of the leak. If voltages do not start at 0, the bound
+//! is `A + B`, and there is no edge. A gate.
 
 pub mod fit;
 
@@ -27,17 +29,17 @@ use super::{Check, Finding, Subject, Tally, Verdict, limits};
 use fit::{Fit, Slope};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest relative difference of a shown threshold from the stated one.
+    /// Largest relative difference between the measured and the stated threshold.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub threshold: Option<f64>,
-    /// Largest difference of the gain from 1, beside what residuals can do.
+    /// Largest difference of the gain from 1, in addition to the effect of residuals.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
-    /// Smallest share of pixels whose residual is possible.
+    /// Smallest share of pixels with a possible residual.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub residual: Option<f64>,
     /// Smallest share of pixels whose events and frames agree in sign.
@@ -50,9 +52,10 @@ const GAIN: f64 = 0.1;
 const RESIDUAL: f64 = 0.99;
 const SIGN: f64 = 0.995;
 
-/// Fewest pixels that a statement is made about.
+/// Minimum number of pixels for a statement.
 const LEAST_PIXELS: u64 = 100;
-/// Where fewer pixels than this come near a threshold, an edge shows the scene and not the sensor.
+/// Minimum number of pixels near a threshold. With fewer, an edge shows the scene and not the
+/// sensor.
 const LEAST_REACHABLE: f64 = 0.98;
 
 /// The pass.
@@ -123,8 +126,8 @@ impl Pass<'_> {
         self.finding(part, verdict, factor, limit, because)
     }
 
-    /// The largest of the thresholds that the instants show: a lower one may only mean that no pixel was about to
-    /// fire, while none shows more than there is.
+    /// The largest threshold over the instants. A lower one may only mean that no pixel was about
+    /// to fire; none can be too large.
     fn threshold(&self, part: &str, side: usize) -> Finding {
         if !self.law.from_zero {
             return self.subject.not_run(

@@ -1,32 +1,32 @@
-//! How often pixels fire (numerics.md section 9, pass 4). A gate where the recipe sets a limit, else a warning.
+//! Event rates of pixels. A gate where the recipe sets a limit, otherwise a warning.
 //!
-//! `rate` is events per pixel and second, told and held against the recipe's `min` and `max`. `flow` is events per
-//! pixel and px of median flow: 0.02 to 1 at a contrast of 0.2, in proportion to the inverse contrast elsewhere, and
-//! beyond what noise alone makes. Outside, the luminance or the motion is not what it seems. A sensor of a contrast
-//! above 0.5 may see nothing at all in a picture whose edges are softer than that, so it has no lower bound.
-//! A stream without any event gets a warning whatever the sensor.
+//! `rate` is the number of events per pixel and second, compared with the recipe's `min` and `max`.
+//! `flow` is the number of events per pixel and px of median flow: 0.02 to 1 at a contrast of 0.2,
+//! inversely proportional to the contrast, in addition to noise. Values outside indicate wrong
+//! luminance or motion. A sensor with a contrast above 0.5 may see nothing in a picture with softer
+//! edges, so it has no lower bound. A stream without any event gets a warning whatever the sensor.
 
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Fewest events per pixel and second.
+    /// Smallest number of events per pixel and second.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
-    /// Most events per pixel and second.
+    /// Largest number of events per pixel and second.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
 /// Events per pixel and px of flow at [`CONTRAST`].
 const PER_FLOW: [f64; 2] = [0.02, 1.0];
-/// The contrast that [`PER_FLOW`] was found at.
+/// The contrast for which [`PER_FLOW`] holds.
 const CONTRAST: f64 = 0.2;
-/// Sensors that need more than this may make no events.
+/// Contrast above which a sensor may make no events.
 const INSENSITIVE: f64 = 0.5;
 /// Greys at which the noise is bounded.
 const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];

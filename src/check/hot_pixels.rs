@@ -1,30 +1,31 @@
-//! Pixels that fire far more than the others, and pixels that are silent where the picture changes (numerics.md section
-//! 9, pass 8). Warnings; gates where the recipe sets a limit.
+//! Pixels that fire far more than the others, and pixels that are silent where the image changes.
+//! Warnings; gates where the recipe sets a limit.
 //!
-//! `hot`: a pixel with more events than the mean and five standard deviations, and five times what all but one in a
-//! thousand have. A sensor that has hot pixels by its recipe may have as many as that says, and five standard deviations
-//! more. `dead`: a pixel without any event although the frames changed by more than two thresholds, which needs a law by
-//! which frames decide the drift.
+//! `hot`: a pixel with more events than the mean plus five standard deviations, and five times the
+//! count that all but one in a thousand pixels have. A sensor with hot pixels in its recipe may
+//! have that many, plus five standard deviations. `dead`: a pixel without any event although the
+//! frames changed by more than two thresholds; this needs a law in which frames determine the
+//! drift.
 
 use super::subject::{Bound, Judged, NOT_SEEN};
 use super::{Check, Finding, Subject, Tally, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest share of hot pixels.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub hot: Option<f64>,
-    /// Largest share of dead pixels among those that the frames changed.
+    /// Largest share of dead pixels among those with a change in the frames.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub dead: Option<f64>,
 }
 
-/// Share of pixels that may be odd.
+/// Share of pixels that may be abnormal.
 const SHARE: f64 = 1e-4;
-/// Fewer changed pixels say nothing of a share.
+/// Minimum number of changed pixels for a share.
 const LEAST_PIXELS: u64 = 1000;
 
 /// The pass.

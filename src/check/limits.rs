@@ -9,15 +9,16 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
 
-/// The limits of these passes: a field each, a key each, and how the value of a key is read. Each pass is named once.
+/// Declares the limits of the passes: one field and one key per pass, and the type of the key's
+/// value.
 macro_rules! limits_of {
     ($($pass:ident),+ $(,)?) => {
-        /// Limits that differ from the defaults, and faults that the recipe accepts; the `checks:` of a recipe.
+        /// The `checks:` of a recipe: limits that differ from the defaults, and accepted faults.
         #[derive(Debug, Clone, PartialEq, Default, Serialize)]
         #[expect(missing_docs, reason = "each field is named like the pass whose limits it holds")]
         pub struct Limits {
             $(#[serde(skip_serializing_if = "Option::is_none")] pub $pass: Option<$pass::Limits>,)+
-            /// Faults that are accepted, each with its reason.
+            /// Accepted faults, each with its reason.
             #[serde(skip_serializing_if = "Vec::is_empty")]
             pub waive: Vec<Waiver>,
         }
@@ -60,23 +61,23 @@ limits_of!(
     capture,
 );
 
-/// A fault that is accepted.
+/// An accepted fault.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Waiver {
     /// Name of the pass, one of [`NAMES`].
     #[serde(deserialize_with = "pass_name")]
     pub check: String,
-    /// Why its fault is accepted: not empty.
+    /// The reason for accepting it; not empty.
     #[serde(deserialize_with = "reason")]
     pub because: String,
 }
 
-/// Passes that are built and have no limit to set: what they find is wrong or right.
+/// Passes without limits: their results are right or wrong.
 const EXACT: [&str; 4] = ["schema", "stamps", "refractory", "drift_identity"];
 
 impl Limits {
-    /// Those that the passes over a trajectory read.
+    /// The limits of the passes over trajectories.
     #[must_use]
     pub fn of_trajectory(&self) -> Self {
         let mut waive = self.waive.clone();
@@ -84,13 +85,13 @@ impl Limits {
         Self { recon_psnr: None, capture: None, waive, ..self.clone() }
     }
 
-    /// Whether other programs have to be asked.
+    /// Whether other programs are asked.
     #[must_use]
     pub fn asks_programs(&self) -> bool {
         self.pose_colmap.is_some() || self.pose_opencv.is_some() || self.readback.is_some()
     }
 
-    /// Those that the passes over a scene read.
+    /// The limits of the passes over scenes.
     #[must_use]
     pub fn of_scene(&self) -> Self {
         let mut waive = self.waive.clone();
@@ -153,12 +154,13 @@ fn reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error
     Ok(because)
 }
 
-/// Why a pass was not run that asks other programs only where a recipe says so.
+/// The reason for not running a pass that asks other programs, where the recipe does not request
+/// it.
 pub(super) fn not_asked(name: &str) -> String {
     format!("the recipe does not ask for it; `checks: {{ {name}: {{}} }}` does")
 }
 
-/// A limit that is a finite number above zero.
+/// A limit: a finite number above zero.
 pub(super) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     let limit = f64::deserialize(deserializer)?;
     if limit.is_finite() && limit > 0.0 {
@@ -168,7 +170,7 @@ pub(super) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Opt
     }
 }
 
-/// A limit that is a share: a number from 0 to 1.
+/// A share: a number from 0 to 1.
 pub(super) fn share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     let limit = f64::deserialize(deserializer)?;
     if (0.0..=1.0).contains(&limit) {

@@ -1,14 +1,15 @@
-//! Events against the motion of the scene: moved along the optical flow to one instant, they fall on the edges that made
-//! them (numerics.md section 9, pass 11; the contrast of the image of warped events, Gallego et al., CVPR 2018).
+//! Events against scene motion: moved along the optical flow to one instant, events gather on the
+//! edges that made them (the contrast of the image of warped events; Gallego et al., CVPR 2018).
 //!
-//! Around each instant whose depth is known, the flow follows from depth, poses and their stamps. The events of a short
-//! window are counted a second time at the pixel that they come from at the instant, and the variance of the counts is
-//! compared with that of the counts in place; ON and OFF are counted apart, and both to whole pixels, so that neither
-//! image is smoother by itself. Depths, stamps or axes that are wrong smear what they should gather: below 1 is a gate,
-//! by more than noise alone does; below 1.2 in the median, or below 1 in one window of twenty, is a warning.
+//! Around each instant with a known depth, the flow follows from depth, poses and their stamps. The
+//! events of a short window are counted in place and, a second time, at the pixel from which they
+//! come at that instant. The variances of both counts are compared. ON and OFF are counted
+//! separately, and places are rounded to whole pixels in both, so that neither image is smoother.
+//! Wrong depths, stamps or axes blur the moved image. A ratio below 1 by more than noise is a gate;
+//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning.
 //!
-//! Events between two frames do not move but fade, so where the picture moves by several px a frame the pass says nothing
-//! (see `sampling`).
+//! Events between two frames fade instead of moving. If the image moves by several px per frame,
+//! the pass makes no statement (see `sampling`).
 
 pub mod warp;
 
@@ -17,26 +18,26 @@ use super::{Check, Finding, Subject, Verdict, limits};
 use serde::{Deserialize, Serialize};
 use warp::Sharpness;
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Least median ratio of the variances.
+    /// Smallest median ratio of the variances.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub median: Option<f64>,
 }
 
-/// Least median ratio of a stream whose events move with the scene.
+/// Smallest median ratio of a stream with events that move with the scene.
 const MEDIAN: f64 = 1.2;
-/// Share of windows that are sharper than events in place.
+/// Smallest share of windows with a ratio above 1.
 const WINDOWS: f64 = 0.95;
-/// Way of the picture through a window below which moving the events changes little, px.
+/// Minimum image motion in a window, px. Below it, moving the events changes little.
 const LEAST_MOVED: f64 = 3.0;
-/// Fewer events in a window make no picture.
+/// Minimum number of events in a window.
 const LEAST_EVENTS: u64 = 1000;
-/// Way between frames beyond which events do not move with the picture, px.
+/// Maximum image motion between frames, px. Beyond it, events do not move with the image.
 const MOST_PER_FRAME: f32 = 2.0;
-/// Standard deviations of what noise alone makes of the median, before it counts as below 1.
+/// Number of standard deviations of the median by noise below 1 that count as a fault.
 const CERTAIN: f64 = 4.5;
 
 /// The pass.

@@ -1,10 +1,11 @@
-//! What pixels do that see no change (numerics.md section 9, pass 13). Warnings; a gate where the recipe sets a limit.
+//! Events of pixels that see no change. Warnings; a gate where the recipe sets a limit.
 //!
-//! `rate`: events of still pixels over what the sensor's noise makes of their brightness (numerics.md 8.1), within a factor
-//! of two: wrong units and a wrong leak are off by thousands. Where voltages start at 0 and a pixel's mean interval is not
-//! short against the clip, fewer events than that are sound, since no pixel has come far yet; then only the upper bound
-//! is held. `rhythm`: still pixels share no clock, so the autocorrelation of their common rate has no peak: one beyond five
-//! standard deviations is pixels that leak in step.
+//! `rate`: the events of still pixels match the sensor's noise at their brightness within a factor
+//! of two; wrong units or a wrong leak differ by thousands. If voltages start at 0 and a pixel's
+//! mean interval is not short against the clip, fewer events are sound, because no pixel has
+//! drifted far; then only the upper bound applies. `rhythm`: still pixels have no common clock, so
+//! the autocorrelation of their summed rate has no peak. A peak beyond five standard deviations
+//! means pixels that leak in step.
 
 pub mod still;
 
@@ -13,22 +14,22 @@ use super::{Check, Finding, Subject, limits};
 use serde::{Deserialize, Serialize};
 use still::Stillness;
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest factor between the events of still pixels and those of the sensor's noise.
+    /// Largest factor between the events of still pixels and those expected from noise.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub factor: Option<f64>,
 }
 
 const FACTOR: f64 = 2.0;
 const RHYTHM: f64 = 5.0;
-/// Fewer still pixels are no floor.
+/// Minimum number of still pixels.
 const LEAST_PIXELS: u64 = 1000;
-/// Fewer events have no rhythm.
+/// Minimum number of events for a rhythm.
 const LEAST_EVENTS: u64 = 400;
-/// Mean intervals in a clip from which a start at 0 no longer matters.
+/// Number of mean intervals in a clip from which the start at 0 no longer matters.
 const SETTLED: f64 = 5.0;
 
 /// The pass.
@@ -61,7 +62,7 @@ impl Check for NoiseFloor {
 fn rate(subject: &Subject<'_>, still: &Stillness) -> Finding {
     let factor = Bound::of(subject.limits.noise_floor.and_then(|l| l.factor), Bound::warning(FACTOR));
     let settled = !still.from_zero || still.intervals >= SETTLED;
-    // Counts vary by no more than five times the root of what is expected, and of one event.
+    // Counts vary by at most five times the root of their expectation, plus one event.
     let slack = 5.0 * still.expected.max(1.0).sqrt();
     let events = still.events as f64;
     let [least, most] = [still.expected / factor.value - slack, still.expected * factor.value + slack];

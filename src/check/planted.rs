@@ -1,7 +1,8 @@
-//! A sound world that faults are planted in: a picture that moves over a sensor without noise, and its events.
+//! A sound world in which faults are planted: a picture that moves over a sensor without noise, and
+//! its events.
 //!
-//! The sensor here is its own: it emits an event wherever the voltage, straight between frames, crosses a threshold
-//! counted from the last event. It shares no code with the simulated sensors.
+//! The sensor is independent: it emits an event where the voltage, linear between frames, crosses a
+//! threshold counted from the last event. It shares no code with the simulated sensors.
 
 #![expect(clippy::cast_possible_truncation, reason = "small numbers of a small world")]
 
@@ -38,7 +39,7 @@ pub(super) struct World {
     pub(super) events: Vec<Event>,
     pub(super) anchors: Anchors,
     pub(super) flows: Vec<FlowAt>,
-    /// The sensor that the passes are told of, where it is another.
+    /// The sensor given to the passes, if it differs.
     pub(super) stated: Option<Sensor>,
     pub(super) resampled: Option<Resampled>,
     pub(super) flow: Option<Quantiles>,
@@ -57,7 +58,7 @@ pub(super) fn rate() -> Hertz {
 /// Settings of a sound world.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting {
-    /// px per frame.
+    /// Image motion, px per frame.
     pub(super) pace: f64,
     pub(super) thresholds: [f64; 2],
     /// Standard deviation of `ln(L)` in the picture.
@@ -102,7 +103,7 @@ impl World {
             anchors.keep(&frame, stamps_us[j]);
         }
         let pace = setting.pace as f32;
-        // The picture moves to smaller x.
+        // The picture moves towards smaller x.
         let px_s = Image::filled(SIZE, [-pace * rate().to_f64() as f32, 0.0]);
         let moments = (0..5).map(|i| stamps_us[i * (setting.frames - 1) / 4]);
         let flows = moments.map(|t_us| FlowAt { t_us, px_s: px_s.clone() }).collect();
@@ -130,7 +131,7 @@ impl World {
         }
     }
 
-    /// The world of the default setting, made once.
+    /// The world of the default settings, made once.
     pub(super) fn sound() -> Self {
         static SOUND: OnceLock<World> = OnceLock::new();
         SOUND.get_or_init(|| Self::new(Setting::default())).clone()
@@ -173,7 +174,7 @@ impl World {
         self.findings().into_iter().filter(unsound).map(name).collect()
     }
 
-    /// The finding of `check#part`.
+    /// The finding `check#part`.
     pub(super) fn finding(&self, name: &str) -> Finding {
         let (check, part) = name.split_once('#').unwrap_or((name, ""));
         let part = if part.is_empty() { String::new() } else { format!("#{part}") };
@@ -183,11 +184,11 @@ impl World {
     }
 }
 
-/// Numbers by chance (splitmix64), for streams that have no structure.
+/// Random numbers (splitmix64) for streams without structure.
 pub(super) struct Draws(pub(super) u64);
 
 impl Draws {
-    /// One of the numbers from 0 to below `n`, each as probable.
+    /// A number from 0 to below `n`, uniformly.
     pub(super) fn below(&mut self, n: u64) -> usize {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -196,7 +197,7 @@ impl Draws {
         ((z ^ (z >> 31)) % n) as usize
     }
 
-    /// The same of columns and rows.
+    /// A column and a row, uniformly.
     pub(super) fn at(&mut self, n: u16) -> u16 {
         u16::try_from(self.below(n.into())).expect("it is below n")
     }
@@ -227,7 +228,7 @@ fn fire(sensor: &Voltmeter, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Eve
             k1 * (f64::from(images[j].pixels()[i]) + k2).ln() + k4 * (stamps_us[j] - stamps_us[0]) as f64
         };
         let mut from = volts(0);
-        // The golden ratio spreads starts evenly over (-B, A).
+        // The golden ratio spreads the initial voltages evenly over (-B, A).
         let start = match sensor.initial {
             Initial::Zero => 0.0,
             Initial::Stationary => {
@@ -279,7 +280,7 @@ fn account(events: &[Event]) -> Account {
     }
 }
 
-/// Programs that agree with what was made, as well as they do with renderings.
+/// Reports of other programs that agree with the world, as closely as they do with renderings.
 fn foreign() -> Foreign {
     let pose = |k: usize| colmap::Registered { pose: 7 * k, rotation_deg: 0.05, translation: 0.001 };
     let registration = colmap::Registration {
@@ -312,7 +313,7 @@ fn foreign() -> Foreign {
     Foreign { colmap: Some(Ok(registration)), opencv: Some(Ok(geometry)), readback: Some(Ok(readback)) }
 }
 
-/// An arc that looks at its centre, at an even pace.
+/// An arc at an even pace, looking at its centre.
 fn poses(frames: usize) -> Vec<Se3> {
     let pose = |j: usize| {
         let angle = 0.4 * j as f64 / frames as f64;

@@ -1,18 +1,19 @@
-//! The share of ON events (numerics.md section 9, pass 5). A warning; a gate where the recipe sets a limit.
+//! The share of ON events. A warning; a gate where the recipe sets a limit.
 //!
-//! The net count follows from the frames: with `s = A N_on - B N_off` summed over pixels and `N = N_on + N_off`, the
-//! share of ON events is `(B + s / N) / (A + B)`. What `s` must be is the drift of each pixel in whole thresholds. A
-//! balanced scene gives one half, a leaking sensor on a still scene gives 1, and the usual 0.35 to 0.65 become 0.15
-//! to either side of what is predicted. Where voltages do not start at 0, each pixel that fires shifts `s` by up to
-//! `A + B` by what it began with and ends with, so the width grows by the pixels that fire over `N`: a sensor whose
-//! leak outweighs its noise begins anywhere between 0 and `A`, and its first events are ON.
+//! The net count follows from the frames: with `s = A N_on - B N_off` summed over pixels and
+//! `N = N_on + N_off`, the share of ON events is `(B + s / N) / (A + B)`. The expected `s` is the
+//! drift of each pixel in whole thresholds. A balanced scene gives one half, and a leaking sensor
+//! on a still scene gives 1; the usual 0.35 to 0.65 becomes the predicted value plus or minus 0.15.
+//! If voltages do not start at 0, each firing pixel shifts `s` by up to `A + B` through its initial
+//! and final voltage, so the width grows with the number of firing pixels divided by `N`. A sensor
+//! with more leak than noise starts anywhere between 0 and `A`, and its first events are ON.
 
 use super::event_frame::fit::Fit;
 use super::subject::{Bound, Judged, within};
 use super::{Check, Finding, Subject, Tally, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
@@ -24,9 +25,10 @@ pub struct Limits {
     pub max: Option<f64>,
 }
 
-/// How far the share may be from what is predicted.
+/// Largest distance of the share from its prediction.
 const WIDTH: f64 = 0.15;
-/// Fewer events say little of a share: with 400 its standard deviation is up to 0.025, a sixth of the width.
+/// Minimum number of events: with 400, the standard deviation of a share is at most 0.025, a sixth
+/// of the width.
 const LEAST_EVENTS: u64 = 400;
 
 /// The pass.
@@ -71,13 +73,13 @@ fn judge(subject: &Subject<'_>, tally: &Tally, share: f64) -> Finding {
     )
 }
 
-/// How far the share may be shifted by voltages that start anywhere.
+/// Largest shift of the share by voltages that start anywhere.
 fn shift(subject: &Subject<'_>, tally: &Tally) -> f64 {
     let anywhere = subject.drift_law().is_ok_and(|law| !law.from_zero);
     if anywhere { tally.active_pixels as f64 / tally.events as f64 } else { 0.0 }
 }
 
-/// The share of ON events that the frames and the number of events predict.
+/// The share of ON events predicted from the frames and the number of events.
 fn predicted(subject: &Subject<'_>, tally: &Tally) -> Option<f64> {
     let [a, b] = subject.drift_law().ok()?.thresholds;
     let Fit { expected, events, .. } = tally.fits.last()?;

@@ -1,16 +1,19 @@
-//! Poses against COLMAP, which finds them anew in a sample of the sharp pictures. Gates; `registered` is a warning. Run where
-//! the recipe asks for it, and COLMAP is there.
+//! Poses against COLMAP, which reconstructs them from a sample of the sharp pictures. Gates;
+//! `registered` is a warning. The pass runs if the recipe requests it and COLMAP is installed.
 //!
 //! | statement | what | default limit |
 //! |---|---|---|
-//! | `registered` | share of the pictures that COLMAP finds a place for | at least 0.9, warning |
-//! | `rotation` | median angle between stated and found rotation | 0.1 degrees |
-//! | `rotation-worst` | the largest | 0.5 degrees: half of the fault of one degree that it is to find |
-//! | `translation` | largest distance of a centre from where it was found, over the length of the path | 0.01 |
+//! | `registered` | share of the pictures that COLMAP registers | at least 0.9, warning |
+//! | `rotation` | median angle between stated and reconstructed rotation | 0.1 degrees |
+//! | `rotation-worst` | largest such angle | 0.5 degrees: half of the fault of one degree that it
+//! must find |
+//! | `translation` | largest distance between stated and reconstructed centre, divided by the
+//! length of the path | 0.01 |
 //!
-//! `foreign/align.rs` says how the two worlds are brought together. What is left on sound poses is COLMAP's own error: on
-//! renderings of 640x360 the median was 0.02 to 0.12 degrees and the largest 0.03 to 0.40, growing with the arc, and the
-//! centres were within 0.003 of the path. A path over half a turn can exceed the limit of `rotation` and be sound
+//! `foreign/align.rs` describes the alignment of the two worlds. The remaining difference on sound
+//! poses is COLMAP's own error: on renderings of 640x360, the median was 0.02 to 0.12 degrees and
+//! the largest 0.03 to 0.40, growing with the arc; centres agreed within 0.003 of the path. A path
+//! of more than half a turn can exceed the limit of `rotation` and be sound
 //! (`docs/other-programs.md`).
 
 use super::subject::{Bound, Judged};
@@ -20,14 +23,14 @@ use crate::foreign::median;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// How many of the sharp pictures are registered, evenly spread.
+    /// Number of sharp pictures in the sample, evenly spread.
     #[serde(deserialize_with = "enough", skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
-    /// Least share of them that is found a place for.
+    /// Smallest share of registered pictures.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub registered: Option<f64>,
     /// Largest median angle between rotations, degrees.
@@ -36,7 +39,7 @@ pub struct Limits {
     /// Largest angle between rotations, degrees.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub worst_deg: Option<f64>,
-    /// Largest distance of centres over the length of the path.
+    /// Largest distance of centres divided by the length of the path.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub translation: Option<f64>,
 }

@@ -1,17 +1,18 @@
-//! Steps between poses: no jump among neighbours. Gate.
+//! Jumps between neighbouring poses. A gate.
 //!
-//! A step is judged against the median of the three steps before and the three after it, all divided by the shares of
-//! the path that the law asks of them. A speed that changes for good, however abruptly, stays below 2 by this measure
-//! (half of the neighbours are as fast, so the median is at least half of it), and a smooth path stays near 1; what is
-//! larger for one or two steps only is a jump. The default limit is 3. Translation and rotation are judged apart, each
-//! in the trajectory's mixed metric, and a step that is below a quarter of the median mixed step is no jump.
+//! A step is compared with the median of the three steps before it and the three after it, all
+//! divided by the shares of the path that the law assigns to them. A lasting change of speed,
+//! however abrupt, stays below 2 by this measure (half of the neighbours are as fast, so the median
+//! is at least half of it), and a smooth path stays near 1. A larger value for one or two steps is
+//! a jump. The default limit is 3. Translation and rotation are judged separately, each in the
+//! trajectory's mixed metric. A step below a quarter of the median mixed step is not a jump.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
 use crate::se3::rotation::angle;
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
@@ -21,11 +22,11 @@ pub struct Limits {
 }
 
 const MOST: f64 = 3.0;
-/// Neighbours to each side.
+/// Number of neighbours on each side.
 const REACH: usize = 3;
-/// Steps below this share of the median mixed step are no jumps.
+/// Share of the median mixed step below which a step is not a jump.
 const FLOOR: f64 = 0.25;
-/// Fewer steps have no neighbours to speak of.
+/// Minimum number of steps.
 const LEAST_STEPS: usize = 3;
 
 /// The pass.
@@ -65,7 +66,7 @@ fn judge(subject: &Subject<'_>, part: &str, steps: &[f64], floor: f64) -> Findin
     subject.finding(NAME, part, Judged { verdict, measured, limit, unit: "1", because })
 }
 
-/// Steps over asked speeds, in the mixed metric.
+/// Steps divided by the asked speeds, in the mixed metric.
 struct Steps {
     linear: Vec<f64>,
     angular: Vec<f64>,
@@ -96,7 +97,7 @@ fn median_of_neighbours(steps: &[f64], j: usize) -> f64 {
     median(around.filter(|i| *i != j).map(|i| steps[i]).collect())
 }
 
-/// The middle value, or the mean of the two middle ones.
+/// The median, with the mean of the two middle values for an even number.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])

@@ -1,15 +1,18 @@
-//! Poses and camera against OpenCV, which is given them as they are released. Run where the recipe asks for it, and OpenCV is
-//! there.
+//! Poses and camera against OpenCV, which reads them as released. The pass runs if the recipe
+//! requests it and OpenCV is installed.
 //!
 //! | statement | what | default limit |
 //! |---|---|---|
-//! | `projection` | largest distance between where OpenCV and where the renderer's camera sees a point, by `poses.txt` and by `transforms.json` | 1e-3 px, gate: no limit can be set |
-//! | `relative-rotation` | median angle between the motion of neighbouring pictures that OpenCV finds and the stated one | 0.5 degrees, warning |
-//! | `relative-direction` | the same of the directions | 10 degrees, warning |
+//! | `projection` | largest distance between the projections of a point by OpenCV and by the
+//! renderer's camera, with `poses.txt` and with `transforms.json` | 1e-3 px, gate: no limit can be
+//! set |
+//! | `relative-rotation` | median angle between the motion of neighbouring pictures found by OpenCV
+//! and the stated motion | 0.5 degrees, warning |
+//! | `relative-direction` | the same for the direction of translation | 10 degrees, warning |
 //!
-//! `projection` holds the conventions of both files: axes, direction, the order of numbers, the pixel's centre. The other two
-//! hold them against what pictures show, if not closely: what two views say of a motion is less sure than what twenty say
-//! (`pose_colmap`).
+//! `projection` tests the conventions of both files: axes, direction, order of numbers, centre of a
+//! pixel. The other two compare them with the content of pictures, but less precisely: two views
+//! determine a motion less well than twenty do (`pose_colmap`).
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
@@ -17,7 +20,7 @@ use crate::foreign::median;
 use crate::foreign::opencv::{Geometry, Motion, Projection};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
@@ -32,7 +35,7 @@ pub struct Limits {
 const PX: f64 = 1e-3;
 const ROTATION_DEG: f64 = 0.5;
 const DIRECTION_DEG: f64 = 10.0;
-/// The median of fewer motions is that of chance.
+/// Minimum number of motions for a median.
 const LEAST_PAIRS: usize = 3;
 
 /// The pass.

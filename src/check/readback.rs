@@ -1,12 +1,13 @@
-//! What is written, as programs that are not ours read it: events and `ms_to_idx` by h5py and numpy, pictures by OpenCV.
-//! Gate: each has to read the very bytes that are read here (`numerics.md` 9). Run where the recipe asks for it.
+//! Released files as other programs read them: events and `ms_to_idx` by h5py and numpy, pictures
+//! by OpenCV. A gate: each must read exactly the same values. The pass runs if the recipe requests
+//! it.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
 use crate::foreign;
 use serde::{Deserialize, Serialize};
 
-/// There is no limit to set: naming the pass asks for it.
+/// No limits: the key alone requests the pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {}
@@ -37,7 +38,7 @@ impl Check for Readback {
 
 const NO_EVENTS: &str = "there are no events";
 
-/// None may differ.
+/// No value may differ.
 fn none(differing: usize, because: String) -> Judged {
     let limit = Bound::gate(0.0);
     let measured = differing as f64;

@@ -1,26 +1,26 @@
-//! How true a scene is to its photos (pipeline.md section 6): PSNR and SSIM of renderings where photos were taken.
+//! Agreement of a scene with its photos: PSNR and SSIM of renderings from the poses of the photos.
 //!
-//! - `drop`: mean less least PSNR over the views, at most 3 dB: gate. GS-Blur (GitHub dongwoohhh/GS-Blur), the
-//!   predecessor with the same first half, rejects a scene above that.
+//! - `drop`: mean minus smallest PSNR over the views, at most 3 dB: a gate. GS-Blur (GitHub
+//! dongwoohhh/GS-Blur), the predecessor with the same first half, rejects scenes above that.
 //! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
-//! - `ssim`: mean, told; a gate where the recipe sets its least.
+//! - `ssim`: the mean, reported only; a gate where the recipe sets a limit.
 
 use super::subject::{Bound, Judged};
 use super::{Finding, SceneSubject, Verdict, limits};
 use crate::render::fidelity::{Fidelity, Psnr};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest mean less least PSNR, dB.
+    /// Largest difference between mean and smallest PSNR, dB.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub drop: Option<f64>,
-    /// Least mean PSNR, dB.
+    /// Smallest mean PSNR, dB.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub mean: Option<f64>,
-    /// Least mean SSIM.
+    /// Smallest mean SSIM.
     #[serde(deserialize_with = "limits::share", skip_serializing_if = "Option::is_none")]
     pub ssim: Option<f64>,
 }
@@ -31,7 +31,7 @@ const MEAN_DB: f64 = 25.0;
 /// Name of the pass.
 pub(super) const NAME: &str = "recon_psnr";
 
-/// What it finds in a scene.
+/// The findings on a scene.
 pub(super) fn findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     const PARTS: [&str; 3] = ["drop", "mean", "ssim"];
     let not_run = |because: &str| PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec();
@@ -89,7 +89,7 @@ mod tests {
     use crate::check::judge_scene;
     use crate::render::fidelity::{Compared, Fidelity, NotCompared};
 
-    /// The finding of a statement about views of this PSNR.
+    /// The finding of a statement on views with this PSNR.
     fn found(part: &str, limits: &str, psnr: &[f64]) -> Finding {
         let view = |(i, psnr): (usize, &f64)| Compared {
             name: format!("{i}.jpg"),

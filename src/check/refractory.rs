@@ -1,8 +1,9 @@
-//! Events in a pixel's dead time (numerics.md section 9, pass 6). Gate, exact.
+//! Events in a pixel's dead time. An exact gate.
 //!
-//! A sensor with a refractory period makes no event within it after another of the same pixel. Stamps in files are whole
-//! microseconds, rounded down, so two of them may be closer than the period by less than one: what is counted are events
-//! closer than the period's whole microseconds, which no sound stream has.
+//! A sensor with a refractory period makes no event within it after another event of the same
+//! pixel. Stamps in files are whole microseconds, rounded down, so two of them may be closer than
+//! the period by less than one microsecond. The pass counts events closer than the period in whole
+//! microseconds; a sound stream has none.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};

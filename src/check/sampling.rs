@@ -1,11 +1,11 @@
-//! Whether frames are dense enough (numerics.md section 9, pass 14; pipeline.md section 2.7). Warnings; gates where the
-//! recipe sets the limit.
+//! Density of frames. Warnings; gates where the recipe sets the limit.
 //!
-//! Events between two frames come from a brightness that is interpolated between them, which is true to the scene
-//! while the picture moves by at most about a pixel. The paper's own setting moves tens; that is why it only warns.
-//! And the proof by doing: a few intervals are simulated again at twice the frames with the same noise; the number of events
-//! changes by less than 5 %, and their times, event by event, by less than 20 us in the median. Where the recipe states a
-//! tolerance, which is an error in the voltage and not in time, the shift is told and not judged by default.
+//! Events between two frames come from interpolated brightness, which is accurate while the image
+//! moves by at most about a pixel. The paper's own setting moves by tens of pixels, so this is only
+//! a warning. In addition, some intervals are simulated again with twice the frames and the same
+//! noise: the number of events must change by less than 5 %, and their times by less than 20 us in
+//! the median, event by event. If the recipe states a tolerance, which is an error of voltage and
+//! not of time, the shift is reported but not judged by default.
 
 mod resampled;
 
@@ -15,27 +15,27 @@ use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest 95 % quantile of the optical flow, px per frame.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
-    /// Largest change of the number of events at twice the frames, as a share.
+    /// Largest change of the number of events with twice the frames, as a share.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub count: Option<f64>,
-    /// Largest median shift of an event at twice the frames, us.
+    /// Largest median shift of an event with twice the frames, us.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub shift_us: Option<f64>,
 }
 
 /// Default limit, px per frame.
 const MOST: f64 = 1.0;
-/// Default limits of the change at twice the frames.
+/// Default limits of the change with twice the frames.
 const COUNT: f64 = 0.05;
 const SHIFT_US: f64 = 20.0;
-/// Fewer events change by chance.
+/// Minimum number of events.
 const LEAST_EVENTS: u64 = 400;
 
 /// The pass.

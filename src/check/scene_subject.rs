@@ -1,4 +1,4 @@
-//! What the passes over a whole scene see: its capture, and how true it is to its photos.
+//! The subject of the passes over a scene: its capture, and its agreement with the photos.
 
 use super::subject::Judged;
 use super::{Finding, Limits};
@@ -6,18 +6,18 @@ use crate::render::fidelity::Fidelity;
 use crate::source::colmap::Reprojection;
 use crate::trajectory::walk::Walk;
 
-/// One scene. What could not be measured says why.
+/// One scene. Values that could not be measured carry the reason.
 #[derive(Debug, Clone)]
 pub struct SceneSubject<'a> {
     /// Scene id.
     pub name: &'a str,
-    /// How far points fall from their key points.
+    /// Reprojection errors of its points.
     pub reprojection: Result<Reprojection, String>,
-    /// How many photos there are.
+    /// Numbers of its photos.
     pub photos: Result<Photos, String>,
-    /// How evenly the views follow one another.
+    /// Evenness of its views.
     pub walk: Result<Walk, String>,
-    /// How true the scene is to the photos, where there is one.
+    /// Agreement of the scene with its photos, if there are Gaussians.
     pub fidelity: Option<&'a Fidelity>,
     /// The recipe's limits.
     pub limits: &'a Limits,
@@ -26,11 +26,11 @@ pub struct SceneSubject<'a> {
 /// The photos of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Photos {
-    /// How many are there.
+    /// Number of photos.
     pub there: usize,
-    /// How many of them have a pose.
+    /// Number of photos with a pose.
     pub registered: usize,
-    /// How many views there are, with a photo or without.
+    /// Number of views, with or without a photo.
     pub views: usize,
 }
 

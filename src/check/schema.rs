@@ -1,7 +1,7 @@
-//! Events are on the sensor and in order (numerics.md section 9, pass 1 and the order of pass 2). Gate, exact.
+//! Events lie on the sensor and are in order. An exact gate.
 //!
-//! Types, lengths, index tables and polarities of 0 and 1 are the reader's to enforce: a file that breaks them cannot
-//! be read.
+//! Types, lengths, index tables and polarities other than 0 and 1 are rejected by the reader: such
+//! a file cannot be read.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};

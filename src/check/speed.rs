@@ -1,22 +1,23 @@
-//! How well the path follows its speed law (pipeline.md section 2.11).
+//! Agreement of the path with its speed law.
 //!
-//! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a gate, which does
-//! not apply under `literal`, the paper's chords. Measured as chords between neighbouring poses it follows within
-//! 3 %: a warning. Linear and angular speed need not follow, and are told.
+//! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a
+//! gate, which does not apply under `literal`, the paper's chords. Measured as chords between
+//! neighbouring poses, it follows the law within 3 %: a warning. Linear and angular speed need not
+//! follow it, and are reported.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
 use crate::trajectory::report::{Follow, Report};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest relative deviation of a step from its share of the path, as arc length.
+    /// Largest relative deviation of a step from its share of the path, by arc length.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub arc: Option<f64>,
-    /// The same, as chord.
+    /// Largest relative deviation of a step from its share of the path, by chords.
     #[serde(deserialize_with = "limits::positive", skip_serializing_if = "Option::is_none")]
     pub chord: Option<f64>,
 }

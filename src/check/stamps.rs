@@ -1,5 +1,5 @@
-//! Stamps of poses are those of the frame rate, and events lie between the first and the last (numerics.md section 9,
-//! pass 2, and section 4). Gate, exact.
+//! Stamps of poses equal those of the frame rate, and events lie between the first and the last. An
+//! exact gate.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject};
@@ -48,7 +48,7 @@ fn poses(subject: &Subject<'_>) -> Finding {
     wrong(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)
 }
 
-/// The stamps that poses must have: those of the rate, or of the frame rates that the speed law asks for.
+/// The expected stamps: those of the frame rate, or of the frame rates that the speed law requests.
 fn wanted(subject: &Subject<'_>) -> Vec<i64> {
     match subject.speed {
         Some(report) if report.meaning == Meaning::FrameRate => {

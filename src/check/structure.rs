@@ -1,16 +1,17 @@
-//! Whether events come from structure, not from anywhere (numerics.md section 9, pass 9). A warning; a gate where the
-//! recipe sets a limit.
+//! Events come from structure and not from anywhere. A warning; a gate where the recipe sets a
+//! limit.
 //!
-//! In each of a hundred windows of the stream, `sum n (n - 1)` over cells of 4x4 pixels counts the pairs of events that
-//! share a cell. Of events that lie anywhere it is `N (N - 1) / cells`, whatever their number. Measured is the root of the
-//! ratio over all windows: the event structural ratio (Ding et al., E-MLB, 2023) over that of a uniform stream. Dense
-//! texture comes close to 1, so this is no gate.
+//! In each of a hundred windows of the stream, `sum n (n - 1)` over cells of 4x4 pixels counts the
+//! pairs of events that share a cell. For uniformly distributed events it is `N (N - 1) / cells`.
+//! The measured value is the root of the ratio over all windows: the event structural ratio (Ding
+//! et al., E-MLB, 2023) relative to that of a uniform stream. Dense texture comes close to 1, so
+//! this is not a gate.
 
 use super::subject::{Bound, Judged};
 use super::{Check, Finding, Subject, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {

@@ -1,4 +1,4 @@
-//! What passes see: the values of one trajectory, and how a finding about them is written.
+//! The input of passes over a trajectory, and the construction of findings.
 
 use super::drift::DriftLaw;
 use super::sampling::Resampled;
@@ -10,12 +10,12 @@ use crate::trajectory::Trajectory;
 use crate::trajectory::report::Report;
 use crate::units::Hertz;
 
-/// Why nothing is held against frames in a release tree.
+/// The reason why a release tree does not allow a comparison with frames.
 pub(super) const NOT_SEEN: &str =
     "what the sensor saw is not at hand: a build keeps some frames, a release does not";
 
-/// One trajectory and what was made of it. What was not asked for, or is not kept, is `None`; the passes that need
-/// it say so.
+/// One trajectory and its products. Values that were not requested or not kept are `None`; the
+/// passes that need them say so.
 #[derive(Debug, Clone, Copy)]
 pub struct Subject<'a> {
     /// `scene/trajectory`.
@@ -24,21 +24,21 @@ pub struct Subject<'a> {
     pub rate: Hertz,
     /// The poses and their stamps.
     pub trajectory: &'a Trajectory,
-    /// What the trajectory's own report says.
+    /// The trajectory's own report.
     pub speed: Option<&'a Report>,
-    /// The sensor, where there are events.
+    /// The sensor, if there are events.
     pub sensor: Option<&'a Sensor>,
     /// The sensor's account of its run.
     pub account: Option<&'a Account>,
-    /// The events, counted.
+    /// The counts of the event stream.
     pub tally: Option<&'a Tally>,
-    /// How far the picture moves between neighbouring frames, px.
+    /// Image motion between neighbouring frames, px.
     pub flow: Option<Quantiles>,
-    /// What the stream is at twice the frames, where that was tried.
+    /// The stream with twice the frames, if that was simulated.
     pub resampled: Option<&'a Resampled>,
-    /// The share of the picture that Gaussians too deep for their distance make up.
+    /// The share of the image from Gaussians too deep for their distance.
     pub doubtful_share: Option<f64>,
-    /// What other programs say of it, where the recipe has them asked.
+    /// Reports of other programs, if the recipe requests them.
     pub foreign: Option<&'a Foreign>,
     /// The recipe's limits.
     pub limits: &'a Limits,
@@ -55,23 +55,23 @@ impl Subject<'_> {
         }
     }
 
-    /// The law of the sensor's drift, or why there is none.
+    /// The law of the sensor's drift, or the reason why there is none.
     pub(super) fn drift_law(&self) -> Result<DriftLaw, &'static str> {
         self.sensor.ok_or("there is no sensor").and_then(DriftLaw::of)
     }
 
-    /// A finding of `check`; `part` names the statement where the pass makes several.
+    /// A finding of `check`; `part` names the statement if the pass makes several.
     pub(super) fn finding(&self, check: &str, part: &str, judged: Judged) -> Finding {
         judged.finding(self.name, check, part)
     }
 
-    /// The finding of a pass that could not measure.
+    /// The finding of a pass that could not measure anything.
     pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
         self.finding(check, part, Judged::not_run(because))
     }
 }
 
-/// The judgement of one statement.
+/// The verdict on one statement.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Judged {
     pub(super) verdict: Verdict,
@@ -82,13 +82,13 @@ pub(super) struct Judged {
 }
 
 impl Judged {
-    /// That of a statement that could not be measured.
+    /// The verdict on a statement that could not be measured.
     pub(super) fn not_run(because: impl Into<String>) -> Self {
         let verdict = Verdict::NotRun;
         Self { verdict, measured: None, limit: None, unit: "1", because: because.into() }
     }
 
-    /// The judgement on what was measured against a limit.
+    /// The verdict on a measured value and a limit.
     pub(super) fn of(
         verdict: Verdict,
         measured: f64,
@@ -99,7 +99,7 @@ impl Judged {
         Self { verdict, measured: Some(measured), limit: Some(limit.value), unit, because }
     }
 
-    /// The finding about `name`; `part` names the statement where a pass makes several.
+    /// The finding of `name`; `part` names the statement if a pass makes several.
     pub(super) fn finding(self, name: &str, check: &str, part: &str) -> Finding {
         let subject = if part.is_empty() { name.to_owned() } else { format!("{name}#{part}") };
         let Self { verdict, measured, limit, unit, because } = self;
@@ -108,7 +108,7 @@ impl Judged {
     }
 }
 
-/// One end of what is allowed, and what lies beyond.
+/// One end of an allowed range, and the verdict beyond it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bound {
     pub(super) value: f64,
@@ -116,35 +116,35 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    /// A limit whose excess stops a release.
+    /// A limit that stops a release.
     pub(super) fn gate(value: f64) -> Self {
         Self { value, beyond: Verdict::Fail }
     }
 
-    /// A limit whose excess is told.
+    /// A limit that causes a warning.
     pub(super) fn warning(value: f64) -> Self {
         Self { value, beyond: Verdict::Warn }
     }
 
-    /// The recipe's limit, which is a gate, or the default.
+    /// The recipe's limit, which is a gate, or else the default.
     pub(super) fn of(recipe: Option<f64>, default: Self) -> Self {
         recipe.map_or(default, Self::gate)
     }
 
-    /// The verdict on a value that may be at most this.
+    /// The verdict on a value that must not exceed this.
     pub(super) fn at_most(self, measured: f64) -> Verdict {
         // Written so that NaN is outside.
         if measured <= self.value { Verdict::Pass } else { self.beyond }
     }
 
-    /// The verdict on a value that must be at least this.
+    /// The verdict on a value that must not be below this.
     pub(super) fn at_least(self, measured: f64) -> Verdict {
         if measured >= self.value { Verdict::Pass } else { self.beyond }
     }
 }
 
-/// The verdict on a value between two bounds, and the bound that it was held against: the one that it violates, or
-/// else the nearer.
+/// The verdict on a value between two bounds, and the relevant bound: the violated one, or else the
+/// nearer.
 pub(super) fn within(measured: f64, least: Bound, most: Bound) -> (Verdict, f64) {
     match (least.at_least(measured), most.at_most(measured)) {
         (Verdict::Pass, Verdict::Pass) if measured - least.value < most.value - measured => {

@@ -1,5 +1,5 @@
-//! One pass over an event stream, counting what the passes need. Its memory depends on the number of pixels and of
-//! stops, never on the number of events.
+//! One pass over an event stream that counts everything the checks need. Its memory depends on the
+//! number of pixels and of anchors, not on the number of events.
 
 mod busy;
 mod crowding;
@@ -20,79 +20,81 @@ use crowding::Crowds;
 /// Bins of the phase of event times within the frame interval.
 const PHASES: usize = 16;
 
-/// A stream, counted.
+/// The counts of a stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tally {
     /// Size of the sensor.
     pub size: Size,
-    /// Events.
+    /// Number of events.
     pub events: u64,
-    /// Of these, brighter.
+    /// Number of ON events.
     pub on: u64,
-    /// Events whose pixel is not on the sensor.
+    /// Events with a pixel outside the sensor.
     pub off_sensor: u64,
-    /// Events that sort before the one in front of them, by `(t, y, x, p)`.
+    /// Events that sort before their predecessor, by `(t, y, x, p)`.
     pub disordered: u64,
     /// Events before the first stamp or after the last, in microseconds.
     pub off_time: u64,
-    /// Events of the same microsecond, pixel and polarity as the one in front of them.
+    /// Events with the same microsecond, pixel and polarity as their predecessor.
     pub repeated: u64,
-    /// Events of the same microsecond and pixel as the one in front of them, but of the other polarity.
+    /// Events with the same microsecond and pixel as their predecessor, but with the other
+    /// polarity.
     pub contrary: u64,
     /// Pairs of events of one pixel in the same microsecond: three events are three pairs.
     pub pairs: u64,
-    /// Different times, in microseconds.
+    /// Number of distinct times, in microseconds.
     pub distinct_us: u64,
-    /// Most events in one millisecond.
+    /// Largest number of events in one millisecond.
     pub peak_per_ms: u64,
     /// Pixels with at least one event.
     pub active_pixels: u64,
     /// Events by the phase of their time within the frame interval.
     pub phases: [u64; PHASES],
-    /// Events that come sooner after another one of their pixel than the sensor's dead time allows.
+    /// Events in the dead time after another event of their pixel.
     pub too_soon: u64,
-    /// How the events are spread over the pixels.
+    /// Distribution of the events over the pixels.
     pub busy: Busy,
-    /// How often events of one window share a cell of the sensor.
+    /// Pairs of events of one window that share a cell of the sensor.
     pub crowding: Crowding,
-    /// What events and frames say at each anchor after the first; empty where the sensor's law does not allow it.
+    /// Comparison of events and frames at each anchor after the first; empty if the sensor's law
+    /// does not allow it.
     pub fits: Vec<Fit>,
-    /// What is left of each pixel's drift at the last anchor, in thresholds; empty where `fits` is.
+    /// Residual drift of each pixel at the last anchor, in thresholds; empty if `fits` is.
     pub residuals: Vec<f32>,
-    /// What moving events along the flow does, a window.
+    /// Effect of moving events along the flow, per window.
     pub sharpness: Vec<Sharpness>,
-    /// Events a pixel of one window, in place and moved.
+    /// Events per pixel of one window, in place and moved.
     pub window: Option<[Vec<u16>; 2]>,
-    /// What pixels did that see no change; `None` where nothing says which do.
+    /// Events of pixels that see no change; `None` if these are unknown.
     pub still: Option<Stillness>,
 }
 
-/// What a stream is held against while it passes by. What is absent is not counted.
+/// The references for a stream. Absent ones are not compared.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Against<'a> {
-    /// The sensor's law, and what it saw at some frames.
+    /// The sensor's law, and some of its frames.
     pub seen: Option<(DriftLaw, &'a Anchors)>,
-    /// How the picture moves at some instants.
+    /// The image motion at some instants.
     pub flows: &'a [FlowAt],
-    /// Whole microseconds after an event in which its pixel is dead.
+    /// Dead time of a pixel after an event, in whole microseconds.
     pub dead_us: i64,
 }
 
 impl Tally {
-    /// Of the events, darker.
+    /// Number of OFF events.
     #[must_use]
     pub fn off(&self) -> u64 {
         self.events - self.on
     }
 
-    /// Share of ON events; `None` where there are no events.
+    /// Share of ON events; `None` without events.
     #[must_use]
     pub fn on_share(&self) -> Option<f64> {
         (self.events > 0).then(|| self.on as f64 / self.events as f64)
     }
 }
 
-/// Counts a stream that comes in chunks.
+/// Counts a stream that arrives in chunks.
 #[derive(Debug)]
 pub struct Observer<'a> {
     tally: Tally,
@@ -105,7 +107,7 @@ pub struct Observer<'a> {
     millisecond: (i64, u64),
     counts: Counts,
     crowds: Crowds,
-    /// Time of each pixel's last event, us; empty where nothing is dead.
+    /// Time of each pixel's last event, us; empty without a dead time.
     last_us: Vec<i64>,
     dead_us: i64,
     balance: Option<Balance<'a>>,
@@ -121,11 +123,11 @@ pub(super) struct Counts {
 }
 
 impl<'a> Observer<'a> {
-    /// Before the first event of a sensor of `size`, whose stamps run from 0 to `end_us`. Without a law, or with fewer than
-    /// two anchors, events are not held against frames.
+    /// Starts before the first event of a sensor of `size` with stamps from 0 to `end_us`. Without
+    /// a law, or with fewer than two anchors, events are not compared with frames.
     ///
     /// # Panics
-    /// If an anchor or a flow is of another size.
+    /// An anchor or a flow has another size.
     #[must_use]
     pub fn new(size: Size, rate: Hertz, end_us: i64, against: Against<'a>) -> Self {
         let Against { seen, flows, dead_us } = against;
@@ -155,7 +157,7 @@ impl<'a> Observer<'a> {
         }
     }
 
-    /// The tally, after the last event.
+    /// The counts after the last event.
     #[must_use]
     pub fn finish(mut self) -> Tally {
         self.settle_until(i64::MAX);
@@ -204,7 +206,7 @@ impl<'a> Observer<'a> {
         }
     }
 
-    /// Takes stock at every anchor up to `t_us`: the events that lie before it are all counted.
+    /// Evaluates every anchor up to `t_us`. All events before it have been counted.
     fn settle_until(&mut self, t_us: i64) {
         let Some(balance) = &mut self.balance else { return };
         while balance.next_us().is_some_and(|stop| t_us > stop) {
@@ -312,7 +314,8 @@ mod tests {
         assert_eq!((found.repeated, found.contrary, found.too_soon), (1, 1, 2));
         assert_eq!((found.disordered, found.off_time, found.off_sensor), (1, 1, 2));
         assert_eq!((found.distinct_us, found.active_pixels, found.peak_per_ms), (5, 3, 4));
-        // Frame interval 1000 us in 16 bins of 62.5 us: 10 is in bin 0, 500 in bin 8, 9999 in bin 15.
+        // A frame interval of 1000 us in 16 bins of 62.5 us: 10 is in bin 0, 500 in bin 8, 9999 in
+        // bin 15.
         assert_eq!((found.phases[0], found.phases[8], found.phases[15]), (4, 2, 1));
     }
 

@@ -1,4 +1,4 @@
-//! Faults that are planted in sound worlds, each found by its pass; and sound worlds, in which nothing is.
+//! Planted faults, each found by its pass; and sound worlds without findings.
 
 use super::planted::{Setting, World};
 use super::*;
@@ -30,7 +30,7 @@ fn sound_worlds_raise_no_alarm() {
         let thresholds = thresholds[i % 3];
         let setting = Setting { pace: paces[i / 3], thresholds, contrast, dawn, ..Setting::default() };
         let mut world = World::new(setting);
-        // The usual rate per flow is that of scenes, which these waves are not.
+        // The usual rate per flow holds for scenes, which these waves are not.
         world.flow = None;
         assert_eq!(world.faults(), [""; 0], "{setting:?}: {:#?}", world.findings());
     }
@@ -43,7 +43,7 @@ fn verdicts_have_one_name() {
     }
 }
 
-/// Plants a fault in a sound world: the passes must find exactly `wanted`.
+/// Plants a fault in a sound world. The passes must find exactly `wanted`.
 fn check(plant: impl FnOnce(&mut World), wanted: &[&str]) {
     let mut world = World::sound();
     plant(&mut world);
@@ -186,7 +186,7 @@ fn a_pose_jump_is_found() {
 
 #[test]
 fn a_path_that_changes_its_speed_is_no_jump() {
-    // From pose 70 on every step is fifty times as long.
+    // From pose 70 on, every step is fifty times as long.
     let hurry = |w: &mut World| {
         for (j, pose) in w.trajectory.world_from_camera.iter_mut().enumerate() {
             let steps = j.min(70) + 50 * j.saturating_sub(70);
@@ -292,7 +292,7 @@ fn events_that_do_not_move_with_the_scene_are_found() {
         let found = world.finding("motion#median");
         assert_eq!(found.verdict, verdict, "{found:?}");
     };
-    // As with poses from world to camera, or the camera axes of OpenGL.
+    // As with poses from world to camera, or with OpenGL camera axes.
     turned(|[u, v]| [-u, v], Verdict::Fail);
     turned(|[u, v]| [u, v], Verdict::Pass);
     let mut world = World::sound();
@@ -333,7 +333,7 @@ fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
             .collect();
         world.events.sort_by_cached_key(Event::file_order);
     };
-    // The leak of 1e-7 a us makes 43 events.
+    // The leak of 1e-7 per us makes 43 events.
     noise(&mut world, &|t| t as i64);
     let [rate, rhythm] = ["rate", "rhythm"].map(|part| world.finding(&format!("noise_floor#{part}")).verdict);
     assert_eq!([rate, rhythm], [Verdict::Warn, Verdict::Pass]);

@@ -1,14 +1,15 @@
-//! Whether events and frames share one clock (numerics.md section 9, pass 12; pipeline.md section 11, complaint 7). Gate.
+//! Offset between the clocks of events and frames. A gate.
 //!
-//! How late the events are follows from the pixels that are on their way at a few instants, see [`Lag`]: at most half of a
-//! frame step. It needs a sensor whose drift the frames decide, and is not told where noise hides an eighth of a step.
+//! The delay of the events follows from the pixels with steady drift at some instants, see [`Lag`].
+//! It may be at most half of a frame step. The pass needs a sensor whose drift is determined by
+//! frames, and is not run if noise hides an eighth of a step.
 
 use super::event_frame::fit::Lag;
 use super::subject::{Bound, Judged, NOT_SEEN};
 use super::{Check, Finding, Subject, limits};
 use serde::{Deserialize, Serialize};
 
-/// Limits that a recipe may set; what is absent has its default.
+/// Limits that a recipe may set; absent ones have their defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
@@ -19,9 +20,9 @@ pub struct Limits {
 
 /// Largest offset, in steps between poses.
 const STEPS: f64 = 0.5;
-/// Largest standard deviation of an offset that is told, in the same.
+/// Largest standard deviation of a reported offset, in the same unit.
 const UNSURE: f64 = 0.125;
-/// Fewer pixels on their way are none to speak of.
+/// Minimum number of pixels with steady drift.
 const LEAST_PIXELS: u64 = 200;
 
 /// The pass.

@@ -1,9 +1,9 @@
 //! Event streams as iniVation's AEDAT 4.0: a version line, a header, packets of events (docs.inivation.com, "AEDAT 4.0
 //! file format"; schemas `IOHeader`, `EventPacket` of dv-processing).
 //!
-//! Header and packets are `FlatBuffers` of a few fields, laid out here by hand; packets are compressed, each by itself.
-//! Written are LZ4 frames; read are also plain and Zstandard ones. What is no packet of the first stream of events is
-//! skipped.
+//! Header and packets are `FlatBuffers` with a few fields, which are laid out here directly;
+//! packets are compressed separately. LZ4 frames are written; plain and Zstandard packets can be
+//! read too. Packets of other streams than the first stream of events are skipped.
 
 mod buffer;
 mod info;
@@ -16,21 +16,21 @@ pub use writer::Writer;
 /// The first line.
 const VERSION: &[u8; 14] = b"#!AER-DAT4.0\r\n";
 
-/// Identifiers of the two kinds of buffer.
+/// Identifiers of both kinds of buffer.
 const HEADER: &[u8; 4] = b"IOHE";
 /// See [`HEADER`].
 const EVENTS: &[u8; 4] = b"EVTS";
 
-/// Bytes of an event: time (i64, us), column, row (i16), polarity (u8), 3 of padding.
+/// Size of an event, bytes: time (i64, us), column, row (i16), polarity (u8), 3 bytes of padding.
 const EVENT: usize = 16;
 
 /// Columns and rows are signed 16-bit numbers.
 const EDGE: u32 = 1 << 15;
 
-/// Times at and after this are refused: internal times are nanoseconds in 64 bits.
+/// Times from this on are refused: internal times are nanoseconds in 64 bits.
 const END_US: i64 = i64::MAX / 1000;
 
-/// How packets are compressed.
+/// Compression of packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Compression {
     None,
@@ -39,7 +39,7 @@ enum Compression {
 }
 
 impl Compression {
-    /// As a header numbers it: two levels of either count as one.
+    /// From the number in a header: two levels of each method count as one.
     fn numbered(number: i32) -> Option<Self> {
         match number {
             0 => Some(Self::None),

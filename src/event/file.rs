@@ -1,4 +1,4 @@
-//! Event files of every format behind one door.
+//! Event files of every format, with one interface.
 
 use super::evt::{self, Version};
 use super::text::{self, Table, TimeUnit};
@@ -23,7 +23,8 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format that a file's name asks for; a `.raw` is of `version`, whatever a file that is there holds.
+    /// The format that belongs to a file name. A `.raw` file is of `version`, whatever an existing
+    /// file contains.
     #[must_use]
     pub fn of(path: &Path, version: Version) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
@@ -37,39 +38,39 @@ impl Format {
         }
     }
 
-    /// Whether a file of this format keeps the sensor's size.
+    /// Whether files of this format store the sensor size.
     #[must_use]
     pub fn keeps_size(self) -> bool {
         !matches!(self, Self::Npz | Self::Text(Table::Csv))
     }
 
-    /// Whether it keeps the law that a stream was simulated by.
+    /// Whether they store the simulation law.
     #[must_use]
     pub fn keeps_law(self) -> bool {
         self == Self::H5
     }
 
-    /// Whether it keeps which events are signal and which are noise.
+    /// Whether they store labels of events.
     #[must_use]
     pub fn keeps_labels(self) -> bool {
         matches!(self, Self::H5 | Self::Npz)
     }
 }
 
-/// What the user says of a file that may not say it itself.
+/// Properties given by the user, for files that do not state them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Hints {
     /// Columns and rows of the sensor.
     pub size: Option<Size>,
-    /// What a time in a text counts.
+    /// Unit of integer times in a text.
     pub unit: Option<TimeUnit>,
 }
 
-/// An event file that is being read.
+/// An event file open for reading.
 pub struct Opened {
-    /// What it says beside the events.
+    /// The properties that it states.
     pub header: Header,
-    /// What the times of the file itself count from, in microseconds.
+    /// Origin of the file's own times, in microseconds.
     pub offset_us: i64,
     /// The events, in the order of the file.
     pub source: Box<dyn EventSource>,
@@ -81,10 +82,10 @@ impl std::fmt::Debug for Opened {
     }
 }
 
-/// Opens a file of the format that its name asks for.
+/// Opens a file in the format that belongs to its name.
 ///
 /// # Errors
-/// When it is not of that format, or nobody says the sensor's size.
+/// It is not of that format, or the sensor size is unknown.
 pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFileError> {
     let (mut offset_us, mut labelled) = (0, false);
     let (header, source): (Option<Header>, Box<dyn EventSource>) = match format {
@@ -126,12 +127,13 @@ pub fn open(path: &Path, format: Format, hints: Hints) -> Result<Opened, EventFi
     Ok(Opened { header, offset_us, source })
 }
 
-/// An event file that is being written.
+/// An event file open for writing.
 pub trait EventFile: EventSink {
-    /// Ends the file and returns the number of events; `last_us` is the last instant that the stream covers.
+    /// Completes the file, and returns the number of events. `last_us` is the last instant that the
+    /// stream covers.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// Writing fails.
     fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError>;
 }
 
@@ -152,19 +154,19 @@ macro_rules! ends_with_its_last_event {
 }
 ends_with_its_last_event!(npz::Writer aedat4::Writer evt::Writer text::Writer);
 
-/// How a file is written, where there is a choice.
+/// Options of a file that is written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Options {
-    /// What the times of the events that are handed over count from, in microseconds.
+    /// Origin of the times of the given events, in microseconds.
     pub zero_us: i64,
-    /// Of an HDF5 file.
+    /// Options of an HDF5 file.
     pub h5: h5::Options,
 }
 
-/// Begins a file.
+/// Creates a file.
 ///
 /// # Errors
-/// When the format cannot hold such a stream, or the file cannot be created.
+/// The format cannot hold such a stream, or the file cannot be created.
 pub fn create(
     path: &Path,
     format: Format,
@@ -190,16 +192,16 @@ fn too_far(us: i64) -> EventFileError {
     EventFileError::Container(format!("{us} us and what follows are beyond 64 bits of nanoseconds"))
 }
 
-/// The same event so much later; `None` where 64 bits do not hold its time.
+/// The event shifted in time; `None` if 64 bits cannot hold its time.
 pub(crate) fn shifted(event: Event, by_us: i64) -> Option<Event> {
     let ns = by_us.checked_mul(1000)?.checked_add(event.t.0)?;
     Some(Event { t: Timestamp(ns), ..event })
 }
 
-/// A file whose clock is another than that of the events.
+/// A file whose clock differs from that of the events.
 struct Shifted {
     file: Box<dyn EventFile>,
-    /// What is added to each time.
+    /// Offset added to each time.
     by_us: i64,
     /// The last chunk.
     shifted: Vec<Event>,
@@ -222,23 +224,23 @@ impl EventFile for Shifted {
     }
 }
 
-/// Brings events of one microsecond into the order of files, where a camera delivers them as they come.
+/// Sorts events of one microsecond into file order; cameras deliver them in another order.
 pub struct Sorted<'a> {
     source: &'a mut dyn EventSource,
-    /// Of the last microsecond so far: more of it may follow.
+    /// Events of the last microsecond so far. More may follow.
     waiting: Vec<Event>,
-    /// Events given.
+    /// Number of events returned.
     given: u64,
     ended: bool,
 }
 
 impl<'a> Sorted<'a> {
-    /// The events of a source.
+    /// Sorts the events of a source.
     pub fn new(source: &'a mut dyn EventSource) -> Self {
         Self { source, waiting: Vec::new(), given: 0, ended: false }
     }
 
-    /// Whether times go back, which no reading order mends.
+    /// Whether times decrease, which sorting within a microsecond cannot repair.
     fn check(&self, events: &[Event]) -> Result<(), EventFileError> {
         let us = |e: &Event| e.t.floor_micros();
         let back = events.windows(2).position(|pair| us(&pair[1]) < us(&pair[0]));
@@ -284,7 +286,7 @@ mod tests {
     use super::*;
     use crate::event::{Label, Polarity};
 
-    /// Gives chunk by chunk.
+    /// Returns the events chunk by chunk.
     struct Chunks(Vec<Vec<Event>>);
 
     impl EventSource for Chunks {

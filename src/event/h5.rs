@@ -1,5 +1,5 @@
-//! Event streams as HDF5 in the layout of DSEC (Gehrig et al., RA-L 2021; GitHub uzh-rpg/DSEC), readable by any HDF5
-//! library, as it is written by default without a plug-in.
+//! Event streams as HDF5 in the layout of DSEC (Gehrig et al., RA-L 2021; GitHub uzh-rpg/DSEC).
+//! With the default filter, any HDF5 library can read them without a plug-in.
 //!
 //! | path | type | content |
 //! |---|---|---|
@@ -11,15 +11,17 @@
 //! | `t_offset` | i64 | microseconds, 0 unless the stream has times that 32 bits do not hold |
 //! | attributes of the root | | `width`, `height`, `law_version` (u32), `c_on`, `c_off` (f64) |
 //!
-//! `ms_to_idx` reaches one entry past the last millisecond, so that DSEC's slicer reaches the tail: its length is
-//! `floor(t_end / 1000) + 2`, with `t_end` the later of the last event and the last stamp.
+//! `ms_to_idx` has one entry beyond the last millisecond, because DSEC's slicer needs it for the
+//! end of the stream: its length is `floor(t_end / 1000) + 2`, with `t_end` the later of the last
+//! event and the last stamp.
 //!
-//! Noise are events that the pixel's brightness did not make: those of hot pixels and shot noise, and those of whose
-//! threshold brightness has gone less than half since the pixel's event before (`sensor/label.rs` has the whole).
+//! Noise events are those that the pixel's brightness did not make: events of hot pixels and shot
+//! noise, and events for which brightness moved less than half the threshold since the pixel's
+//! previous event (see `sensor/label.rs`).
 //!
-//! All columns are chunked by 65,536 elements, and shuffled and deflated unless another [`Filter`] is asked for. The file
-//! is of the oldest kind (superblock 0, symbol tables, B-tree indices), which every HDF5 reader knows, and holds no time
-//! of its writing: equal streams are equal bytes.
+//! All columns have chunks of 65,536 elements, shuffled and deflated unless another [`Filter`] is
+//! chosen. The file has the oldest layout (superblock 0, symbol tables, B-tree indices), which
+//! every HDF5 reader supports, and contains no time of writing: equal streams are equal bytes.
 
 mod attributes;
 mod filter;
@@ -43,24 +45,25 @@ const LABEL: &str = "events/label";
 const MS_TO_IDX: &str = "ms_to_idx";
 const T_OFFSET: &str = "t_offset";
 
-/// Elements of a chunk.
+/// Number of elements in a chunk.
 const CHUNK: usize = 65_536;
 
 /// Times are u32.
 const END_US: i64 = 1 << 32;
 
-/// How a file is written.
+/// Options of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Options {
-    /// How chunks are stored.
+    /// Filter of the chunks.
     pub filter: Filter,
-    /// What the times of the file count from, in microseconds.
+    /// Origin of the times in the file, in microseconds.
     pub t_offset_us: i64,
 }
 
 impl Options {
-    /// The same for a stream from `first_us` to `last_us`: its times count from 0 where 32 bits hold them, since some
-    /// readers know no offset, and else from its first stamp, as in DSEC.
+    /// Options for a stream from `first_us` to `last_us`. Its times count from 0 if 32 bits can
+    /// hold them, because some readers ignore the offset, and otherwise from its first stamp, as in
+    /// DSEC.
     #[must_use]
     pub fn spanning(self, first_us: i64, last_us: i64) -> Self {
         let held = 0..END_US;
@@ -69,7 +72,7 @@ impl Options {
     }
 }
 
-/// The offsets that leave the times room in nanoseconds.
+/// The offsets for which times fit into 64-bit nanoseconds.
 const OFFSETS_US: std::ops::RangeInclusive<i64> = i64::MIN / 1000 + 1..=i64::MAX / 1000 - END_US;
 
 impl From<Hdf5Error> for EventFileError {

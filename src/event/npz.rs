@@ -1,7 +1,8 @@
-//! Event streams as NumPy archives: arrays `t` (int64, us), `x`, `y` (uint16) and `p` (uint8, 1 brighter, 0 darker); of
-//! a stream with labels `label` too (uint8, 1 signal, 0 noise).
+//! Event streams as NumPy archives: arrays `t` (int64, us), `x`, `y` (uint16) and `p` (uint8, 1
+//! brighter, 0 darker). A stream with labels also has `label` (uint8, 1 signal, 0 noise).
 //!
-//! Entries are deflated and stamped 1980-01-01, the first day a zip archive knows: equal streams are equal bytes.
+//! Entries are deflated and have the date 1980-01-01, the first day of the zip format: equal
+//! streams are equal bytes.
 
 mod reader;
 mod writer;
@@ -15,10 +16,10 @@ use zip::result::ZipError;
 /// Names of the arrays and their types in NumPy's notation, in the order of the archive.
 const ARRAYS: [(&str, &str); 4] = [("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "|u1")];
 
-/// Comes after them, where the stream has labels.
+/// The last array, if the stream has labels.
 const LABEL: (&str, &str) = ("label", "|u1");
 
-/// Times at and after this are refused: internal times are nanoseconds in 64 bits.
+/// Times from this on are refused: internal times are nanoseconds in 64 bits.
 const END_US: i64 = i64::MAX / 1000;
 
 impl From<ZipError> for EventFileError {

@@ -1,10 +1,10 @@
-//! The contract of a stream, held against each chunk before anything of it is written: sorted, in time, on the
-//! sensor.
+//! The contract of a stream, verified for each chunk before any of it is written: sorted, in the
+//! range of times, on the sensor.
 
 use super::{Event, EventFileError, Polarity};
 use crate::image::Size;
 
-/// What has been seen of a stream that is being written.
+/// The state of a stream that is being written.
 #[derive(Debug)]
 pub struct Order {
     size: Size,
@@ -14,29 +14,29 @@ pub struct Order {
 }
 
 impl Order {
-    /// The contract of a stream on a sensor of `size` with `0 <= t < end_us`.
+    /// The contract of a stream on a sensor of `size`, with `0 <= t < end_us`.
     #[must_use]
     pub fn new(size: Size, end_us: i64) -> Self {
         Self { size, end_us, last: None, count: 0 }
     }
 
-    /// Number of events admitted.
+    /// Number of accepted events.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Microsecond of the last event admitted.
+    /// Microsecond of the last accepted event.
     #[must_use]
     pub fn last_us(&self) -> Option<i64> {
         self.last.map(|key| key.0)
     }
 
-    /// Takes note of the next chunk.
+    /// Checks the next chunk.
     ///
     /// # Errors
-    /// At the first event that comes before its predecessor in [`Event::file_order`], lies outside the sensor, or
-    /// outside the times that the file can hold.
+    /// The first event that sorts before its predecessor in [`Event::file_order`], lies outside the
+    /// sensor, or has a time that the file cannot hold.
     pub fn admit(&mut self, events: &[Event]) -> Result<(), EventFileError> {
         for event in events {
             let key = event.file_order();
@@ -91,7 +91,7 @@ mod tests {
             }
         };
         t(event(2_500, 2, 1), None);
-        // Within one microsecond nanoseconds do not order, positions do.
+        // Within one microsecond, positions define the order, not nanoseconds.
         t(event(2_100, 3, 1), None);
         t(event(2_900, 1, 1), Some("event 1: (t us, y, x, polarity) = (2, 1, 1, On) follows (2, 1, 2, On)"));
         t(event(1_999, 2, 1), Some("sorted"));

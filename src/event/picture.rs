@@ -1,7 +1,7 @@
 //! Events as a picture: red where a pixel grew brighter, blue where it grew darker, on white.
 //!
-//! A pixel's colour is its balance of ON and OFF events within the window: one event is half the full colour, each
-//! further one halves what is left. Pixels whose events cancel are grey.
+//! The colour of a pixel shows its balance of ON and OFF events in the window: one event gives half
+//! of the full colour, and each further event halves the rest. Pixels whose events cancel are grey.
 
 pub mod rate;
 pub mod surface;
@@ -14,7 +14,7 @@ use std::ops::Range;
 /// Grey of a pixel whose events cancel.
 const CANCELLED: [u8; 3] = [208; 3];
 
-/// Counts the events of a time window, whatever else the stream holds.
+/// Counts the events of a time window, for any number of events in the stream.
 #[derive(Debug, Clone)]
 pub struct Picture {
     window_us: Range<i64>,
@@ -28,13 +28,14 @@ struct Balance {
 }
 
 impl Picture {
-    /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`.
+    /// An empty picture of a sensor of `size` for the events with
+    /// `window_us.start <= t < window_us.end`.
     #[must_use]
     pub fn new(size: Size, window_us: Range<i64>) -> Self {
         Self { window_us, balance: Image::filled(size, Balance::default()) }
     }
 
-    /// The picture of what was seen so far.
+    /// The picture of the events so far.
     #[must_use]
     pub fn image(&self) -> Image<[u8; 3]> {
         Image::from_vec(self.balance.size(), self.balance.pixels().iter().map(|b| b.colour()).collect())
@@ -54,7 +55,7 @@ impl Picture {
 }
 
 impl EventSink for Picture {
-    /// Never fails; events outside the window or the picture are left out.
+    /// Never fails. Events outside the window or the picture are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         events.iter().for_each(|event| self.count(event));
         Ok(())
@@ -73,7 +74,7 @@ impl Balance {
     }
 }
 
-/// Pictures side by side, top edges in line, `gap` white columns between them.
+/// Joins pictures horizontally, with their top edges aligned and `gap` white columns between them.
 #[must_use]
 pub fn beside(pictures: &[&Image<[u8; 3]>], gap: u32) -> Image<[u8; 3]> {
     let sizes = || pictures.iter().map(|p| p.size());
@@ -91,7 +92,8 @@ pub fn beside(pictures: &[&Image<[u8; 3]>], gap: u32) -> Image<[u8; 3]> {
     whole
 }
 
-/// Pictures in rows of `columns`, each under its caption, of the few letters that numbers and units need.
+/// Pictures in rows of `columns`, each under its caption. Captions may contain the letters of
+/// numbers and units.
 #[must_use]
 pub fn grid(pictures: &[(Image<[u8; 3]>, String)], columns: usize, gap: u32) -> Image<[u8; 3]> {
     const CAPTION: u32 = 11;
@@ -120,7 +122,7 @@ pub fn grid(pictures: &[(Image<[u8; 3]>, String)], columns: usize, gap: u32) -> 
     whole
 }
 
-/// Copies a picture into one that it fits into.
+/// Copies a picture into a larger one.
 fn place(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: [u32; 2]) {
     let (width, stride) = (picture.size().width as usize, whole.size().width as usize);
     for (row, from) in picture.pixels().chunks(width.max(1)).enumerate() {
@@ -171,7 +173,7 @@ mod tests {
     fn a_grid_has_rows_and_captions() {
         let dot = || (Image::filled(Size { width: 1, height: 1 }, [7u8; 3]), "1.5".to_owned());
         let whole = grid(&[dot(), dot(), dot()], 2, 3);
-        // Three letters of 6 columns; a caption of 11 rows above each dot.
+        // Three letters of 6 columns, and a caption of 11 rows above each dot.
         assert_eq!(whole.size(), Size { width: 2 * 18 + 3, height: 2 * 12 + 3 });
         let dots: Vec<usize> = (0..whole.pixels().len()).filter(|i| whole.pixels()[*i] == [7; 3]).collect();
         assert_eq!(dots, [11 * 39, 11 * 39 + 21, 26 * 39]);

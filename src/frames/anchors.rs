@@ -1,10 +1,11 @@
-//! Frames that are kept while a sequence passes by, so that its events can later be held against what the sensor saw.
+//! Frames kept from a passing sequence, so that checks can compare its events with what the sensor
+//! saw.
 
 use super::Frame;
 use crate::image::{Image, npy};
 use std::io::{self, Read, Write};
 
-/// Luminance at a few frames: the first, the last, and some between.
+/// Luminance of some frames: the first, the last, and some between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchors {
     /// Stamps of the kept frames in microseconds.
@@ -15,26 +16,27 @@ pub struct Anchors {
     pub spans: Vec<[usize; 3]>,
 }
 
-/// Time between anchors, where the sequence is long enough for at least two such intervals.
+/// Time between anchors, if the sequence has room for at least two such intervals.
 const SPACING_US: i64 = 100_000;
-/// Spans begin at the inner ones of these parts of a sequence,
+/// Number of parts of a sequence. Spans begin at the inner borders.
 const QUARTERS: i64 = 4;
-/// and none is longer than this part of it.
+/// Maximum length of a span, as a divisor of the sequence's length.
 const SPANS_IN: usize = 8;
 
-/// Which frames of a sequence are kept.
+/// The frames of a sequence that are kept.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Choice {
-    /// Numbers of the frames, rising.
+    /// Indices of the frames, ascending.
     pub frames: Vec<usize>,
-    /// Three places in `frames` each that lie close together, evenly: on the way a picture moves by little.
+    /// Index triples of closely spaced, evenly spaced images, one per span: the image moves little
+    /// within a span.
     pub spans: Vec<[usize; 3]>,
 }
 
 impl Choice {
-    /// The ends of a sequence, and between them the frames nearest to equal parts of 0.1 s or a little more; two parts
-    /// where the sequence is shorter. At each quarter of it a span of twice `apart` frames, which is shortened to an
-    /// eighth of the sequence.
+    /// The ends of a sequence, and between them the frames nearest to equal parts of 0.1 s or
+    /// slightly more (two parts if the sequence is shorter). At each quarter of the sequence, a
+    /// span of twice `apart` frames, shortened to an eighth of the sequence if necessary.
     #[must_use]
     pub fn of(stamps_us: &[i64], apart: usize) -> Self {
         let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else {
@@ -64,13 +66,13 @@ impl Choice {
 }
 
 impl Anchors {
-    /// No frame yet of this choice.
+    /// Anchors of this choice, with no frame yet.
     #[must_use]
     pub fn empty(choice: &Choice) -> Self {
         Self { stamps_us: Vec::new(), images: Vec::new(), spans: choice.spans.clone() }
     }
 
-    /// Keeps a frame.
+    /// Keeps a frame if it is among the chosen ones.
     pub fn keep(&mut self, frame: &Frame, stamp_us: i64) {
         self.stamps_us.push(stamp_us);
         self.images.push(frame.luminance.clone());
@@ -79,7 +81,7 @@ impl Anchors {
     /// Writes the images as `.npy`, float32 `[K, H, W]`.
     ///
     /// # Errors
-    /// When the bytes cannot be written.
+    /// The bytes cannot be written.
     pub fn write_images(&self, out: impl Write) -> io::Result<()> {
         npy::write_stack(&self.images, out)
     }
@@ -87,7 +89,8 @@ impl Anchors {
     /// Reads the images back.
     ///
     /// # Errors
-    /// When the bytes are no float32 `.npy` with one `[H, W]` a stamp, or a span is of no three images.
+    /// The bytes are not a float32 `.npy` with one `[H, W]` image per stamp, or a span does not
+    /// have three images.
     pub fn read(stamps_us: Vec<i64>, spans: Vec<[usize; 3]>, input: impl Read) -> io::Result<Self> {
         if spans.as_flattened().iter().any(|place| *place >= stamps_us.len()) {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "a span has no image"));
@@ -115,7 +118,7 @@ mod tests {
             [0, 100, 200, 250, 270, 290, 300, 400, 500, 520, 540, 600, 700, 750, 770, 790, 800, 900, 1000];
         assert_eq!(choice.frames, wanted);
         assert_eq!(choice.spans, [[3, 4, 5], [8, 9, 10], [13, 14, 15]]);
-        // Others may lie between the three.
+        // Other anchors may lie between the three.
         let choice = Choice::of(&long, 1000);
         assert_eq!(choice.spans[0].map(|place| choice.frames[place]), [250, 312, 374]);
     }

@@ -8,14 +8,14 @@ use crate::units::Timestamp;
 /// Brightness of white in an array of floats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FullScale {
-    /// 1.
+    /// White is 1.
     One,
-    /// 255.
+    /// White is 255.
     Grey255,
 }
 
 impl FullScale {
-    /// Grey 0..255 of one unit.
+    /// Number of greys per unit.
     #[must_use]
     pub fn grey(self) -> f32 {
         match self {
@@ -28,9 +28,9 @@ impl FullScale {
 /// The samples of an array, frame after frame, each row-major from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
-    /// Grey 0..255 as it stands.
+    /// Grey 0..255, unchanged.
     Bytes(Vec<u8>),
-    /// Luminance on the scale that is given.
+    /// Luminance on the given scale.
     Floats(Vec<f32>, FullScale),
 }
 
@@ -42,7 +42,7 @@ impl Samples {
         }
     }
 
-    /// Grey 0..255 of one unit of the samples.
+    /// Number of greys per unit of the samples.
     fn scale(&self) -> f32 {
         if let Self::Floats(_, full_scale) = self { full_scale.grey() } else { 1.0 }
     }
@@ -56,41 +56,42 @@ impl Samples {
     }
 }
 
-/// Why an array and its stamps are no sequence of frames.
+/// The reason why an array and its stamps are not a sequence of frames.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArrayError {
-    /// The array is not filled by frames of that shape.
+    /// The number of samples does not match the shape.
     #[error("{found} samples are not {frames} frames of {size}, which are {}", *frames as u128 * size.pixels() as u128)]
     Samples {
-        /// Samples in the array.
+        /// Number of samples in the array.
         found: usize,
-        /// Frames, as many as stamps.
+        /// Number of frames, equal to the number of stamps.
         frames: usize,
-        /// Size of one.
+        /// Size of a frame.
         size: Size,
     },
-    /// The stamps are none of a sequence.
+    /// The stamps are not valid.
     #[error(transparent)]
     Stamps(#[from] StampError),
 }
 
-/// An array `[N, H, W]` and its stamps as frames.
+/// An array `[N, H, W]` with its stamps, as frames.
 #[derive(Debug, Clone)]
 pub struct ArrayFrames {
     size: Size,
     samples: Samples,
-    /// Change per second, on the scale of the samples; one a sample, or none.
+    /// Change per second on the scale of the samples: one value per sample, or none.
     rates: Vec<f32>,
-    /// ns since the first.
+    /// Stamps, ns since the first.
     stamps: Vec<i64>,
     next: usize,
 }
 
 impl ArrayFrames {
-    /// Takes the samples of frames of this size, one for each of `stamps_us`, whatever the first stamp is.
+    /// Takes the samples of frames of this size, one frame per stamp. The first stamp may have any
+    /// value.
     ///
     /// # Errors
-    /// When the samples do not fill the frames, or the stamps do not strictly increase.
+    /// The samples do not fill the frames, or the stamps do not strictly increase.
     pub fn new(size: Size, samples: Samples, stamps_us: &[i64]) -> Result<Self, ArrayError> {
         let (found, frames) = (samples.len(), stamps_us.len());
         if size.pixels().checked_mul(frames) != Some(found) {
@@ -99,10 +100,10 @@ impl ArrayFrames {
         Ok(Self { size, samples, rates: Vec::new(), stamps: relative(stamps_us)?, next: 0 })
     }
 
-    /// The same with the luminance's change per second at every sample, on the samples' scale.
+    /// Adds the luminance's change per second at every sample, on the scale of the samples.
     ///
     /// # Errors
-    /// When there is not one a sample.
+    /// There is not one value per sample.
     pub fn with_rates(self, rates: Vec<f32>) -> Result<Self, ArrayError> {
         let found = rates.len();
         if found != self.samples.len() {

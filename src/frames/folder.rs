@@ -1,10 +1,11 @@
-//! Frames from image files: a folder of them in natural order, or a sequence of DVS-Voltmeter (GitHub
-//! Lynn0306/DVS-Voltmeter), a folder whose `info.txt` has a line `path timestamp` for each frame, in integer
-//! microseconds.
+//! Frames from image files: a folder of images in natural order, or a DVS-Voltmeter sequence
+//! (GitHub Lynn0306/DVS-Voltmeter), a folder with an `info.txt` that has one line `path timestamp`
+//! per frame, in integer microseconds.
 //!
-//! A path of `info.txt` starts at its folder, or else at the folder above, as the published sample's do. Images are PNG of 8
-//! or 16 bits, grey or RGB, or JPEG. The published reader rounds colours to 8 bits of grey; here their luminance is not
-//! rounded, and the colours are kept where they are wanted.
+//! A path in `info.txt` is relative to its folder, or else to the folder above, as in the published
+//! sample. Images are PNG with 8 or 16 bits, grey or RGB, or JPEG. The published reader rounds
+//! colours to 8-bit grey. Here, luminance is not rounded, and colours are kept if they are
+//! requested.
 
 use super::stamps::{StampError, relative};
 use super::{Frame, FrameError, Frames};
@@ -15,16 +16,16 @@ use std::fs::{self, File};
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
-/// The file with a sequence's paths and stamps.
+/// The file with the paths and stamps of a sequence.
 pub const INFO: &str = "info.txt";
 
-/// Why a folder is no sequence of frames.
+/// The reason why a folder is not a sequence of frames.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// Something in it cannot be read.
+    /// A file or folder cannot be read.
     #[error("{}: {source}", path.display())]
     Io {
-        /// Which.
+        /// Its path.
         path: PathBuf,
         /// Cause.
         source: io::Error,
@@ -34,38 +35,39 @@ pub enum FolderError {
     Line {
         /// The `info.txt`.
         path: PathBuf,
-        /// Its number, from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// What was found and what was wanted.
+        /// The text found and the text wanted.
         because: String,
     },
     /// An image, or all of them, cannot be used.
     #[error("{}: {because}", path.display())]
     Content {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// What was found and what was wanted.
+        /// The value found and the value wanted.
         because: String,
     },
-    /// The stamps are none of a sequence.
+    /// The stamps are not valid.
     #[error(transparent)]
     Stamps(#[from] StampError),
 }
 
-/// What a folder holds of a sequence.
+/// The image files and stamps of a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listing {
     /// The images, in the order of their frames; at least one.
     pub images: Vec<PathBuf>,
-    /// Their stamps in microseconds, where an `info.txt` says them.
+    /// Their stamps in microseconds, if there is an `info.txt`.
     pub stamps_us: Option<Vec<i64>>,
 }
 
 impl Listing {
-    /// Reads what is in a folder: its `info.txt`, or else the names of its images.
+    /// Lists a folder: by its `info.txt`, or else by the names of its images.
     ///
     /// # Errors
-    /// When it cannot be read, holds no image, or a line of `info.txt` is wrong or names what is not there.
+    /// The folder cannot be read or has no image, or a line of `info.txt` is wrong or names a
+    /// missing file.
     pub fn read(folder: &Path) -> Result<Self, FolderError> {
         let info = folder.join(INFO);
         if info.is_file() { of_info(folder, &info) } else { of_names(folder) }
@@ -97,7 +99,7 @@ fn of_info(folder: &Path, path: &Path) -> Result<Listing, FolderError> {
     Ok(Listing { images, stamps_us: Some(stamps_us) })
 }
 
-/// `path timestamp`; the path may hold spaces.
+/// `path timestamp`; the path may contain spaces.
 fn parse(line: &str) -> Result<(&str, i64), String> {
     let wanted = "wanted `path timestamp`, the timestamp in microseconds";
     let (path, stamp) = line.trim().rsplit_once(char::is_whitespace).ok_or(format!("one word, {wanted}"))?;
@@ -125,7 +127,7 @@ fn of_names(folder: &Path) -> Result<Listing, FolderError> {
     Ok(Listing { images: names.iter().map(|name| folder.join(name)).collect(), stamps_us: None })
 }
 
-/// Whether a file is an image by its name, and no hidden one.
+/// Whether a file is an image by its name, and not hidden.
 fn is_image(name: &str) -> bool {
     let images = ["png", "jpg", "jpeg"];
     !name.starts_with('.') && images.into_iter().any(|wanted| has_extension(Path::new(name), wanted))
@@ -135,26 +137,27 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
 
-/// The images of a folder at their stamps, each read when it is its turn.
+/// The images of a folder at their stamps. Each is read when it is needed.
 #[derive(Debug)]
 pub struct FolderFrames {
     images: Vec<PathBuf>,
     size: Size,
-    /// ns since the first.
+    /// Stamps, ns since the first.
     stamps: Vec<i64>,
     next: usize,
-    /// Whether colours are wanted.
+    /// Whether colours are requested.
     coloured: bool,
-    /// Of the frame that was given last.
+    /// Colours of the last frame.
     colour: Option<Image<[f32; 3]>>,
 }
 
 impl FolderFrames {
-    /// The images, one for each of `stamps_us`, whatever the first stamp is. The size of each is looked up.
+    /// The images, one per stamp. The first stamp may have any value. The size of each image is
+    /// read from its header.
     ///
     /// # Errors
-    /// When there are not as many stamps as images, they do not strictly increase, an image has no size that can be
-    /// read, or another than the first.
+    /// The numbers of stamps and images differ, the stamps do not strictly increase, or an image
+    /// has an unreadable size or one that differs from the first.
     pub fn new(images: Vec<PathBuf>, stamps_us: &[i64]) -> Result<Self, FolderError> {
         let refusal = |path: &Path, because| FolderError::Content { path: path.to_owned(), because };
         let [first, rest @ ..] = images.as_slice() else {
@@ -176,7 +179,7 @@ impl FolderFrames {
     }
 }
 
-/// The size of an image by its header.
+/// The size of an image from its header.
 fn size(path: &Path) -> Result<Size, FolderError> {
     let refusal = |because| FolderError::Content { path: path.to_owned(), because };
     let found = imagesize::size(path).map_err(|e| refusal(e.to_string()))?;
@@ -199,7 +202,7 @@ impl Frames for FolderFrames {
         let index = self.next;
         let Some((path, &t)) = self.images.get(index).zip(self.stamps.get(index)) else { return Ok(None) };
         let shades = read(path, self.coloured).and_then(|shades| {
-            // It may have been replaced since its size was looked up.
+            // The file may have been replaced since its size was read.
             let (found, wanted) = (shades.luminance.size(), self.size);
             if found == wanted { Ok(shades) } else { Err(format!("{found}, wanted {wanted} as the first")) }
         });
@@ -221,7 +224,7 @@ impl Frames for FolderFrames {
     }
 }
 
-/// The luminance of an image, and its colours where they are wanted and it has any.
+/// The luminance of an image, and its colours if they are requested and it is not grey.
 fn read(path: &Path, coloured: bool) -> Result<Shades, String> {
     if has_extension(path, "png") {
         let file = BufReader::new(File::open(path).map_err(|e| e.to_string())?);

@@ -10,16 +10,17 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Most pixels of a frame, and most elements of a list of stamps: what a file claims is bounded before memory is taken.
+/// Maximum pixels of a frame, and maximum elements of a list of stamps. A file's claims are bounded
+/// before memory is allocated.
 const MOST: u64 = 1 << 28;
 
-/// Frames whose brightest sample decides the full scale of floats.
+/// Number of frames whose brightest sample decides the full scale of floats.
 const LOOKED_AT: usize = 2;
 
-/// Why a `.npy` is not what was wanted of it.
+/// The reason why a `.npy` file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum NpyError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
@@ -27,15 +28,15 @@ pub enum NpyError {
         /// Cause.
         source: io::Error,
     },
-    /// It holds something else.
+    /// The file has another type or shape.
     #[error("{}: {because}", path.display())]
     Content {
         /// The file.
         path: PathBuf,
-        /// What was found and what was wanted.
+        /// The value found and the value wanted.
         because: String,
     },
-    /// The stamps are none of a sequence.
+    /// The stamps are not valid.
     #[error(transparent)]
     Stamps(#[from] StampError),
 }
@@ -44,7 +45,7 @@ pub enum NpyError {
 struct Array {
     path: PathBuf,
     data: BufReader<File>,
-    /// Type of the elements, as the header has it.
+    /// Type of the elements, from the header.
     kind: String,
     shape: Vec<u64>,
 }
@@ -79,7 +80,7 @@ impl Array {
     }
 }
 
-/// numpy's name of a type, where it is a usual one.
+/// numpy's name of a common type.
 fn dtype(kind: &str) -> &str {
     match kind {
         "|u1" => "uint8",
@@ -91,12 +92,12 @@ fn dtype(kind: &str) -> &str {
     }
 }
 
-/// What the samples of a stack are.
+/// The samples of a stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Grey 0..255 as it stands.
+    /// Grey 0..255, unchanged.
     Bytes,
-    /// Floats, on a scale that the file does not say.
+    /// Floats on a scale that the file does not state.
     Floats,
 }
 
@@ -121,7 +122,7 @@ impl Stack {
     /// Opens a file.
     ///
     /// # Errors
-    /// When it cannot be read, is cut short, or holds an array of another type or shape.
+    /// The file cannot be read, is truncated, or has an array of another type or shape.
     pub fn open(path: &Path) -> Result<Self, NpyError> {
         let array = Array::open(path)?;
         let kind = match array.kind.as_str() {
@@ -149,19 +150,19 @@ impl Stack {
         self.frames
     }
 
-    /// Size of each.
+    /// Size of each frame.
     #[must_use]
     pub fn size(&self) -> Size {
         self.size
     }
 
-    /// What its samples are.
+    /// Type of the samples.
     #[must_use]
     pub fn kind(&self) -> Kind {
         self.kind
     }
 
-    /// The next frame, each sample times `scale`.
+    /// The next frame, with each sample multiplied by `scale`.
     fn next(&mut self, scale: f32) -> io::Result<Image<f32>> {
         let n = self.size.pixels();
         let values = match self.kind {
@@ -180,10 +181,11 @@ impl Stack {
     }
 }
 
-/// The brightest sample of the first two frames of a file, which says on what scale floats are; NaN counts for nothing.
+/// The brightest sample of the first two frames of a file, from which the scale of floats is
+/// guessed. NaN is ignored.
 ///
 /// # Errors
-/// As [`Stack::open`], and when they cannot be read.
+/// As [`Stack::open`], or the samples cannot be read.
 pub fn brightest(path: &Path) -> Result<f32, NpyError> {
     let mut stack = Stack::open(path)?;
     let mut most = f32::NEG_INFINITY;
@@ -197,7 +199,7 @@ pub fn brightest(path: &Path) -> Result<f32, NpyError> {
 /// The stamps of a `.npy` of int64, in microseconds.
 ///
 /// # Errors
-/// When it cannot be read, or holds another array.
+/// The file cannot be read, or has another array.
 pub fn stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
     let mut array = Array::open(path)?;
     let &[count] = array.shape.as_slice() else { return Err(array.refusal("int64 of shape [N]")) };
@@ -214,19 +216,19 @@ pub fn stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
 #[derive(Debug)]
 pub struct NpyFrames {
     stack: Stack,
-    /// Grey 0..255 of one unit of the samples.
+    /// Number of greys per unit of the samples.
     scale: f32,
-    /// ns since the first.
+    /// Stamps, ns since the first.
     stamps: Vec<i64>,
     next: usize,
 }
 
 impl NpyFrames {
-    /// The frames of an open stack, one for each of `stamps_us`, whatever the first stamp is; `full_scale` is that of
-    /// floats.
+    /// The frames of an open stack, one per stamp. The first stamp may have any value. `full_scale`
+    /// is the scale of floats.
     ///
     /// # Errors
-    /// When there are not as many stamps as frames, or they do not strictly increase.
+    /// The numbers of stamps and frames differ, or the stamps do not strictly increase.
     pub fn new(stack: Stack, full_scale: FullScale, stamps_us: &[i64]) -> Result<Self, NpyError> {
         if stamps_us.len() != stack.frames {
             let because = format!("{} frames, and there are {} stamps", stack.frames, stamps_us.len());
@@ -256,7 +258,7 @@ impl Frames for NpyFrames {
     }
 }
 
-/// Frames with the luminance's change per second at every pixel, on the scale of their file.
+/// Frames with the luminance's change per second at every pixel, on the scale of the file.
 pub struct RatedFrames {
     frames: Box<dyn Frames>,
     rates: Stack,
@@ -270,10 +272,10 @@ impl std::fmt::Debug for RatedFrames {
 }
 
 impl RatedFrames {
-    /// Both together; `full_scale` is that of the frames' file.
+    /// Combines frames and rates. `full_scale` is that of the frames' file.
     ///
     /// # Errors
-    /// When the rates are no floats, or not of the frames' number and size.
+    /// The rates are not floats, or their number or size differs from that of the frames.
     pub fn new(frames: Box<dyn Frames>, rates: Stack, full_scale: FullScale) -> Result<Self, NpyError> {
         let (count, Size { width, height }) = (frames.len(), frames.size());
         if rates.kind != Kind::Floats || (rates.frames, rates.size) != (count, frames.size()) {

@@ -12,28 +12,28 @@ use crate::trajectory::Trajectory;
 use crate::units::Timestamp;
 use rayon::prelude::*;
 
-/// The grey scale of [`Frame::luminance`] over that of [`Rendered::luminance`].
+/// Ratio of the scale of [`Frame::luminance`] to that of [`Rendered::luminance`].
 const GREY_SCALE: f32 = 255.0;
 
-/// Frames that the renderer is told of before they are asked for: one is read while the next is made, and the one after
-/// it waits.
+/// Number of views announced in advance: while one is read, the next is rendered, and one more
+/// waits.
 const AHEAD: usize = 2;
 
-/// What is rendered of each, but for its colours and its rate of change.
+/// Channels rendered for each frame, without colours and rates.
 const WANT: Channels = Channels { luminance: true, ..Channels::NONE };
 
-/// The luminance that a camera sees at each pose of a trajectory; frame `j` is rendered at pose `j` when it is
-/// asked for.
+/// The luminance that a camera sees at each pose of a trajectory. Frame `j` is rendered at pose `j`
+/// when it is requested.
 pub struct RenderedFrames {
     renderer: Box<dyn Renderer>,
     camera: Camera,
     trajectory: Trajectory,
-    /// Of the camera at each pose, where the luminance's rate of change is wanted.
+    /// Velocity of the camera at each pose, if rates are requested.
     velocities: Vec<Velocity>,
-    /// Whether colours are wanted beside the luminance.
+    /// Whether colours are requested.
     coloured: bool,
     done: usize,
-    /// Frames that the renderer was told of.
+    /// Number of views announced so far.
     expected: usize,
     rendered: Rendered,
     work: Work,
@@ -54,7 +54,7 @@ impl std::fmt::Debug for RenderedFrames {
 impl RenderedFrames {
     /// The frames of a trajectory.
     ///
-    /// # Panics
+    /// There is not one stamp per pose.
     /// If the trajectory does not have one stamp a pose.
     #[must_use]
     pub fn new(mut renderer: Box<dyn Renderer>, camera: Camera, trajectory: Trajectory) -> Self {
@@ -66,17 +66,18 @@ impl RenderedFrames {
         Self { renderer, camera, trajectory, velocities, coloured, done: 0, expected: 0, rendered, work }
     }
 
-    /// The same with the luminance's rate of change in every frame, for a camera that moves like this at each pose.
+    /// Adds the luminance's rate of change to every frame, for a camera with these velocities at
+    /// the poses.
     ///
     /// # Panics
-    /// If there is not one velocity a pose.
+    /// There is not one velocity per pose.
     #[must_use]
     pub fn with_rates(self, velocities: Vec<Velocity>) -> Self {
         assert_eq!(velocities.len(), self.len(), "one velocity a pose");
         Self { velocities, ..self }
     }
 
-    /// The renderer, for other frames.
+    /// Returns the renderer for other uses.
     #[must_use]
     pub fn into_renderer(self) -> Box<dyn Renderer> {
         self.renderer
@@ -92,7 +93,7 @@ impl RenderedFrames {
         Channels { rgb: self.coloured, luminance_rate: !self.velocities.is_empty(), ..WANT }
     }
 
-    /// An image on the grey scale.
+    /// Converts an image to the grey scale.
     fn grey(image: Option<Image<f32>>, what: &str, index: usize) -> Result<Image<f32>, FrameError> {
         let mut image = image.expect("a renderer renders what it is asked for");
         image.pixels_mut().iter_mut().for_each(|v| *v *= GREY_SCALE);
@@ -105,7 +106,7 @@ impl RenderedFrames {
         }
     }
 
-    /// Takes the colours of a frame to the grey scale, where they stay until the next.
+    /// Converts the colours of a frame to the grey scale. They are kept until the next frame.
     fn scale_colours(&mut self, index: usize) -> Result<(), FrameError> {
         let Some(rgb) = self.rendered.rgb.as_mut().filter(|_| self.coloured) else { return Ok(()) };
         rgb.pixels_mut().par_iter_mut().for_each(|rgb| rgb.iter_mut().for_each(|v| *v *= GREY_SCALE));
@@ -119,7 +120,7 @@ impl RenderedFrames {
         }
     }
 
-    /// What rendering the frames so far took, summed.
+    /// The summed work of the frames so far.
     #[must_use]
     pub fn work(&self) -> Work {
         self.work
@@ -177,7 +178,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 3, height: 2 };
 
-    /// Paints every pixel with the camera's x, of views that it was told of in their order.
+    /// Paints every pixel with the camera's x, and requires that views were announced in order.
     #[derive(Default)]
     struct Flat {
         expected: std::collections::VecDeque<View>,

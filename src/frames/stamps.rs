@@ -1,32 +1,32 @@
-//! Stamps of a sequence: integer microseconds that strictly increase, wherever the first of them lies.
+//! Stamps of a sequence: strictly increasing integer microseconds with any first value.
 
-/// Why stamps are none of a sequence.
+/// The reason why stamps are not valid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StampError {
     /// Stamps do not increase.
     #[error("stamp {index} is {found} us, not later than the one before, {before} us")]
     Order {
-        /// Its position.
+        /// Index of the stamp.
         index: usize,
         /// Its value.
         found: i64,
-        /// The value before.
+        /// The previous value.
         before: i64,
     },
-    /// Stamps further apart than nanoseconds count.
+    /// Stamps are further apart than 64-bit nanoseconds can express.
     #[error("stamp {index} is {found} us, too far from the first, {first} us")]
     Span {
-        /// Its position.
+        /// Index of the stamp.
         index: usize,
         /// Its value.
         found: i64,
-        /// The first.
+        /// The first value.
         first: i64,
     },
 }
 
 impl StampError {
-    /// Position of the stamp that cannot be.
+    /// Index of the invalid stamp.
     #[must_use]
     pub fn index(&self) -> usize {
         match *self {

@@ -1,8 +1,8 @@
-//! JPEG files, read as luminance: their own luma, which is the sum of encoded colours by [`super::LUMINANCE_WEIGHTS`]; and
-//! as colours. Small pictures are written.
+//! JPEG files: reading of luminance (the file's own luma, which is the sum of encoded colours by
+//! [`super::LUMINANCE_WEIGHTS`]) and of colours; writing of small pictures.
 //!
-//! The decoder and the encoder are built without their vector instructions, so that a file is the same greys, and a picture
-//! the same bytes, on every machine.
+//! Decoder and encoder are built without their vector instructions, so that a file gives the same
+//! greys, and a picture the same bytes, on every machine.
 
 use super::{Image, Shades, Size};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
@@ -15,7 +15,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 /// Most columns and rows of an image that is read: what a file claims is bounded before memory is taken for it.
 const MOST_EDGE: usize = 1 << 14;
 
-/// Why a JPEG cannot be read.
+/// The reason why a JPEG cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("{0:?}")]
 pub struct JpegError(#[from] DecodeErrors);
@@ -23,7 +23,8 @@ pub struct JpegError(#[from] DecodeErrors);
 /// Reads the luminance of an image, grey 0..255.
 ///
 /// # Errors
-/// When the bytes are damaged or no JPEG, the image has no luma of its own (CMYK), or more than 16,384 columns or rows.
+/// The bytes are damaged or not a JPEG, the image has no luma (CMYK), or it exceeds 16,384 columns
+/// or rows.
 pub fn read_luminance(bytes: &[u8]) -> Result<Image<f32>, JpegError> {
     let (size, _, greys) = decoded(bytes, ColorSpace::Luma)?;
     if greys.len() != size.pixels() {
@@ -32,10 +33,11 @@ pub fn read_luminance(bytes: &[u8]) -> Result<Image<f32>, JpegError> {
     Ok(Image::from_vec(size, greys.into_iter().map(f32::from).collect()))
 }
 
-/// [`read_luminance`], and the colours of the image, 0..255, where it is not grey.
+/// [`read_luminance`], with the colours of the image, 0..255, unless it is grey.
 ///
 /// # Errors
-/// As [`read_luminance`], and when the chroma, which that does not read, is damaged or not as large as the luma asks for.
+/// As [`read_luminance`]; or the chroma, which that function does not read, is damaged or of the
+/// wrong size.
 pub fn read_colours(bytes: &[u8]) -> Result<Shades, JpegError> {
     let luminance = read_luminance(bytes)?;
     let (size, stored, samples) = decoded(bytes, ColorSpace::RGB)?;
@@ -52,7 +54,7 @@ pub fn read_colours(bytes: &[u8]) -> Result<Shades, JpegError> {
 /// Reads an 8-bit image as it is encoded; grey becomes three equal channels.
 ///
 /// # Errors
-/// When the bytes are damaged or no JPEG, or the image has more than 16,384 columns or rows.
+/// The bytes are damaged or not a JPEG, or the image exceeds 16,384 columns or rows.
 pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, JpegError> {
     let (size, _, samples) = decoded(bytes, ColorSpace::RGB)?;
     let pixels = match samples.len().checked_div(size.pixels()) {
@@ -65,8 +67,9 @@ pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, JpegError> {
     Ok(Image::from_vec(size, pixels))
 }
 
-/// An image as a baseline JPEG of this quality, 1 to 100, with chroma at half the resolution. It is for looking at: what is
-/// to be measured is written as PNG. `None` where it has no pixels, or more than 65,535 columns or rows.
+/// An image as a baseline JPEG of this quality, 1 to 100, with chroma at half the resolution. It is
+/// for display; images for measurements are PNG. `None` if it has no pixels, or more than 65,535
+/// columns or rows.
 #[must_use]
 pub fn encode(image: &Image<[u8; 3]>, quality: u8) -> Option<Vec<u8>> {
     let side = |n: u32| u16::try_from(n).ok();
@@ -74,14 +77,15 @@ pub fn encode(image: &Image<[u8; 3]>, quality: u8) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, quality);
     encoder.set_sampling_factor(SamplingFactor::F_2_2);
-    // Tables of its own would save some 400 bytes, but the encoder then writes a scan a channel, which not every decoder
-    // reads of channels of other sizes: the one above does not.
+    // Optimised tables would save some 400 bytes, but the encoder would then write one scan per
+    // channel, which not every decoder reads for subsampled channels; the decoder used here does
+    // not.
     encoder.set_optimized_huffman_tables(false);
     encoder.encode(image.pixels().as_flattened(), width, height, ColorType::Rgb).ok()?;
     Some(bytes)
 }
 
-/// Size, the colour space of the file, and the samples in another.
+/// Size, the colour space of the file, and the samples in the requested one.
 fn decoded(bytes: &[u8], wanted: ColorSpace) -> Result<(Size, Option<ColorSpace>, Vec<u8>), JpegError> {
     let options = DecoderOptions::new_safe()
         .set_strict_mode(true)
@@ -99,8 +103,8 @@ fn decoded(bytes: &[u8], wanted: ColorSpace) -> Result<(Size, Option<ColorSpace>
 mod tests {
     use super::*;
 
-    /// 16x8, the left half (200, 100, 50), the right half (10, 20, 240), by libjpeg-turbo (Pillow 13.0), whose own
-    /// grey of it is 124 and 42.
+    /// 16x8 pixels, left half (200, 100, 50), right half (10, 20, 240), by libjpeg-turbo (Pillow
+    /// 13.0), which gives the greys 124 and 42.
     const TWO_HALVES: &str = "\
         ffd8ffe000104a46494600010100000100010000ffdb0043000302020302020303030304030304050805050404050a07\
         0706080c0a0c0c0b0a0b0b0d0e12100d0e110e0b0b1016101113141515150c0f171816141812141514ffdb0043010304\
@@ -122,7 +126,7 @@ mod tests {
         assert_eq!(image.size(), Size { width: 16, height: 8 });
         for (i, &grey) in image.pixels().iter().enumerate() {
             let wanted = if i % 16 < 8 { 124.0 } else { 42.0 };
-            // Decoders may round the inverse transform another way.
+            // Decoders may round the inverse transform differently.
             assert!((grey - wanted).abs() <= 1.0, "{i}: {grey}");
         }
     }
@@ -133,7 +137,8 @@ mod tests {
         assert_eq!(luminance, read_luminance(&bytes()).unwrap());
         for (i, colour) in colours.unwrap().pixels().iter().enumerate() {
             let wanted = if i % 16 < 8 { [200.0, 100.0, 50.0] } else { [10.0, 20.0, 240.0] };
-            // Luma and chroma are each rounded twice, by half a step; blue has 1.772 of a chroma.
+            // Luma and chroma are each rounded twice, by half a step; blue has a factor of 1.772 on
+            // its chroma.
             let off = colour.iter().zip(wanted).map(|(found, wanted): (&f32, f32)| (found - wanted).abs());
             assert!(off.fold(0.0, f32::max) <= 3.0, "{i}: {colour:?}");
         }
@@ -164,8 +169,8 @@ mod tests {
         assert_eq!(found.size(), size);
         let off = |(a, b): (&[u8; 3], &[u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
         let worst = found.pixels().iter().zip(image.pixels()).map(off).max().unwrap();
-        // A gradient has little that the quantiser of quality 85 drops: half a step of its coarsest low frequency, twice
-        // for the rounding of colours there and back.
+        // The quantiser of quality 85 drops little of a gradient: half a step of its coarsest low
+        // frequency, twice because colours are rounded in both directions.
         assert!(worst <= 12, "{worst}");
         assert_eq!(encode(&Image::filled(Size { width: 0, height: 3 }, [0; 3]), 85), None);
     }

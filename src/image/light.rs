@@ -1,23 +1,24 @@
-//! The mean of pictures in linear light: what a shutter that stays open sees (`pipeline.md` 8).
+//! The mean of pictures in linear light, as a camera with an open shutter records it.
 
 use super::{Image, Size, srgb};
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
 use rayon::prelude::*;
 
-/// Pixels that are added at once; a multiple of eight.
+/// Number of pixels that are added at once; a multiple of eight.
 const CHUNK: usize = 4096;
 
-/// A sum of linear light, in 64 bits and in the order in which pictures come: the same bits by any number of threads.
+/// A sum of linear light in 64 bits, in the order of the pictures: the same bits with any number of
+/// threads.
 #[derive(Debug, Clone)]
 pub struct Light {
     size: Size,
-    /// Channel by channel of each pixel.
+    /// Sums by pixel and channel.
     sums: Vec<f64>,
     pictures: u32,
 }
 
 impl Light {
-    /// Of no picture yet.
+    /// An empty sum.
     #[must_use]
     pub fn none(size: Size) -> Self {
         Self { size, sums: vec![0.0; 3 * size.pixels()], pictures: 0 }
@@ -26,7 +27,7 @@ impl Light {
     /// Adds a picture of display-encoded colours, clipped to 0..1.
     ///
     /// # Panics
-    /// If it is of another size.
+    /// The picture has another size.
     pub fn add(&mut self, picture: &Image<[f32; 3]>) {
         assert_eq!(picture.size(), self.size, "all pictures of a mean are of one size");
         let level = Level::new();
@@ -39,7 +40,7 @@ impl Light {
     /// The mean, display-encoded, 0..1.
     ///
     /// # Panics
-    /// If there is no picture.
+    /// There is no picture.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "the mean is rounded to 32 bits at the end")]
     pub fn mean(&self) -> Image<[f32; 3]> {
@@ -84,8 +85,9 @@ mod tests {
         png::to_bytes(&light.mean()).pixels().to_vec()
     }
 
-    /// Light by the table in nothings/stb, `stb_image_resize.h`: 0.5 lies between 187 (0.496933) and 188 (0.502887), 188
-    /// being nearer on the display's scale; a third, 156 (0.332452); a tenth, 89 (0.099899).
+    /// Light by the table in nothings/stb, `stb_image_resize.h`: 0.5 lies between 187 (0.496933)
+    /// and 188 (0.502887), and 188 is nearer on the display's scale; a third is 156 (0.332452), a
+    /// tenth is 89 (0.099899).
     #[test]
     fn black_and_white_in_turn_are_grey_by_light() {
         let t = |white: usize, all: usize, wanted: u8| {

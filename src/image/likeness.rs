@@ -1,17 +1,18 @@
-//! How alike two pictures are: PSNR and SSIM of encoded colours on the scale 0..1.
+//! Similarity of two pictures: PSNR and SSIM of encoded colours on the scale 0..1.
 //!
-//! SSIM is that of Z. Wang, A. C. Bovik, H. R. Sheikh and E. P. Simoncelli, "Image Quality Assessment: From Error
-//! Visibility to Structural Similarity", IEEE Transactions on Image Processing 13 (2004), each channel by itself, with
-//! the window and the border of 3DGS (GitHub graphdeco-inria/gaussian-splatting, `utils/loss_utils.py`), so that
-//! figures compare with those of its literature: 11x11 pixels, Gaussian of 1.5 px, black beyond the border.
+//! SSIM follows Z. Wang, A. C. Bovik, H. R. Sheikh and E. P. Simoncelli, "Image Quality Assessment:
+//! From Error Visibility to Structural Similarity", IEEE Transactions on Image Processing 13
+//! (2004), for each channel separately. Window and border are those of 3DGS (GitHub
+//! graphdeco-inria/gaussian-splatting, `utils/loss_utils.py`), so that figures compare with its
+//! literature: 11x11 pixels, a Gaussian of 1.5 px, black outside the border.
 
 use super::Image;
 use rayon::prelude::*;
 
-/// Highest PSNR that is told, dB: an error of 1e-5 of the range, where pictures in 32 bits are equal.
+/// Highest reported PSNR, dB: an error of 1e-5 of the range, at which 32-bit pictures are equal.
 pub const MOST_DB: f64 = 100.0;
 
-/// Pixels of the window to each side of its centre.
+/// Pixels of the window on each side of its centre.
 const REACH: usize = 5;
 /// Pixels of the window along each edge.
 const EDGE: usize = 2 * REACH + 1;
@@ -23,7 +24,7 @@ const STEADIERS: [f64; 2] = [1e-4, 9e-4];
 /// The mean of the squared differences of two pictures, over pixels and channels.
 ///
 /// # Panics
-/// If they differ in size.
+/// They differ in size.
 #[must_use]
 pub fn mean_square(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     let square = |(a, b): (&f32, &f32)| (f64::from(*a) - f64::from(*b)) * (f64::from(*a) - f64::from(*b));
@@ -34,7 +35,8 @@ pub fn mean_square(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     mean_of_rows(a, b, row)
 }
 
-/// The peak signal-to-noise ratio for a mean square, dB: `10 log10(1 / mean square)`, at most [`MOST_DB`].
+/// The peak signal-to-noise ratio of a mean square, dB: `10 log10(1 / mean square)`, at most
+/// [`MOST_DB`].
 #[must_use]
 pub fn psnr_db(mean_square: f64) -> f64 {
     (-10.0 * libm::log10(mean_square)).min(MOST_DB)
@@ -43,7 +45,7 @@ pub fn psnr_db(mean_square: f64) -> f64 {
 /// The structural similarity of two pictures: the mean over pixels and channels, 1 for equal ones.
 ///
 /// # Panics
-/// If they differ in size.
+/// They differ in size.
 #[must_use]
 pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     let window = window();
@@ -62,7 +64,7 @@ pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     })
 }
 
-/// The weights of the window along an edge, which sum to 1.
+/// The weights of the window along an edge; their sum is 1.
 fn window() -> [f64; EDGE] {
     let weight = |k: usize| {
         let from_centre = (k as f64 - REACH as f64) / DEVIATION;
@@ -99,7 +101,7 @@ impl Moments {
     }
 }
 
-/// The moments of each column about a row.
+/// The moments of each column around a row.
 fn columns(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>, row: usize, window: &[f64; EDGE]) -> Vec<[Moments; 3]> {
     let mut columns = vec![[Moments::default(); 3]; a.size().width as usize];
     let rows = (row..).zip(window).filter_map(|(k, weight)| Some((k.checked_sub(REACH)?, *weight)));
@@ -118,7 +120,7 @@ fn row(image: &Image<[f32; 3]>, row: usize) -> &[[f32; 3]] {
     &image.pixels()[row * width..][..width]
 }
 
-/// The sum over rows, taken in order whatever the number of threads, per pixel and channel.
+/// The sum over rows per pixel and channel, in a fixed order for any number of threads.
 fn mean_of_rows(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>, sum: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
     assert_eq!(a.size(), b.size(), "pictures of one size are compared");
     let rows: Vec<f64> = (0..a.size().height as usize).into_par_iter().map(sum).collect();
@@ -132,7 +134,7 @@ mod tests {
 
     const SIZE: Size = Size { width: 24, height: 17 };
 
-    /// The picture whose channels are these numbers modulo 32, over 31.
+    /// The picture with these numbers modulo 32, divided by 31, as channels.
     fn picture(value: impl Fn(usize, usize, usize) -> usize) -> Image<[f32; 3]> {
         let shade = |k: usize| std::array::from_fn(|c| (value(k % 24, k / 24, c) % 32) as f32 / 31.0);
         Image::from_vec(SIZE, (0..SIZE.pixels()).map(shade).collect())
@@ -148,18 +150,20 @@ mod tests {
             let (dark, bright) = (Image::filled(SIZE, [0.0; 3]), Image::filled(SIZE, [levels / 255.0; 3]));
             let wanted = 20.0 * libm::log10(255.0 / f64::from(levels));
             let found = psnr_db(mean_square(&dark, &bright));
-            // A difference in 32 bits is rounded to 6e-8 of itself, which is 20 / ln(10) as much in dB.
+            // A difference in 32 bits is rounded at 6e-8 of itself, which is 20 / ln(10) times that
+            // in dB.
             assert!((found - wanted).abs() < 1e-6, "{levels}: {found}, {wanted}");
         }
         assert!((psnr_db(0.0) - MOST_DB).abs() < 1e-12);
     }
 
-    /// Against numpy and scipy: `convolve2d` of each channel with the window, zeros beyond the border.
+    /// From numpy and scipy: `convolve2d` of each channel with the window, zeros outside the
+    /// border.
     #[test]
     fn similarity_is_that_of_another_implementation() {
         let t = |other: &Image<[f32; 3]>, wanted: f64| {
             let found = ssim(&waves(), other);
-            // Colours are rounded to 32 bits; the steep place is where variances are small, 1e-3.
+            // Colours are rounded to 32 bits; the error grows where variances are small, 1e-3.
             assert!((found - wanted).abs() < 1e-5, "{found}, {wanted}");
         };
         t(&waves(), 1.0);
@@ -173,18 +177,19 @@ mod tests {
         );
     }
 
-    /// Constant pictures have no spread: `(2 a b + C1) / (a^2 + b^2 + C1)`, away from the border.
+    /// Constant pictures have no variance: `(2 a b + C1) / (a^2 + b^2 + C1)`, away from the border.
     #[test]
     fn constant_pictures_are_as_alike_as_their_means() {
         let size = Size { width: 400, height: 400 };
         let [a, b] = [0.25f32, 0.75].map(|v| Image::filled(size, [v; 3]));
         // (0.375 + 0.0001) / (0.625 + 0.0001)
         let within = ssim(&a, &b) - 0.600_064;
-        // Five of 400 pixels at each side see black beyond: 5 % of all, each less than 1 off.
+        // Five of 400 pixels on each side see black outside: 5 % of all, each at most 1 off.
         assert!(within.abs() < 0.05, "{within}");
         let dots = [0.25f32, 0.75].map(|v| Image::filled(Size { width: 1, height: 1 }, [v; 3]));
-        // The window's middle weighs 0.26601172^2 = 0.0707622: means 0.0176906 and 0.0530717, variances 0.0625 and
-        // 0.5625 times 0.0707622 less the squared means, covariance 0.1875 times it less the means' product.
+        // The middle of the window weighs 0.26601172^2 = 0.0707622: means 0.0176906 and 0.0530717;
+        // variances 0.0625 and 0.5625 times 0.0707622 minus the squared means; covariance 0.1875
+        // times it minus the product of the means.
         let means = (0.001_877_735 + 0.0001) / (0.000_312_956 + 0.002_816_603 + 0.0001);
         let spreads = (0.024_658_103 + 0.0009) / (0.004_109_684 + 0.036_987_157 + 0.0009);
         let found = ssim(&dots[0], &dots[1]);

@@ -1,30 +1,31 @@
-//! Photos as cameras and datasets leave them: JPEG or PNG by what is in the file, since datasets name the one as the other.
+//! Photos as cameras and datasets provide them: JPEG or PNG by content, because datasets name one
+//! like the other.
 
 use super::{Image, jpeg, png};
 use std::io::Cursor;
 
-/// Why a photo cannot be read.
+/// The reason why a photo cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PhotoError {
-    /// A JPEG that is damaged or of another kind.
+    /// A JPEG that is damaged or of an unsupported kind.
     #[error("a JPEG that cannot be read: {0}")]
     Jpeg(#[from] jpeg::JpegError),
-    /// A PNG that is damaged or of another kind.
+    /// A PNG that is damaged or of an unsupported kind.
     #[error("a PNG that cannot be read: {0}")]
     Png(#[from] png::PngError),
-    /// Something else.
+    /// Another format.
     #[error("neither JPEG nor PNG")]
     Other,
 }
 
-/// How files begin.
+/// First bytes of the formats.
 const JPEG: [u8; 2] = [0xff, 0xd8];
 const PNG: [u8; 4] = *b"\x89PNG";
 
 /// Reads a photo of 8 bits; grey becomes three equal channels.
 ///
 /// # Errors
-/// When the bytes are damaged, or of another format or depth.
+/// The bytes are damaged, or of another format or depth.
 pub fn read(bytes: &[u8]) -> Result<Image<[u8; 3]>, PhotoError> {
     if bytes.starts_with(&JPEG) {
         Ok(jpeg::read(bytes)?)

@@ -1,8 +1,9 @@
 //! PNG files, grey or sRGB: written with 8 bits, read with 8 or 16.
 //!
-//! No chunk but the three that every PNG has, fixed filter and compressor: equal images are equal bytes. The filter is
-//! Paeth and the compressor fdeflate's fast one: on a rendered view 1.06 bytes and 4 ns a pixel, where deflate's level
-//! 4 under adaptive filters takes 0.98 bytes and 90 ns; encoding must not cost as much as rendering.
+//! Only the three chunks that every PNG has, with a fixed filter and compressor: equal images are
+//! equal bytes. The filter is Paeth and the compressor fdeflate's fast one: on a rendered view it
+//! takes 1.06 bytes and 4 ns per pixel, where deflate's level 4 with adaptive filters takes 0.98
+//! bytes and 90 ns. Encoding must not cost as much as rendering.
 
 use super::{Image, LUMINANCE_WEIGHTS, Shades, Size, to_byte};
 use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Transformations};
@@ -11,11 +12,11 @@ use std::io::{BufRead, Seek, Write};
 /// Most pixels of an image that is read: what a file claims is bounded before memory is taken for it.
 const MOST_PIXELS: u64 = 1 << 28;
 
-/// A pixel that a PNG holds as it is.
+/// A pixel in the form in which a PNG stores it.
 pub trait Pixel: Copy {
     /// Number of bytes.
     const CHANNELS: usize;
-    /// How PNG names it.
+    /// Colour type of the PNG.
     const COLOUR: ColorType;
     /// The bytes of a row of pixels.
     fn bytes(pixels: &[Self]) -> &[u8];
@@ -37,23 +38,23 @@ impl Pixel for [u8; 3] {
     }
 }
 
-/// Why a PNG cannot be read.
+/// The reason why a PNG cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PngError {
-    /// The bytes are damaged or no PNG.
+    /// The bytes are damaged or not a PNG.
     #[error("{0}")]
     Damaged(#[from] DecodingError),
-    /// A PNG of a kind that is not used here.
+    /// A PNG of an unsupported kind.
     #[error("{found}, wanted {wanted}")]
     Kind {
-        /// What it is.
+        /// The kind found.
         found: String,
-        /// What it should be.
+        /// The kind wanted.
         wanted: &'static str,
     },
 }
 
-/// An encoded colour image on the scale 0..1 as bytes, by [`to_byte`].
+/// An encoded colour image on the scale 0..1 as bytes, with [`to_byte`].
 #[must_use]
 pub fn to_bytes(image: &Image<[f32; 3]>) -> Image<[u8; 3]> {
     Image::from_vec(image.size(), image.pixels().iter().map(|rgb| rgb.map(to_byte)).collect())
@@ -62,7 +63,7 @@ pub fn to_bytes(image: &Image<[f32; 3]>) -> Image<[u8; 3]> {
 /// Writes an image.
 ///
 /// # Errors
-/// When `out` fails, or the image has no pixels.
+/// `out` fails, or the image has no pixels.
 pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()> {
     let Size { width, height } = image.size();
     let mut encoder = png::Encoder::new(out, width, height);
@@ -78,7 +79,8 @@ pub fn write<P: Pixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()>
 /// Reads an 8-bit colour image; grey becomes three equal channels.
 ///
 /// # Errors
-/// When the bytes are damaged, or the image has another depth, a palette, transparency, or more than 2^28 pixels.
+/// The bytes are damaged, or the image has another depth, a palette, transparency, or more than
+/// 2^28 pixels.
 pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
     let Stored { size, colour, depth, bytes } = stored(input)?;
     let pixels = match (depth, colour) {
@@ -89,16 +91,16 @@ pub fn read(input: impl BufRead + Seek) -> Result<Image<[u8; 3]>, PngError> {
     Ok(Image::from_vec(size, pixels))
 }
 
-/// Reads the luminance of an image of 8 or 16 bits on the grey scale 0..255: a grey as it stands, a colour by
-/// [`super::LUMINANCE_WEIGHTS`]; of 16 bits the full scale is 65,535.
+/// Reads the luminance of an image of 8 or 16 bits on the grey scale 0..255: grey unchanged,
+/// colours by [`super::LUMINANCE_WEIGHTS`]. For 16 bits, the full scale is 65,535.
 ///
 /// # Errors
-/// As [`read`], but that 16 bits are right too.
+/// As [`read`], except that 16 bits are accepted.
 pub fn read_luminance(input: impl BufRead + Seek) -> Result<Image<f32>, PngError> {
     Ok(samples(input)?.luminance())
 }
 
-/// [`read_luminance`], and the colours that it is of on the same scale, where the image is not grey.
+/// [`read_luminance`], with the colours on the same scale, unless the image is grey.
 ///
 /// # Errors
 /// As [`read_luminance`].
@@ -110,7 +112,7 @@ pub fn read_colours(input: impl BufRead + Seek) -> Result<Shades, PngError> {
 /// The samples of an image on the grey scale.
 struct Samples {
     size: Size,
-    /// Whether three make a pixel.
+    /// Whether three samples make a pixel.
     coloured: bool,
     values: Vec<f64>,
 }
@@ -148,12 +150,12 @@ fn samples(input: impl BufRead + Seek) -> Result<Samples, PngError> {
 
 const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
 
-/// In 64 bits, where the weights sum to 1 closely enough that equal channels are that grey.
+/// In 64 bits, where the weights sum to 1 closely enough that equal channels give that grey.
 fn grey(rgb: [f64; 3]) -> f64 {
     LUMINANCE_WEIGHTS.iter().zip(rgb).map(|(&weight, v)| decimal(weight) * v).sum()
 }
 
-/// The decimal fraction that a weight of three digits stands for, nearest in 64 bits.
+/// The decimal fraction of a weight with three digits, nearest in 64 bits.
 fn decimal(weight: f32) -> f64 {
     libm::round(1000.0 * f64::from(weight)) / 1000.0
 }
@@ -232,7 +234,8 @@ mod tests {
         assert_eq!(names, ["IHDR", "IDAT", "IEND"]);
     }
 
-    /// What is on disk is frozen: a change raises the revision of the stages that write pictures.
+    /// The format on disk is frozen: a change requires a new revision of the stages that write
+    /// pictures.
     #[test]
     fn the_bytes_are_frozen() {
         let rgb = Image::from_vec(SIZE, noise(SIZE.pixels() * 3).as_chunks().0.to_vec());

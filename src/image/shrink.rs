@@ -1,12 +1,13 @@
-//! Smaller images: each pixel is the mean of what it covers.
+//! Downscaling: each pixel is the mean of the area that it covers.
 
 use super::{Image, Size};
 use std::ops::Range;
 
-/// The image, `width` columns wide, its shape kept; an image that is no wider stays as it is.
+/// Scales an image to a width of `width` columns, with its aspect ratio kept. An image that is not
+/// wider stays unchanged.
 ///
-/// Each channel is the mean of the encoded values under the new pixel, each by the share of it that is covered, in integers:
-/// the same on every machine.
+/// Each channel is the mean of the encoded values under the new pixel, weighted by the covered
+/// share, in integers: the same on every machine.
 #[must_use]
 pub fn to_width(image: &Image<[u8; 3]>, width: u32) -> Image<[u8; 3]> {
     let from = image.size();
@@ -24,7 +25,8 @@ pub fn to_width(image: &Image<[u8; 3]>, width: u32) -> Image<[u8; 3]> {
     Image::from_vec(size, pixels)
 }
 
-/// What pixel `at` of `to` covers of `from` pixels: which, and of the first and of the last how much, in parts of `to`.
+/// The range of `from` pixels that pixel `at` of `to` covers, and the covered parts of the first
+/// and the last, in units of `1 / to`.
 struct Cover {
     range: Range<u32>,
     first: u64,
@@ -87,7 +89,7 @@ mod tests {
     #[test]
     fn pixels_are_means_of_what_they_cover() {
         t(4, &[0, 10, 20, 30, 2, 12, 22, 32], 2, &[6, 26]);
-        // 3 to 2: each covers one whole pixel and a half of the middle one
+        // 3 to 2: each pixel covers one whole pixel and half of the middle one.
         t(3, &[0, 90, 240], 2, &[30, 190]);
         // 5 to 3: 1 and 2/3; 1/3, 1 and 1/3; 2/3 and 1
         t(5, &[50, 100, 30, 60, 10], 3, &[70, 50, 30]);

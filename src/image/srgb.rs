@@ -1,13 +1,14 @@
-//! The transfer curve of sRGB (IEC 61966-2-1): display value 0..1 to linear light 0..1 and back.
+//! The transfer curve of sRGB (IEC 61966-2-1): display value 0..1 to linear light 0..1, and back.
 //!
-//! Beyond 1 both halves go on as the power law does, below 0 as the straight piece does: renderings leave the range.
+//! Above 1, both directions continue the power law; below 0, the linear piece. Renderings leave the
+//! range.
 
 use crate::elementary::{exp, ln};
 use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
 
-/// Display value up to which the curve is straight.
+/// Display value up to which the curve is linear.
 const STRAIGHT: f64 = 0.04045;
-/// Linear light up to which it is.
+/// Linear light up to which the curve is linear.
 const STRAIGHT_LIGHT: f64 = 0.003_130_8;
 const SLOPE: f64 = 12.92;
 const OFFSET: f64 = 0.055;
@@ -29,7 +30,7 @@ pub fn decode(v: f64) -> f64 {
     if v <= STRAIGHT { v / SLOPE } else { libm::pow((v + OFFSET) / (1.0 + OFFSET), GAMMA) }
 }
 
-/// How fast linear light grows with the display value.
+/// The derivative of linear light by the display value.
 #[must_use]
 pub fn slope(v: f64) -> f64 {
     if v <= STRAIGHT {
@@ -39,11 +40,12 @@ pub fn slope(v: f64) -> f64 {
     }
 }
 
-/// [`decode`] of eight finite values; within a few ulp of it, and the same bits by every instruction set.
+/// [`decode`] for eight finite values: within a few ulp of it, and the same bits with every
+/// instruction set.
 #[inline(always)]
 pub(crate) fn decode_eight<S: Simd>(v: f64x8<S>) -> f64x8<S> {
     let straight = v.simd_le(STRAIGHT);
-    // What the straight piece takes has no logarithm.
+    // Values on the linear piece are replaced, because they may have no logarithm.
     let base = (v.max(STRAIGHT) + OFFSET) / (1.0 + OFFSET);
     straight.select(v / SLOPE, exp(ln(base) * GAMMA))
 }
@@ -80,13 +82,14 @@ mod tests {
     fn what_is_encoded_is_decoded() {
         for i in 0..=1_500_u16 {
             let v = f64::from(i) / 1000.0;
-            // The standard's rounded constants leave a step of 3e-8 where its pieces meet.
+            // The rounded constants of the standard leave a step of 3e-8 where its pieces meet.
             assert!((encode(decode(v)) - v).abs() < 1e-7, "{v}");
         }
         assert!((decode(-0.1) + 0.1 / 12.92).abs() < 1e-15, "straight below 0");
     }
 
-    /// Central differences: their error is `h^2/6` times a third derivative of at most 8, plus rounding over `h`.
+    /// Central differences: their error is `h^2/6` times a third derivative of at most 8, plus
+    /// rounding divided by `h`.
     #[test]
     fn the_slope_is_that_of_the_curve() {
         let h = 1e-5;
@@ -97,7 +100,8 @@ mod tests {
         }
     }
 
-    /// An error of one ulp in the logarithm, of at most 3, is 2.4 times that in the power: a few ulp.
+    /// An error of one ulp in the logarithm, which is at most 3, is 2.4 times that in the power: a
+    /// few ulp.
     #[test]
     fn eight_at_once_are_decoded_alike() {
         let level = Level::new();

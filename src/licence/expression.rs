@@ -1,4 +1,4 @@
-//! SPDX licence expressions in one canonical form.
+//! SPDX licence expressions in a canonical form.
 
 use super::LicenceError;
 use spdx::ParseMode;
@@ -6,27 +6,27 @@ use spdx::expression::{ExprNode, Operator};
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// An expression: operands sorted, without repeats, brackets only where they are needed. Precedence as SPDX has it:
-/// `+`, WITH, AND, OR.
+/// An expression with sorted operands, without repeats, and with brackets only where needed.
+/// Precedence as in SPDX: `+`, WITH, AND, OR.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Expression(Term);
 
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Term {
-    /// A licence, with `+` and WITH where it has them.
+    /// A licence, with `+` and WITH if present.
     Licence(String),
     Any(BTreeSet<Term>),
     All(BTreeSet<Term>),
 }
 
 impl Expression {
-    /// Reads an expression: ids of the SPDX list in their exact spelling, and `LicenseRef-` ids.
+    /// Parses an expression: ids of the SPDX list in their exact spelling, and `LicenseRef-` ids.
     ///
     /// # Errors
-    /// When the text is no expression, or names a licence that is neither.
+    /// The text is not an expression, or names another licence.
     pub fn parse(text: &str) -> Result<Self, LicenceError> {
         let refusal = |because: String| LicenceError { text: text.to_owned(), because };
-        // SPDX keeps deprecated ids valid; the texts are there.
+        // SPDX keeps deprecated ids valid, and their texts exist.
         let mode = ParseMode { allow_deprecated: true, ..ParseMode::STRICT };
         let parsed = spdx::Expression::parse_mode(text, mode).map_err(|e| refusal(e.reason.to_string()))?;
         let mut stack = Vec::new();
@@ -46,10 +46,10 @@ impl Expression {
         Ok(Self(term))
     }
 
-    /// All of these at once.
+    /// The conjunction of all these.
     ///
     /// # Panics
-    /// If there are none: no terms are not the same as free terms.
+    /// There are none: no terms are not the same as free terms.
     #[must_use]
     pub fn all(expressions: impl IntoIterator<Item = Self>) -> Self {
         let terms = expressions.into_iter().map(|e| e.0);
@@ -57,7 +57,7 @@ impl Expression {
         Self(joined.expect("a scene has at least one part"))
     }
 
-    /// The ids of licences and exceptions in it, sorted: those whose texts must be shipped.
+    /// The ids of its licences and exceptions, sorted. Their texts must be shipped.
     #[must_use]
     pub fn ids(&self) -> BTreeSet<String> {
         let mut ids = BTreeSet::new();
@@ -65,7 +65,7 @@ impl Expression {
         ids
     }
 
-    /// Whether every alternative of it holds this id.
+    /// Whether every alternative contains this id.
     #[must_use]
     pub fn demands(&self, id: &str) -> bool {
         self.0.demands(id)
@@ -126,7 +126,7 @@ impl fmt::Display for Term {
             Self::All(terms) => (terms, " AND "),
             Self::Any(terms) => (terms, " OR "),
         };
-        // Sorted as they are written, brackets included.
+        // Sorted as text, including brackets.
         let bracketed = |t: &Term| match (self, t) {
             (Self::All(_), Self::Any(_)) => format!("({t})"),
             _ => t.to_string(),

@@ -1,8 +1,9 @@
-//! What is known of the terms of each asset that scenes are made from or with: the one table that composition, audit,
-//! card and datasheet read (pipeline.md section 9).
+//! What is known of the terms of each asset that scenes are made from or with: the one table that
+//! composition, audit, card and datasheet read (docs/design/pipeline.md, "Licences").
 //!
-//! An entry says what was read and where, what follows from it, and whether that is all of its terms: what is not
-//! verified is told as such wherever it is used. Nothing here is taken from a paper that only repeats an upstream.
+//! An entry says what was read and where, what follows from it, and whether that is all of its terms: what
+//! is not verified is told as such wherever it is used. Nothing here is taken from a paper that only
+//! repeats an upstream.
 
 use super::SourceKind;
 use serde::{Deserialize, Serialize};
@@ -39,8 +40,8 @@ impl Obligation {
         }
     }
 
-    /// Those that a Creative Commons expression names in its ids, and attribution where a permissive licence asks that its
-    /// notice be kept. Of other ids nothing is said: their texts bind.
+    /// Those that a Creative Commons expression names in its ids, and attribution where a permissive
+    /// licence asks that its notice be kept. Of other ids nothing is said: their texts bind.
     #[must_use]
     pub fn of_ids(ids: &[&str]) -> Vec<Self> {
         let has = |part: &str| ids.iter().any(|id| id.starts_with("CC-BY") && id.contains(part));

@@ -1,9 +1,9 @@
-//! The texts of licences: those of the SPDX list, and of terms that have no id there.
+//! Texts of licences: those of the SPDX list, and of terms without an id there.
 
 /// Id of the terms of a scene whose owner states none.
 pub(super) const UNSTATED: &str = "LicenseRef-Unstated";
 
-/// Terms without an id of the SPDX list, and what is shipped as their text.
+/// Terms without an id in the SPDX list, and the text shipped for them.
 const OWN: [(&str, &str); 4] = [
     (UNSTATED, include_str!("texts/LicenseRef-Unstated.txt")),
     ("LicenseRef-DL3DV-10K-ToU", include_str!("texts/LicenseRef-DL3DV-10K-ToU.txt")),
@@ -17,8 +17,8 @@ pub fn is_listed(id: &str) -> bool {
     spdx::license_id(id).is_some()
 }
 
-/// The text of a licence or an exception, with a final newline. Of terms that only their holders know, it says just
-/// that, and names the holders.
+/// The text of a licence or an exception, with a final newline. For terms that only their holders
+/// have, the text says so and names the holders.
 #[must_use]
 pub fn text(id: &str, holders: &[String]) -> String {
     let own = OWN.iter().find(|(own, _)| *own == id).map(|(_, text)| *text);

@@ -1,4 +1,4 @@
-//! Whether a step must run, and why: its key against the store.
+//! Assessment of steps: whether each must run, and why, by comparing its key with the store.
 
 use super::{Plan, PlannedStep};
 use crate::recipe::Position;
@@ -12,23 +12,24 @@ use crate::store::{BlobState, Digest, Key, Store, StoreError};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// What becomes of a step.
+/// The action for a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Action {
-    /// Its key has no sound record.
+    /// It must run: its key has no sound record.
     Run,
-    /// An input will run, or a program must be asked for its version. If both are as before, the step stays.
+    /// An input will run, or a program must be asked for its version. If that gives the same as before,
+    /// this step stays.
     MayRun,
     /// Up to date.
     Keep,
 }
 
-/// Why a step runs or stays.
+/// The reason for an action.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "code", rename_all = "kebab-case")]
 pub enum Reason {
-    /// Recorded, and all its outputs are there.
+    /// Recorded, with all outputs present.
     UpToDate,
     /// An input runs first.
     InputMayChange {
@@ -40,41 +41,41 @@ pub enum Reason {
         /// Name of the program.
         program: String,
     },
-    /// Never made.
+    /// Never made before.
     NoRecord,
-    /// Made from another input.
+    /// An input has changed.
     InputChanged {
         /// Role of the input.
         name: String,
-        /// Digest then; empty where there was none.
+        /// Previous digest; empty if there was none.
         old: String,
-        /// Digest now; empty where there is none.
+        /// Present digest; empty if there is none.
         new: String,
     },
-    /// Made with another parameter.
+    /// A parameter has changed.
     ParamChanged {
-        /// Its place in the description.
+        /// Path in the description.
         name: String,
-        /// Value then; empty where there was none.
+        /// Previous value; empty if there was none.
         old: String,
-        /// Value now; empty where there is none.
+        /// Present value; empty if there is none.
         new: String,
     },
-    /// Made by another revision of the stage.
+    /// The revision of the stage has changed.
     Revision {
-        /// Then.
+        /// Previous revision.
         old: String,
-        /// Now.
+        /// Present revision.
         new: String,
     },
-    /// Made by another numerical class.
+    /// The numerical class has changed.
     Class {
-        /// Then.
+        /// Previous class.
         old: String,
-        /// Now.
+        /// Present class.
         new: String,
     },
-    /// Recorded, but an output is gone.
+    /// Recorded, but an output is missing.
     BlobMissing {
         /// Its digest.
         digest: String,
@@ -86,7 +87,7 @@ pub enum Reason {
     },
 }
 
-/// A step held against the store.
+/// A step compared with the store.
 #[derive(Debug, Clone)]
 pub struct Assessment {
     /// What becomes of it.
@@ -95,17 +96,17 @@ pub struct Assessment {
     pub reason: Reason,
     /// Its key; `None` while an input or the version of a program may change.
     pub key: Option<Key>,
-    /// What the key is the hash of; without the inputs that are not known yet.
+    /// The description of the key, without inputs that are not known yet.
     pub description: Value,
     /// The files outside the store that it reads.
     pub sources: Sources,
-    /// Its outputs, where it is up to date.
+    /// Its outputs, if it is up to date.
     pub outputs: Option<Vec<Output>>,
 }
 
 impl Assessment {
-    /// What differs from when the step was last made, `last` being the description on that record. An input that is
-    /// not known yet is no difference.
+    /// The difference from the last time the step was made, with `last` as the description on
+    /// record. An input that is not known yet is not a difference.
     #[must_use]
     pub fn changes(&self, last: &[Line]) -> Vec<Change> {
         let mut changes = changes(last, &self.description.lines());
@@ -115,18 +116,20 @@ impl Assessment {
     }
 }
 
-/// The files outside the store that a step reads, at a moment.
+/// The files outside the store that a step reads, at one moment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Sources {
-    /// Digests by role, as they are in the description.
+    /// Digests by role, as in the description.
     pub digests: Vec<(String, Digest)>,
-    /// Every folder whose listing said which files they are, then every file, as it was before it was read.
+    /// Observations of every folder that was listed to find the files, and of every file, from
+    /// before it was read.
     pub seen: Vec<(PathBuf, Sighting)>,
 }
 
 impl Sources {
-    /// The name of a file that is not as it was `then`, if there is one. One that was written anew with equal bytes
-    /// counts: what a reader saw in between is not known. A folder counts by the files that its listing leads to.
+    /// The name of a file that has changed since `then`, if there is one. A file that was rewritten
+    /// with equal bytes counts, because a reader may have seen other bytes in between. A folder
+    /// counts by the files that it leads to.
     #[must_use]
     pub fn moved_since(&self, then: &Self) -> Option<String> {
         let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &Sighting)| {
@@ -145,30 +148,30 @@ impl Sources {
     }
 }
 
-/// What a step stands at.
+/// The present state of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Product {
     /// Its key.
     pub key: Key,
     /// Its outputs.
     pub outputs: Vec<Output>,
-    /// What it read outside the store.
+    /// Files that it read outside the store.
     pub sources: Sources,
 }
 
-/// Why a plan cannot be made.
+/// The reason why a plan cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
-    /// A source file is not there.
+    /// A source file does not exist.
     #[error("{scene}: the source is not there: {}{}", path.display(), named(named_at.as_ref()))]
     Missing {
         /// Scene id.
         scene: String,
-        /// The step that reads it.
+        /// Name of the step that reads it.
         step: String,
-        /// What was looked for.
+        /// The missing path.
         path: std::path::PathBuf,
-        /// Where the recipe names it.
+        /// Its place in the recipe.
         named_at: Option<Position>,
     },
     /// A source cannot be listed or read.
@@ -190,10 +193,10 @@ fn named(at: Option<&Position>) -> String {
     at.map(|at| format!(", named at {at}")).unwrap_or_default()
 }
 
-/// Holds a whole plan against the store; runs nothing.
+/// Compares a whole plan with the store, and runs nothing.
 ///
 /// # Errors
-/// When a source is absent or unreadable, or the store fails.
+/// A source is absent or unreadable, or the store fails.
 pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> {
     let mut done: Vec<Assessment> = Vec::with_capacity(plan.steps.len());
     for step in &plan.steps {
@@ -210,7 +213,7 @@ pub fn assess(plan: &Plan, store: &Store) -> Result<Vec<Assessment>, PlanError> 
     Ok(done)
 }
 
-/// Holds one step against the store, given the outputs of its inputs. Its programs have been asked.
+/// Compares one step with the store, given the outputs of its inputs. Its programs have been asked.
 ///
 /// # Errors
 /// As [`assess`].
@@ -234,7 +237,7 @@ pub fn step_alone(
     Ok(Assessment { action, reason, key: Some(key), description, sources, outputs })
 }
 
-/// A step whose key is not known yet: what is known of it already.
+/// A step whose key is not known yet: its description as far as it is known.
 fn step_behind(
     plan: &Plan,
     store: &Store,
@@ -253,7 +256,7 @@ fn step_behind(
     })
 }
 
-/// A step with those of its inputs that are known.
+/// A step with its known inputs.
 pub(crate) fn describe(
     step: &PlannedStep,
     sources: &Sources,
@@ -265,10 +268,10 @@ pub(crate) fn describe(
     step.step.describe(&inputs)
 }
 
-/// Reads the files outside the store that a step reads, where their stat fields moved.
+/// Reads the files outside the store that a step reads, if their stat fields have changed.
 ///
 /// # Errors
-/// When one is absent or unreadable.
+/// A file is absent or unreadable.
 pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<Sources, PlanError> {
     let scene = || plan.scene_of(step).to_owned();
     let places = &plan.scenes()[step.scene].named_at;
@@ -288,11 +291,11 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
         _ => failed(StageError::Io { path: path.clone(), source: e }),
     };
     let mut sources = Sources::default();
-    // Before they are listed: an entry that comes later moves their stat fields.
+    // Before they are listed: an entry that is added later changes their stat fields.
     for folder in step.step.source_folders() {
         match store.sight(&folder) {
             Ok(seen) => sources.seen.push((folder, seen)),
-            // One that is gone is told by whoever lists it.
+            // A missing folder is reported by `sources()` below.
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
             Err(e) => return Err(unreadable(&folder, e)),
         }
@@ -317,7 +320,7 @@ fn damage(store: &Store, outputs: &[Output]) -> Result<Option<Reason>, StoreErro
     Ok(None)
 }
 
-/// What differs from when the step was last made.
+/// The difference from the last time the step was made.
 fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Result<Reason, StoreError> {
     let last = store.last_key(plan.scene_of(step), &step.name);
     let record = last.map(|key| store.full_record(&key)).transpose()?.flatten();
@@ -328,11 +331,11 @@ fn difference(plan: &Plan, store: &Store, step: &PlannedStep, now: &Value) -> Re
 /// A line that differs between two descriptions.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Change {
-    /// Its place.
+    /// Path of the line.
     pub path: String,
-    /// The text before; empty where it was absent.
+    /// Previous text; empty if it was absent.
     pub old: String,
-    /// The text after; empty where it is absent.
+    /// Present text; empty if it is absent.
     pub new: String,
 }
 
@@ -352,7 +355,8 @@ impl Change {
     }
 }
 
-/// The lines that differ, the most telling first: revision and class, then parameters, then inputs.
+/// The lines that differ, the most important first: revision and class, then parameters, then
+/// inputs.
 #[must_use]
 pub fn changes(old: &[Line], new: &[Line]) -> Vec<Change> {
     let text = |lines: &[Line], path: &str| {

@@ -1,4 +1,4 @@
-//! What steps took before: the ground of every estimate of time, disk and memory.
+//! Resources used by earlier steps: the basis of all estimates of time, disk and memory.
 
 use super::{Plan, PlannedStep};
 use crate::recipe::Recipe;
@@ -12,14 +12,14 @@ use crate::store::record::Brief;
 use crate::store::{Store, StoreError};
 use std::collections::BTreeMap;
 
-/// What a step took, or steps of its kind on average.
+/// Resources used by a step, or by an average step of its stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Past {
     /// Wall time times threads, s.
     pub core_seconds: f64,
     /// Bytes of its outputs.
     pub bytes: f64,
-    /// Memory that it was granted, bytes.
+    /// Granted memory, bytes.
     pub memory: f64,
 }
 
@@ -34,11 +34,11 @@ impl Past {
     }
 }
 
-/// For each step of a plan what the same step of the same scene took when it was last made, else the mean of its
-/// stage over all records; `None` where its stage was never run.
+/// For each step of a plan, the resources used by the same step of the same scene when it was last
+/// made, or else the mean of its stage over all records. `None` if its stage was never run.
 ///
 /// # Errors
-/// When a record cannot be read.
+/// A record cannot be read.
 pub fn past(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError> {
     let own = |step: &PlannedStep| {
         let key = store.last_key(plan.scene_of(step), &step.name);
@@ -55,12 +55,13 @@ pub fn past(plan: &Plan, store: &Store) -> Result<Vec<Option<Past>>, StoreError>
     Ok(own.into_iter().zip(plan.steps()).map(or_mean).collect())
 }
 
-/// The numerical class that a scene was last rendered in; `None` where it was not, or nothing is known of it.
+/// The numerical class in which a scene was last rendered; `None` if it was not rendered, or
+/// nothing is known.
 ///
 /// # Errors
-/// When a record cannot be read.
+/// A record cannot be read.
 pub fn class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
-    // Those that take longest to make again come first.
+    // The steps that would take longest to make again come first.
     let steps =
         [Simulating::NAME, Exposing::NAME, Photographing::NAME, Depth::NAME, Flow::NAME, Moving::NAME];
     for step in steps {

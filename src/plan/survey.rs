@@ -1,8 +1,8 @@
-//! Which scenes are up to date at a glance, and a plan for the others.
+//! Survey: scenes that are up to date, found quickly, and a plan for the others.
 //!
-//! A scene whose recipe, sources and products have the stat fields that they had when it was last built is *settled*:
-//! its recipe is not even parsed. The others are read, planned and held against the store as ever, so a memo that is
-//! lost or no longer holds costs time and nothing else.
+//! A scene is *settled* if its recipe, sources and products have the stat fields of its last build;
+//! its recipe is then not even parsed. The other scenes are read, planned and compared with the
+//! store as usual. A memo that is lost or outdated costs time only.
 
 use super::assess::Product;
 use super::{Plan, Renderers};
@@ -14,23 +14,23 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-/// What some recipes come to, before anything is run.
+/// The state of some recipes before anything is run.
 #[derive(Debug)]
 pub struct Survey {
-    /// Scenes of which everything is up to date, sorted by id.
+    /// Scenes that are up to date, sorted by id.
     pub settled: Vec<Settled>,
-    /// The steps of the others.
+    /// The steps of the other scenes.
     pub plan: Plan,
-    /// Number of scenes that are left out, as a `takedown.txt` lists them.
+    /// Number of scenes left out because a `takedown.txt` lists them.
     pub taken_down: usize,
 }
 
-/// A scene of which everything is up to date.
+/// A scene that is up to date.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settled {
     /// Its id.
     pub scene: String,
-    /// Kind of its upstream, and what that calls it.
+    /// Kind of its upstream, and its name there.
     source: (String, Option<String>),
     /// Names of its trajectories.
     trajectories: Vec<String>,
@@ -41,7 +41,7 @@ pub struct Settled {
 /// A step that is up to date.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SettledStep {
-    /// Its name within the scene.
+    /// Name within the scene.
     pub name: String,
     /// Its key.
     pub key: Key,
@@ -49,10 +49,10 @@ pub struct SettledStep {
     pub outputs: Vec<Output>,
 }
 
-/// Why recipes cannot be surveyed.
+/// The reason why recipes cannot be surveyed.
 #[derive(Debug, thiserror::Error)]
 pub enum SurveyError {
-    /// They are wrong.
+    /// They have faults.
     #[error("the recipes have faults")]
     Faults(Box<Faults>),
     /// The store failed.
@@ -66,12 +66,12 @@ impl From<Faults> for SurveyError {
     }
 }
 
-/// Surveys the recipes of files and folders. `tag` stands for the program and those of its options that may change a
-/// key: what another one found does not count.
+/// Surveys the recipes in files and folders. `tag` stands for the program and for those of its
+/// options that may change a key: memos with another tag do not count.
 ///
 /// # Errors
-/// Every fault of the recipes, as [`recipe::read_all`], and of lists of what is taken down; or when the store cannot be
-/// read.
+/// Every fault of the recipes, as [`recipe::read_all`], and of takedown lists; or the store cannot
+/// be read.
 pub fn survey(
     paths: &[PathBuf],
     renderers: &dyn Renderers,
@@ -88,7 +88,7 @@ pub fn survey(
         .map(|(f, _)| f.clone())
         .collect();
     let mut settled: Vec<Settled> = recalled.into_iter().flatten().collect();
-    // A recipe that is wrong may be wrong because of another one: then all of them are read.
+    // A fault of one recipe may be caused by another one, so all of them are read.
     let Ok(recipes) = recipe::read_files(&moved) else { return unsettled(paths, renderers) };
     if may_clash(&settled, &recipes) {
         return unsettled(paths, renderers);
@@ -102,7 +102,7 @@ pub fn survey(
     Ok(Survey { settled, plan: Plan::new(recipes, renderers), taken_down })
 }
 
-/// Reads and plans every scene, whatever is remembered.
+/// Reads and plans every scene, without memos.
 ///
 /// # Errors
 /// Every fault of the recipes, as [`recipe::read_all`].
@@ -112,7 +112,8 @@ pub fn unsettled(paths: &[PathBuf], renderers: &dyn Renderers) -> Result<Survey,
     Ok(Survey { settled: Vec::new(), plan: Plan::new(recipes, renderers), taken_down })
 }
 
-/// Whether two scenes could claim one folder: an id that is there twice, or that lies in a trajectory of another.
+/// Whether two scenes could claim one folder: the same id twice, or an id inside a trajectory of
+/// another scene.
 fn may_clash(settled: &[Settled], recipes: &[Recipe]) -> bool {
     let known =
         settled.iter().map(|s| (s.scene.as_str(), s.trajectories.iter().map(String::as_str).collect()));
@@ -130,7 +131,8 @@ fn may_clash(settled: &[Settled], recipes: &[Recipe]) -> bool {
     ids.len() < scenes.len() || ids.iter().any(inside)
 }
 
-/// Remembers every scene of a plan that is whole and at rest, so that the next survey finds it settled.
+/// Stores a memo for every scene of a plan that is complete and stable, so that the next survey
+/// finds it settled.
 pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store, tag: &Digest) {
     let mut scenes: Vec<Option<Scene>> = plan.scenes().iter().map(|_| Some(Scene::default())).collect();
     for (step, id) in plan.steps().iter().zip((0..).map(StepId)) {
@@ -142,7 +144,7 @@ pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store
     }
     for (recipe, scene) in plan.scenes().iter().zip(scenes) {
         let Some(scene) = scene else { continue };
-        // Which programs are there is in the keys, and is found out by planning.
+        // The installed programs enter the keys, and only planning finds them.
         if recipe.checks.asks_programs() {
             continue;
         }
@@ -159,7 +161,7 @@ pub fn remember(plan: &Plan, products: &BTreeMap<StepId, Product>, store: &Store
     }
 }
 
-/// What is known of a scene, step by step.
+/// The state of a scene, step by step.
 #[derive(Default)]
 struct Scene {
     steps: Vec<SettledStep>,

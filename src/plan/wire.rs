@@ -1,5 +1,5 @@
-//! From one recipe to the steps of its scene. A scene pays only for what it needs: a step whose product no output
-//! asks for does not exist.
+//! From one recipe to the steps of its scene. A scene pays only for what it needs: no step exists
+//! without an output that uses its product.
 
 use super::{Renderers, Wiring};
 use crate::artifact::{Motion, Pictures};
@@ -35,7 +35,8 @@ pub(super) fn scene(recipe: &Recipe, renderers: &dyn Renderers, wiring: &mut Wir
         wiring.add("reconstruct".into(), reconstructing, trained_on)
     });
     let ground = Ground { capture, gaussians, backend, omit, asking: asking.as_ref() };
-    // Those that others are drawn from come first, wherever the recipe has them; else its order is kept.
+    // Trajectories that are the base of others come first, wherever the recipe has them; otherwise
+    // its order is kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
     let mut motions = BTreeMap::new();
     for trajectory in own.into_iter().chain(drawn) {
@@ -48,7 +49,7 @@ pub(super) fn scene(recipe: &Recipe, renderers: &dyn Renderers, wiring: &mut Wir
     }
 }
 
-/// The Gaussians, where something is made of them.
+/// The Gaussians, if a step uses them.
 fn reconstructing(recipe: &Recipe) -> Option<Reconstructing> {
     match (&recipe.reconstruct, &recipe.source) {
         (Some(Reconstruct::Given(file)), _) => Some(Reconstructing::given(file)),
@@ -61,7 +62,7 @@ fn reconstructing(recipe: &Recipe) -> Option<Reconstructing> {
     }
 }
 
-/// The scene held against its photos, and its capture against itself.
+/// The comparison of the scene with its photos, and of its capture with itself.
 fn photographed(recipe: &Recipe, ground: Ground<'_>, wiring: &mut Wiring<'_>) {
     let Ground { capture, gaussians, backend, .. } = ground;
     let fidelity = gaussians.map(|gaussians| {
@@ -81,11 +82,11 @@ fn capturing(recipe: &Recipe) -> Capturing {
     }
 }
 
-/// What the steps of all trajectories may take, and what renders them.
+/// Common inputs of the steps of all trajectories, and their renderer.
 #[derive(Debug, Clone, Copy)]
 struct Ground<'a> {
     capture: Target<Capture>,
-    /// There where something is rendered.
+    /// Present if something is rendered.
     gaussians: Option<Target<Gaussians>>,
     backend: &'a Backend,
     omit: Omit,
@@ -138,7 +139,7 @@ fn trajectory(
     motion
 }
 
-/// The steps that render the pictures of a release, each where it is asked for; the sharp ones are seen by others.
+/// The requested steps that render the pictures of a release. Other steps read the sharp ones.
 fn pictures(
     recipe: &Recipe,
     trajectory: &str,
@@ -152,7 +153,7 @@ fn pictures(
     let inputs = || (capture, gaussians.expect(RENDERED), motion);
     let asks = |output: Output| recipe.outputs.contains(&output);
     let sharp = asks(Output::Sharp).then(|| {
-        // Where every frame is kept, those in the middle of exposures are.
+        // If every frame is kept, those in the middle of exposures are.
         let exposed = (asks(Output::Blur) && recipe.every.sharp > 1).then_some(recipe.shutter.frames);
         let sharp = Photographing { shot: shot(), every: recipe.every.sharp, exposed };
         wiring.add(name("sharp"), sharp, inputs())

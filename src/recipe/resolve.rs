@@ -203,8 +203,9 @@ impl Resolver<'_> {
     }
 }
 
-/// The rules of rendering where the recipe has none: those whose pictures have no jumps at cuts of alpha where it asks for an
-/// error (numerics 3.3), else those of the reference implementation.
+/// The rules of rendering where the recipe has none: those whose pictures have no jumps at cuts of alpha
+/// where it asks for an error (docs/design/numerics-sampling.md, "Jumps of the renderer"), else those of
+/// the reference implementation.
 fn usual_rules(sampling: &Field<schema::Sampling>) -> schema::Rules {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
     if tolerant { schema::Rules::Soft } else { schema::Rules::Official }

@@ -1,4 +1,4 @@
-//! Back ends: which renderer steps are made with, and the numerical class that this puts into their keys.
+//! Choice of a back end, and the numerical class that it adds to the keys of steps.
 
 use super::cpu::{self, Cpu};
 use super::gpu::{self, Device, Gpu, GpuError};
@@ -8,22 +8,23 @@ use crate::image::Size;
 use crate::scene::Gaussians;
 use std::sync::Arc;
 
-/// A back end, ready to take scenes.
+/// A back end that can take scenes.
 #[derive(Debug, Clone, Default)]
 pub enum Backend {
-    /// The CPU, in f32.
+    /// The CPU in f32.
     #[default]
     Cpu,
-    /// The CPU, in f64, slowly.
+    /// The CPU in f64: slow.
     Reference,
     /// A GPU.
     Gpu(Device),
-    /// A GPU that was not opened, by the class of what it rendered: enough for keys, and it renders nothing.
+    /// A GPU that was not opened, known by its numerical class. It is enough for keys, but it
+    /// cannot render.
     Unopened(String),
 }
 
 impl Backend {
-    /// The numerical class: the [`Renderer::fingerprint`] of what [`Self::renderer`] makes.
+    /// The numerical class: the [`Renderer::fingerprint`] of its renderers.
     #[must_use]
     pub fn class(&self) -> String {
         match self {
@@ -34,10 +35,10 @@ impl Backend {
         }
     }
 
-    /// A renderer of a scene.
+    /// Creates the renderer of a scene.
     ///
     /// # Errors
-    /// When the back end cannot hold the scene or cannot render in this style.
+    /// The back end cannot hold the scene, or cannot render in this style.
     pub fn renderer(&self, scene: Arc<Gaussians>, style: Style) -> Result<Box<dyn Renderer>, RenderError> {
         Ok(match self {
             Self::Cpu => Box::new(Cpu::new(scene, style)?),
@@ -47,7 +48,7 @@ impl Backend {
         })
     }
 
-    /// Memory of the machine that rendering a scene of this many bytes at this size takes, bytes.
+    /// Host memory for rendering a scene of this many bytes at this size, in bytes.
     #[must_use]
     pub fn memory(&self, scene_bytes: u64, size: Size) -> u64 {
         match self {
@@ -57,25 +58,25 @@ impl Backend {
         }
     }
 
-    /// Whether it can render with what it leaves out otherwise, and without.
+    /// Whether the back end can render both with and without leaving work out.
     #[must_use]
     pub fn has_choice(&self) -> bool {
         matches!(self, Self::Cpu)
     }
 
-    /// Whether it takes a GPU.
+    /// Whether the back end uses a GPU.
     #[must_use]
     pub fn takes_gpu(&self) -> bool {
         matches!(self, Self::Gpu(_) | Self::Unopened(_))
     }
 
-    /// Whether a numerical class is one of the CPU in f32, of whichever revision.
+    /// Whether a numerical class is one of the CPU in f32, of any revision.
     #[must_use]
     pub fn is_cpu(class: &str) -> bool {
         class.starts_with("cpu/")
     }
 
-    /// Whether a numerical class is a GPU's.
+    /// Whether a numerical class is one of a GPU.
     #[must_use]
     pub fn is_gpu(class: &str) -> bool {
         class.starts_with("gpu/")

@@ -1,9 +1,10 @@
 //! How fast the middle of the picture moves, by the poses alone.
 //!
-//! By `Xdot = -v - w x X` (`pipeline.md` 8) a point straight ahead at distance `D` moves on the image by `f |v| / D` for
-//! a camera that shifts sideways by `v`, and by `f |w|` for one that turns by `w` across its optical axis. Which way each
-//! of the two goes is left aside: their sum is the most that such a point moves, and what a camera that keeps looking at
-//! it hides. Moving forward and turning about the optical axis leave the point where it is.
+//! By `Xdot = -v - w x X` (docs/design/numerics-rendering.md, "Rates of a moving camera") a point straight
+//! ahead at distance `D` moves on the image by `f |v| / D` for a camera that shifts sideways by `v`, and by
+//! `f |w|` for one that turns by `w` across its optical axis. Which way each of the two goes is left aside:
+//! their sum is the most that such a point moves, and what a camera that keeps looking at it hides. Moving
+//! forward and turning about the optical axis leave the point where it is.
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
@@ -13,8 +14,9 @@ use crate::se3::Se3;
 use crate::se3::rotation::log;
 use glam::DVec3;
 
-/// Quantiles over the steps between neighbouring poses of the most that a point straight ahead at `distance` (units)
-/// moves, px of `camera` along x, to first order in the turn; `None` where there is no step.
+/// Quantiles over the steps between neighbouring poses of the most that a point straight ahead at
+/// `distance` (units) moves, px of `camera` along x, to first order in the turn; `None` where there is no
+/// step.
 #[must_use]
 pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<Quantiles> {
     let across = |v: DVec3| v.truncate().length();

@@ -1,9 +1,10 @@
-//! The CPU back end: plain IEEE arithmetic in f64 up to camera coordinates and f32 from there on.
+//! The CPU back end: plain IEEE arithmetic, in f64 up to camera coordinates and in f32 from there
+//! on.
 //!
-//! Passes: `project` every Gaussian, `sort` those that are left, `bin` them into tiles, `raster` each tile,
-//! `resolve` the tiles into images. No fused multiply-add and no transcendental function of the platform has a
-//! part in a pixel, and the order of every sum is fixed: the bytes are the same on every machine and at every
-//! number of threads.
+//! The passes are: `project` every Gaussian, `sort` those that remain, `bin` them into tiles,
+//! `raster` each tile, `resolve` the tiles into images. No pixel depends on a fused multiply-add or
+//! on a transcendental function of the platform, and the order of every sum is fixed. The bytes are
+//! therefore the same on every machine and with any number of threads.
 
 pub(super) mod activate;
 mod bin;
@@ -35,13 +36,14 @@ use sort::Sorter;
 use splat::{Rates, Splat};
 use std::sync::Arc;
 
-/// A scene ready to be rendered, and the buffers of its last frame.
+/// A scene ready for rendering, and the buffers of its last frame.
 #[derive(Debug)]
 pub struct Cpu {
     scene: Arc<Gaussians>,
-    /// Of the Gaussians that some view may see.
+    /// Gaussians that some view may see, in activated form.
     blocks: Vec<Block>,
-    /// Degree of the harmonics that are evaluated: where something is left out, those that are not all zero.
+    /// Highest degree of harmonics that is evaluated. If work is left out, it is the highest degree
+    /// that is not all zero.
     sh_degree: u8,
     style: Style,
     omit: Omit,
@@ -54,12 +56,12 @@ pub struct Cpu {
     tiles: Vec<f32>,
 }
 
-/// The numerical class: plain IEEE operations in a fixed order, equal on every machine. Raised with every change of
-/// a pixel's bits.
+/// The numerical class: plain IEEE operations in a fixed order, equal on every machine. Raise it
+/// with every change of a pixel's bits.
 pub const FINGERPRINT: &str = "cpu/1";
 
-/// Memory that rendering a scene of this many bytes at this size takes, bytes, by measurement: the scene as it is and
-/// as the renderer has it; colour, alpha and depth of every pixel, and the lists of its tile.
+/// Memory for rendering a scene of this many bytes at this size, in bytes, as measured: the scene
+/// as stored and in activated form; colour, alpha and depth of every pixel; the lists of the tiles.
 #[must_use]
 pub fn memory(scene_bytes: u64, size: Size) -> u64 {
     const BYTES_A_PIXEL: u64 = 24;
@@ -67,10 +69,10 @@ pub fn memory(scene_bytes: u64, size: Size) -> u64 {
 }
 
 impl Cpu {
-    /// Prepares a scene. Gaussians with a value that is not finite are kept out of every image.
+    /// Prepares a scene. Gaussians with a value that is not finite are excluded from every image.
     ///
     /// # Errors
-    /// When the scene has more than 2^32 - 1 Gaussians or the background is not finite.
+    /// The scene has more than 2^32 - 1 Gaussians, or the background is not finite.
     pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
         if u32::try_from(scene.len()).is_err() {
             let because = format!("{} Gaussians, at most {} can be sorted", scene.len(), u32::MAX);
@@ -96,38 +98,38 @@ impl Cpu {
     }
 }
 
-/// A pass over the scene or the image.
+/// One pass over the scene or the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pass {
-    /// Every Gaussian onto the image.
+    /// Projection of every Gaussian.
     Project,
-    /// Those that are left, by depth.
+    /// Sort by depth.
     Sort,
-    /// Into the lists of the tiles.
+    /// Lists per tile.
     Bin,
-    /// Each tile blended.
+    /// Blending of each tile.
     Raster,
-    /// The tiles into images.
+    /// Images from tiles.
     Resolve,
 }
 
 impl Cpu {
-    /// Renders with this instruction set from now on: the same bits, at another speed.
+    /// Sets the instruction set for later frames: the same bits at another speed.
     pub fn set_instructions(&mut self, instructions: Instructions) {
         self.instructions = instructions;
     }
 
-    /// Lists at most this many (Gaussian, tile) pairs at once from now on, but for a tile that has more by itself: the
-    /// same bits, in more or less memory.
+    /// Sets the maximum number of (Gaussian, tile) pairs that are listed at once: the same bits
+    /// with more or less memory. A single tile may exceed it.
     pub fn set_list_budget(&mut self, pairs: usize) {
         self.lists = Lists::new(pairs);
     }
 
-    /// [`Renderer::render`] that tells when each pass is done; binning and blending take turns where the lists are over
-    /// their budget.
+    /// [`Renderer::render`] with a callback at the end of each pass. If the lists exceed their
+    /// budget, binning and blending alternate.
     ///
     /// # Errors
-    /// When no image can be made of the view.
+    /// The view cannot be rendered.
     pub fn render_in_passes(
         &mut self,
         view: &View,
@@ -176,8 +178,8 @@ impl Cpu {
 }
 
 impl Cpu {
-    /// Renders the Gaussians of these numbers from now on. They are laid out anew, so that it takes no more memory than
-    /// before; the list of them, while that is done, 4 bytes a Gaussian.
+    /// Restricts later frames to the Gaussians with these indices. Blocks are rebuilt in place, so
+    /// this takes no more memory than before, plus 4 bytes per Gaussian for the list.
     fn keep(&mut self, numbers: &[u32]) {
         self.blocks = Vec::new();
         self.blocks = activate::activate(&self.scene, self.style.rules, numbers);
@@ -215,7 +217,7 @@ impl Renderer for Cpu {
     }
 }
 
-/// Values that each splat carries for these channels. Alpha comes with any.
+/// Number of feature values per splat for these channels. Alpha needs none.
 fn feature_count(want: Channels) -> usize {
     3 * usize::from(want.rgb)
         + usize::from(want.luminance)

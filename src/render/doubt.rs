@@ -1,9 +1,10 @@
-//! How much of some pictures is made by Gaussians too deep for their distance (`numerics.md` 7.3).
+//! The share of images that comes from Gaussians too deep for their distance, for which the affine
+//! approximation of the projection is doubtful.
 
 use super::Rendered;
 use crate::image::Image;
 
-/// Blended weight, summed over pictures.
+/// Sums of blended weight over images.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Doubt {
     weight: f64,
@@ -11,7 +12,7 @@ pub struct Doubt {
 }
 
 impl Doubt {
-    /// Adds a picture of which opacity and doubtful weight were asked for.
+    /// Adds an image with the channels opacity and doubtful weight.
     pub fn add(&mut self, rendered: &Rendered) {
         let sum = |image: &Option<Image<f32>>| -> f64 {
             image.iter().flat_map(Image::pixels).map(|v| f64::from(*v)).sum()
@@ -20,7 +21,7 @@ impl Doubt {
         self.doubtful += sum(&rendered.doubtful);
     }
 
-    /// The doubtful share; `None` where nothing is blended.
+    /// The doubtful share; `None` if nothing was blended.
     #[must_use]
     pub fn share(&self) -> Option<f64> {
         (self.weight > 0.0).then(|| self.doubtful / self.weight)

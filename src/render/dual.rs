@@ -1,10 +1,11 @@
-//! Values with their derivative in time: forward-mode differentiation by dual numbers.
+//! Dual numbers: values with their derivative in time, for forward-mode differentiation.
 //!
-//! Every operation carries the exact derivative of what it does beside its value, whose bits are those of the same
-//! operations on plain numbers. So what is written over [`Real`] is a computation and, at need, its derivative, with no
-//! formula for the derivative written down.
+//! Every operation computes the exact derivative of its result next to the value. The value's bits
+//! are those of the same operation on plain numbers. Code written over [`Real`] is therefore both a
+//! computation and its derivative, without a second formula.
 //!
-//! All is inlined: into loops over many Gaussians that are compiled for each instruction set.
+//! Everything is inlined into loops over many Gaussians, which are compiled for each instruction
+//! set.
 
 use crate::scene::sh::Scalar;
 use std::cmp::Ordering;
@@ -12,19 +13,19 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number, or a number with its rate.
 pub(super) trait Real: Scalar + Div<Output = Self> + Neg<Output = Self> + PartialOrd {
-    /// The plain number.
+    /// The type of the plain number.
     type Plain: Copy;
 
-    /// A number with its rate; a plain one drops it.
+    /// A number with its rate. A plain number drops the rate.
     fn with_rate(value: Self::Plain, rate: Self::Plain) -> Self;
 
-    /// The number.
+    /// The plain number.
     fn value(self) -> Self::Plain;
 
-    /// Its rate; 0 for a plain one.
+    /// The rate; 0 for a plain number.
     fn rate(self) -> Self::Plain;
 
-    /// The root of a positive value.
+    /// The square root of a positive value.
     fn sqrt(self) -> Self;
 
     /// A constant.
@@ -39,7 +40,7 @@ pub(super) trait Real: Scalar + Div<Output = Self> + Neg<Output = Self> + Partia
         self * self
     }
 
-    /// The larger of the two; of equal ones the second.
+    /// The larger of two; of equal values, the second.
     fn at_least(self, least: Self) -> Self;
 }
 
@@ -77,7 +78,7 @@ macro_rules! plain {
 }
 plain!(f32 f64);
 
-/// A value and its rate. Comparisons see the value alone.
+/// A value and its rate. Comparisons use the value only.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Dual<T> {
     pub(super) value: T,
@@ -111,7 +112,7 @@ impl<T: Real<Plain = T>> Real for Dual<T> {
     #[inline(always)]
     fn at_least(self, least: Self) -> Self {
         let more = self.value > least.value;
-        // each by itself: a choice between pairs keeps the compiler from doing several at once
+        // Value and rate are selected separately: a selection between pairs prevents vectorisation.
         Self {
             value: if more { self.value } else { least.value },
             rate: if more { self.rate } else { least.rate },
@@ -120,14 +121,14 @@ impl<T: Real<Plain = T>> Real for Dual<T> {
 }
 
 impl Dual<f64> {
-    /// `e` to its power.
+    /// The exponential function.
     #[inline(always)]
     pub(super) fn exponential(self) -> Self {
         let value = libm::exp(self.value);
         Self { value, rate: self.rate * value }
     }
 
-    /// Within bounds; at one of them it stands still.
+    /// The value clamped to bounds. At a bound, its rate is 0.
     #[inline(always)]
     pub(super) fn clamp(self, low: f64, high: f64) -> Self {
         let value = self.value.clamp(low, high);
@@ -203,13 +204,13 @@ impl<T: Real<Plain = T>> Scalar for Dual<T> {
     }
 }
 
-/// The scalar product.
+/// The scalar product of two vectors.
 #[inline(always)]
 pub(super) fn dot<S: Real>(a: [S; 3], b: [S; 3]) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The vector product.
+/// The vector product of two vectors.
 #[inline(always)]
 pub(super) fn cross<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -227,7 +228,7 @@ mod tests {
             let h = 1e-6;
             let at = |x: f64| f(D { value: x, rate: 1.0 });
             let difference = (at(x + h).value - at(x - h).value) / (2.0 * h);
-            // h^2/6 of a third derivative up to 100, and roundings of 1e-16 over h.
+            // h^2/6 of a third derivative up to 100, and rounding of 1e-16 over h.
             assert!((at(x).rate - difference).abs() < 1e-9 * difference.abs().max(1.0), "{x}: {:?}", at(x));
         };
         t(|x| x * x * x - x, 1.3);

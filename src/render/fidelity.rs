@@ -1,11 +1,13 @@
-//! How true a scene is to the photos of its capture: rendered where each was taken, and held against it.
+//! Comparison of a scene with the photos of its capture: the scene is rendered from the pose of
+//! each photo.
 //!
-//! The photo is undistorted, since renderings are a pinhole's; the rendering is clipped to 0..1, as what is looked at is.
-//! Pixels that the undistorted photo does not reach are left out of PSNR, and alike in SSIM.
+//! The photo is undistorted, because renderings are those of a pinhole camera. The rendering is
+//! clipped to 0..1, as images are. Pixels outside the undistorted photo are excluded from PSNR, and
+//! made equal for SSIM.
 //!
-//! Every eighth view, in natural order of the names from the first, is called *held out*: those that the official
-//! trainer (GitHub graphdeco-inria/gaussian-splatting, `--eval`) does not train on. Whether this scene's trainer did is
-//! not known.
+//! Every eighth view, in natural order of the names from the first, counts as *held out*. The
+//! official trainer (GitHub graphdeco-inria/gaussian-splatting, `--eval`) does not train on these.
+//! Whether the trainer of this scene held them out is unknown.
 
 use super::{Channels, RenderError, Rendered, Renderer, View};
 use crate::image::Image;
@@ -14,32 +16,32 @@ use crate::source;
 use crate::source::undistort::{covered, undistorted};
 use serde::{Deserialize, Serialize};
 
-/// Most views that are compared.
+/// Maximum number of compared views.
 const MOST_VIEWS: usize = 100;
-/// Every how many views one is held out.
+/// Distance between held-out views.
 const HELD_OUT: usize = 8;
 
-/// What was compared.
+/// Result of the comparison.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fidelity {
-    /// The views that were compared, in natural order of their names.
+    /// Compared views, in natural order of their names.
     pub views: Vec<Compared>,
-    /// Those that should have been, and could not.
+    /// Views that could not be compared.
     pub not_compared: Vec<NotCompared>,
 }
 
-/// A view and how alike rendering and photo are.
+/// A compared view and its figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Compared {
-    /// Its name.
+    /// Name of the view.
     pub name: String,
     /// PSNR, dB.
     pub psnr: f64,
     /// SSIM.
     pub ssim: f64,
-    /// Whether it is held out by the convention of the official trainer.
+    /// Whether the view is held out by the convention of the official trainer.
     pub held_out: bool,
 }
 
@@ -47,27 +49,27 @@ pub struct Compared {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NotCompared {
-    /// Its name.
+    /// Name of the view.
     pub name: String,
-    /// What is wrong with its photo.
+    /// The problem with its photo.
     pub because: String,
 }
 
-/// The figures over all views that were compared.
+/// Figures over all compared views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Psnr {
-    /// Mean, dB.
+    /// Mean PSNR, dB.
     pub mean: f64,
-    /// Least, dB.
+    /// Smallest PSNR, dB.
     pub min: f64,
-    /// How many views.
+    /// Number of views.
     pub views: usize,
-    /// Mean of those that are held out, dB; `None` where none of them is.
+    /// Mean PSNR of the held-out views, dB; `None` without such views.
     pub held_out: Option<f64>,
 }
 
-/// A scene is not what its photos show.
+/// The error for a scene that does not match its photos.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "its mean PSNR over {views} of the views is {mean:.2} dB, wanted at least {least}; a trainer that moves, turns or \
@@ -76,17 +78,17 @@ pub struct Psnr {
 pub struct Untrue {
     /// Mean PSNR, dB.
     pub mean: f64,
-    /// What was wanted, dB.
+    /// The limit, dB.
     pub least: f64,
-    /// Over how many views.
+    /// Number of compared views.
     pub views: usize,
 }
 
 impl Fidelity {
-    /// Holds the mean PSNR against a limit, dB.
+    /// Compares the mean PSNR with a limit, dB.
     ///
     /// # Errors
-    /// When it is below. Where nothing was compared there is nothing to say.
+    /// The mean is below the limit. Without compared views there is no error.
     pub fn hold(&self, least: f64) -> Result<(), Untrue> {
         match self.psnr() {
             Some(psnr) if psnr.mean < least => Err(Untrue { mean: psnr.mean, least, views: psnr.views }),
@@ -94,7 +96,7 @@ impl Fidelity {
         }
     }
 
-    /// PSNR over the views; `None` where none was compared.
+    /// PSNR over the views; `None` without compared views.
     #[must_use]
     pub fn psnr(&self) -> Option<Psnr> {
         let held_out = self.views.iter().filter(|view| view.held_out).map(|view| view.psnr);
@@ -106,13 +108,13 @@ impl Fidelity {
         })
     }
 
-    /// Mean SSIM; `None` where no view was compared.
+    /// Mean SSIM; `None` without compared views.
     #[must_use]
     pub fn ssim(&self) -> Option<f64> {
         mean(self.views.iter().map(|view| view.ssim))
     }
 
-    /// The view of the least PSNR.
+    /// The view with the smallest PSNR.
     #[must_use]
     pub fn worst(&self) -> Option<&Compared> {
         self.views.iter().min_by(|a, b| a.psnr.total_cmp(&b.psnr))
@@ -124,13 +126,14 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0.0).then(|| sum / count)
 }
 
-/// Whether the view of this number in natural order is held out.
+/// Whether the view at this index in natural order is held out.
 #[must_use]
 pub fn held_out(index: usize) -> bool {
     index.is_multiple_of(HELD_OUT)
 }
 
-/// Which of `count` photos are compared: all of up to 100, else 100 of them evenly, `round(i (count - 1) / 99)`.
+/// The indices of the compared photos: all of up to 100, otherwise 100 of them evenly,
+/// `round(i (count - 1) / 99)`.
 #[must_use]
 pub fn picked(count: usize) -> Vec<usize> {
     let steps = MOST_VIEWS - 1;
@@ -140,10 +143,11 @@ pub fn picked(count: usize) -> Vec<usize> {
     }
 }
 
-/// PSNR, dB, and SSIM of what is rendered from a view and of its photo, which has the size of its camera.
+/// PSNR (dB) and SSIM of the rendering of a view and its photo. The photo has the size of the
+/// view's camera.
 ///
 /// # Errors
-/// When the view cannot be rendered.
+/// The view cannot be rendered.
 pub fn compare(
     renderer: &mut dyn Renderer,
     view: &source::View,
@@ -156,7 +160,7 @@ pub fn compare(
     let straight = undistorted(photo, &view.camera, &view.lens);
     let colours = straight.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
     let mut wanted = Image::from_vec(photo.size(), colours);
-    // A channel that is no number is black, as it would be in a file.
+    // A channel that is NaN becomes black, as in a file.
     let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
     shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
     let mut counted = photo.size().pixels();
@@ -181,7 +185,7 @@ mod tests {
     use crate::source::Lens;
     use glam::{DQuat, DVec3};
 
-    /// Shows one colour, whatever the view.
+    /// A renderer of one colour, for any view.
     struct Wall([f32; 3]);
 
     impl Renderer for Wall {
@@ -213,10 +217,10 @@ mod tests {
 
     #[test]
     fn renderings_are_clipped_and_held_against_the_photo() {
-        // Beyond white and no number at all: white and black.
+        // Above white, and NaN: white and black.
         let [psnr, ssim] = compared([1.6, f32::NAN, -0.5], Lens::Pinhole, [255, 0, 0]);
         assert!((psnr - 100.0).abs() < 1e-9 && (ssim - 1.0).abs() < 1e-9, "{psnr} {ssim}");
-        // One channel of three off by 51 of 255: a mean square of 0.04 / 3.
+        // One of three channels differs by 51 of 255: a mean square of 0.04 / 3.
         let [psnr, ssim] = compared([0.2, 0.6, 0.6], Lens::Pinhole, [102, 153, 153]);
         assert!((psnr - 18.750_612).abs() < 1e-4, "{psnr}");
         assert!(ssim < 1.0);
@@ -224,7 +228,7 @@ mod tests {
 
     #[test]
     fn pixels_beyond_the_photo_do_not_count() {
-        // What the pinhole sees of the border lies outside of the photo.
+        // The visible part of the border lies outside the photo.
         let lens = Lens::SimpleRadial { k1: 0.3 };
         let outside = covered(&view(lens.clone()).camera, &lens).unwrap();
         assert!(outside.pixels().iter().filter(|is_covered| !**is_covered).count() > 100);
@@ -244,7 +248,7 @@ mod tests {
             assert_eq!((picked.len(), picked[0], picked[99]), (100, 0, count - 1));
             assert!(picked.windows(2).all(|w| w[0] < w[1]));
         }
-        // 17 (250 - 1) / 99 = 42.76
+        // 17 (250 - 1) / 99 = 42.76.
         assert_eq!(picked(250)[17], 43);
         let held: Vec<usize> = (0..20).filter(|i| held_out(*i)).collect();
         assert_eq!(held, [0, 8, 16]);

@@ -1,7 +1,7 @@
 //! Optical flow of a static scene between two views, from the depth of the first.
 //!
-//! The world point of a pixel lies at the pixel's depth along the optical axis (`numerics.md` 7.5, `pipeline.md` 8):
-//! where depth mixes near and far at a semi-transparent edge, so does the flow.
+//! The world point of a pixel lies at the pixel's depth along the optical axis. Where depth mixes
+//! near and far at a semi-transparent edge, flow does too.
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
@@ -13,8 +13,9 @@ use crate::trajectory::flow::FlowMeter;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// How far the world point of each pixel of `from` moves on the image on the way to `to`, px; `depth` is in scene
-/// units along the optical axis of `from`. NaN where depth is NaN, and where the point is not in front of `to`.
+/// Displacement of each pixel's world point on the image from view `from` to view `to`, px. `depth`
+/// is in scene units along the optical axis of `from`. NaN where depth is NaN, and where the point
+/// is not in front of `to`.
 ///
 /// # Panics
 /// If `depth` does not have the size of `from`'s camera.
@@ -22,7 +23,8 @@ use rayon::prelude::*;
 pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
     let size = from.camera.size;
     assert_eq!(depth.size(), size, "the depth image is that of the view");
-    // Centres are subtracted before anything is rotated: far from the world's origin the sum of two poses cancels.
+    // Centres are subtracted before anything is rotated: far from the world's origin, the
+    // composition of two poses cancels.
     let to_from_world = to.world_from_camera.rotation_matrix().transpose();
     let turn = to_from_world * from.world_from_camera.rotation_matrix();
     let shift = to_from_world * (from.world_from_camera.translation - to.world_from_camera.translation);
@@ -39,20 +41,20 @@ pub fn displacement(depth: &Image<f32>, from: &View, to: &View) -> Image<f32> {
     Image::from_vec(size, moved)
 }
 
-/// Measures the flow of a moving camera on small pictures.
+/// Measures the flow of a moving camera on small images.
 pub struct Meter {
     renderer: Box<dyn Renderer>,
     small: Camera,
-    /// Pixels of the whole picture to one of the small one.
+    /// Pixels of the full image per pixel of the small one.
     pixels: f64,
     rendered: Rendered,
 }
 
-/// Width of the small pictures, px: a quantile over their pixels is all that is asked.
+/// Width of the small images, px. Enough for a quantile over their pixels.
 const METER_WIDTH: u32 = 160;
 
 impl Meter {
-    /// Measures what `camera` sees, in its pixels.
+    /// A meter for the views of `camera`. Results are in pixels of `camera`.
     #[must_use]
     pub fn new(renderer: Box<dyn Renderer>, camera: Camera) -> Self {
         let Size { width, height } = camera.size;
@@ -79,11 +81,11 @@ impl std::fmt::Debug for Meter {
 }
 
 impl Meter {
-    /// How fast the picture of a moving camera moves, px per unit of the velocity's time: so many percent of its pixels
-    /// move no faster. `None` where no pixel has a depth.
+    /// Quantile of the image speed of a moving camera, px per unit of the velocity's time: this
+    /// percentage of the pixels moves no faster. `None` if no pixel has a depth.
     ///
     /// # Errors
-    /// Where the frame cannot be rendered.
+    /// The frame cannot be rendered.
     pub fn speed_px(
         &mut self,
         world_from_camera: &Se3,
@@ -107,8 +109,8 @@ impl FlowMeter for Meter {
     }
 }
 
-/// How fast the world point of each pixel moves on the image of a moving camera, px per unit of the velocity's time:
-/// `Xdot = -v - w x X` (`pipeline.md` 8). NaN where depth is NaN.
+/// Image velocity of each pixel's world point for a moving camera, px per unit of the velocity's
+/// time: `Xdot = -v - w x X`. NaN where depth is NaN.
 ///
 /// # Panics
 /// If `depth` does not have the size of the view's camera.
@@ -127,28 +129,30 @@ pub fn rates(depth: &Image<f32>, view: &View) -> Image<[f32; 2]> {
     Image::from_vec(size, depth.pixels().iter().enumerate().map(rate).collect())
 }
 
-/// Order statistics of a set of values.
+/// Quantiles of a set of values.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quantiles {
-    /// Half of the values are at most this.
+    /// The median: half of the values are at most this.
     pub median: f32,
     /// 95 % of the values are at most this.
     pub p95: f32,
-    /// The largest.
+    /// The largest value.
     pub max: f32,
 }
 
 impl Quantiles {
-    /// Quantiles of the values that are not NaN, or `None` where there is none, by [`nearest_ranks`].
+    /// Quantiles of the values that are not NaN, by [`nearest_ranks`]; `None` if there are no such
+    /// values.
     #[must_use]
     pub fn of(values: Vec<f32>) -> Option<Self> {
         nearest_ranks(values, [50, 95, 100]).map(|[median, p95, max]| Self { median, p95, max })
     }
 }
 
-/// Quantiles in percent of the values that are not NaN, or `None` where there is none. Each is itself a value: the
-/// smallest of which at least that share of all are no larger (nearest rank).
+/// Quantiles in percent of the values that are not NaN, or `None` without such values. Each is one
+/// of the values: the smallest for which at least that share of all values is not larger (nearest
+/// rank).
 #[must_use]
 pub fn nearest_ranks<const N: usize>(mut values: Vec<f32>, percents: [usize; N]) -> Option<[f32; N]> {
     values.retain(|v| !v.is_nan());
@@ -157,7 +161,8 @@ pub fn nearest_ranks<const N: usize>(mut values: Vec<f32>, percents: [usize; N])
     (n > 0).then(|| percents.map(|percent| values[(n * percent).div_ceil(100).max(1) - 1]))
 }
 
-/// At most `wanted` pairs of neighbouring poses, evenly spread over `poses` and holding its first and its last pair.
+/// At most `wanted` pairs of neighbouring poses, spread evenly over `poses`, including the first
+/// and the last pair.
 #[must_use]
 pub fn sample_pairs(poses: usize, wanted: usize) -> Vec<(usize, usize)> {
     let pairs = poses.saturating_sub(1);
@@ -182,7 +187,8 @@ mod tests {
 
     #[test]
     fn a_parallel_plane_moves_by_focal_length_times_shift_over_depth() {
-        // far from the world's origin, and with the camera turned: neither matters to a shift along its own axes
+        // Far from the world's origin and with the camera turned: neither changes a shift along the
+        // camera's own axes.
         let turn = DQuat::from_rotation_y(0.7);
         let start = DVec3::splat(1e6);
         let depth = Image::filled(SIZE, 4.0);
@@ -190,7 +196,8 @@ mod tests {
         let sideways = displacement(&depth, &from, &view(start + turn * DVec3::new(0.1, 0.0, 0.0), turn));
         let down = displacement(&depth, &from, &view(start + turn * DVec3::new(0.0, 0.1, 0.0), turn));
         for (moved, wanted) in [(sideways, 50.0 * 0.1 / 4.0), (down, 60.0 * 0.1 / 4.0)] {
-            // positions at 1e6 are rounded at 1.2e-10, times 60/4 px a unit; the result at 6e-8 of itself
+            // Positions at 1e6 are rounded at 1.2e-10, times 60/4 px per unit; the result is
+            // rounded at 6e-8 of itself.
             assert!(moved.pixels().iter().all(|v| (v - wanted).abs() < 2e-7), "{:?}", moved.pixels()[0]);
         }
     }
@@ -210,7 +217,7 @@ mod tests {
         for (a, b) in near.pixels().iter().zip(far.pixels()) {
             assert!((a - b).abs() <= 1e-7, "{a} {b}");
         }
-        // the row through the centre moves by fy tan(angle), half a pixel off it
+        // The row through the centre moves by fy tan(angle), and it is half a pixel off.
         let wanted = 60.0 * (0.01_f64 - (0.5_f64 / 60.0).atan()).tan() + 0.5;
         assert!((f64::from(near.pixels()[14 * 40 + 20]) - wanted).abs() < 1e-3, "{wanted}");
     }

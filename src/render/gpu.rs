@@ -1,12 +1,14 @@
-//! The GPU back end: the CPU's passes as compute shaders, through Vulkan, Metal or DX12.
+//! The GPU back end: the CPU's passes as compute shaders, on Vulkan, Metal or DX12.
 //!
-//! Centres and rotations are applied in 48 bits and all else in 32 (`double.wgsl`), so that depths and means are the CPU's
-//! almost to the bit; order, extents, skips and stops follow its rules. Bits differ between devices, and from the CPU's by
-//! the rounding of quotients, roots and powers, and where a product is fused with a sum.
+//! Centres and rotations are applied with 48 bits and everything else with 32 (`double.wgsl`), so
+//! depths and means equal the CPU's almost to the bit; order, extents, skips and stops follow the
+//! CPU's rules. Bits differ between devices and from the CPU, because of the rounding of quotients,
+//! roots and powers, and because of fused products and sums.
 //!
-//! A frame is submitted without waiting for counts from the device: where splats or pairs had no room, the frame says so
-//! when it is read, and is made again with more room, or in regions where no more can be bound. Views that are expected are
-//! under way while those before them are read.
+//! A frame is submitted without waiting for counts from the device. If splats or pairs exceed the
+//! capacity, the frame reports it when it is read. It is then rendered again with more capacity, or
+//! in regions if a larger binding is not possible. Announced views are rendered while earlier views
+//! are read.
 
 mod buffers;
 mod clock;
@@ -49,11 +51,11 @@ pub struct Gpu {
     ring: Ring,
     clock: Option<Clock>,
     times: Option<[Duration; Stage::ALL.len()]>,
-    /// Views that are going to be rendered, in that order.
+    /// Announced views, in order.
     expected: VecDeque<Expected>,
 }
 
-/// A view that is going to be rendered.
+/// A view that was announced.
 #[derive(Debug)]
 struct Expected {
     view: View,
@@ -61,7 +63,7 @@ struct Expected {
     begun: Result<Pending, RenderError>,
 }
 
-/// A view that the device is at work on.
+/// A view that the device is rendering.
 #[derive(Debug)]
 struct Pending {
     view: View,
@@ -77,29 +79,29 @@ struct Shot {
     copy: Copy,
 }
 
-/// Room that a renderer begins with, before it knows its views.
+/// Initial capacities, before any view is known.
 const FIRST_SPLATS: u32 = 1 << 16;
 const FIRST_PAIRS: u32 = 1 << 18;
 
-/// Memory of the machine, not of the GPU, that rendering a scene of this many bytes at this size takes, bytes: the scene,
-/// and its activated form while it is brought there; the images of a few frames on their way back.
+/// Host memory for rendering a scene of this many bytes at this size, in bytes: the scene and its
+/// activated form during the upload, and the images of a few frames in transfer.
 #[must_use]
 pub fn memory(scene_bytes: u64, size: Size) -> u64 {
     const BYTES_A_PIXEL: u64 = 96;
     2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
 
-/// Whether layers can be laid in this order.
+/// Whether layers can be blended in this order.
 #[must_use]
 pub fn blends(order: Layering) -> bool {
     order == Layering::Depth
 }
 
 impl Gpu {
-    /// Brings a scene to a device.
+    /// Uploads a scene to a device.
     ///
     /// # Errors
-    /// When the style cannot be rendered, or the device has no room for the scene.
+    /// The style cannot be rendered, or the device has no memory for the scene.
     pub fn new(device: Device, scene: &Gaussians, style: Style) -> Result<Self, RenderError> {
         super::check_style(&style)?;
         if !blends(style.order) {
@@ -134,14 +136,14 @@ impl Gpu {
         })
     }
 
-    /// How long the device was at each of [`Stage::ALL`] of the last frame, or of its last region; `None` before a frame, and
-    /// of a device without a clock.
+    /// Durations of [`Stage::ALL`] for the last frame, or for its last region. `None` before the
+    /// first frame, and for a device without a clock.
     #[must_use]
     pub fn times(&self) -> Option<[Duration; Stage::ALL.len()]> {
         self.times
     }
 
-    /// Sets the device to work on a view.
+    /// Submits a view.
     fn begin(&mut self, view: &View, want: Channels) -> Result<Pending, RenderError> {
         super::check_view(view)?;
         let mut shots = Vec::new();
@@ -149,7 +151,7 @@ impl Gpu {
         Ok(Pending { view: *view, want, shots })
     }
 
-    /// Waits for a view and takes its images.
+    /// Waits for a view, and returns its images.
     fn finish(&mut self, pending: Pending, out: &mut Rendered) -> Result<Work, RenderError> {
         let Pending { view, want, mut shots } = pending;
         let (size, layout) = (view.camera.size, Layout::new(want));
@@ -179,7 +181,7 @@ impl Gpu {
         Ok(work.unwrap_or_default())
     }
 
-    /// Submits a region, or its halves where its images are larger than a binding.
+    /// Submits a region, or its halves if its images exceed a binding.
     fn shoot(
         &mut self,
         view: &View,
@@ -211,7 +213,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// Submits a region again that there was no room for: with more, or in halves.
+    /// Submits a region again that exceeded the capacity: with more, or in halves.
     fn again(
         &mut self,
         view: &View,
@@ -227,14 +229,15 @@ impl Gpu {
             let halves = region.halves().ok_or_else(|| self.device.too_small(what))?;
             return halves.into_iter().try_for_each(|half| self.shoot(view, want, half, shots));
         }
-        // Some more, so that the next view does not ask again.
+        // A margin, so that the next view does not exceed it again.
         let more = |count: u32, most: u32| (count + count / 4).min(most);
         let room = Room { splats: more(splats, most[0]), pairs: more(pairs, most[1]), ..Room::default() };
         self.make_room(room)?;
         self.shoot(view, want, region, shots)
     }
 
-    /// Sees to it that there is room. Frames in flight keep the memory that they were submitted with.
+    /// Makes sure that the capacities suffice. Frames under way keep the buffers with which they
+    /// were submitted.
     fn make_room(&mut self, needed: Room) -> Result<(), RenderError> {
         let mut room = self.buffers.room.or(needed);
         // Larger splats: fewer may fit a binding.
@@ -245,7 +248,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// Where the pipelines for these images are.
+    /// Index of the pipelines for these channels.
     fn compiled(&mut self, layout: Layout) -> Result<usize, RenderError> {
         if let Some(at) = self.pipelines.iter().position(|(l, _)| *l == layout) {
             return Ok(at);
@@ -280,7 +283,7 @@ impl Renderer for Gpu {
     }
 }
 
-/// The work of two regions of a view: what was left out of the image is the same in both.
+/// Adds the work of two regions of a view. Both count what was left out of the whole image.
 fn joined(a: Work, b: Work) -> Work {
     Work {
         tile_pairs: a.tile_pairs + b.tile_pairs,
@@ -290,7 +293,7 @@ fn joined(a: Work, b: Work) -> Work {
     }
 }
 
-/// Tiles of an image: first and end, columns and rows.
+/// A rectangle of tiles: first and end, columns and rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Region {
     first: [u32; 2],
@@ -316,19 +319,19 @@ impl Region {
         self.first.map(|tile| (tile * EDGE) as usize)
     }
 
-    /// Columns and rows of pixels within an image of this size.
+    /// Columns and rows of pixels, clipped to an image of this size.
     fn extent(self, size: Size) -> [usize; 2] {
         let edges = [size.width, size.height];
         [0, 1].map(|k| ((self.end[k] * EDGE).min(edges[k]) - self.first[k] * EDGE) as usize)
     }
 
-    /// Pixels within an image of this size.
+    /// Number of pixels, clipped to an image of this size.
     fn pixels(self, size: Size) -> usize {
         let [columns, rows] = self.extent(size);
         columns * rows
     }
 
-    /// Two parts, cut across the longer edge; a single tile has none.
+    /// Two halves, cut across the longer edge; `None` for a single tile.
     fn halves(self) -> Option<[Self; 2]> {
         let [columns, rows] = self.tiles();
         let k = usize::from(rows >= columns);

@@ -1,6 +1,8 @@
-//! The reference back end: f64, every pixel by itself, no lists, no shortcuts. Slow; what the others are judged by.
+//! The reference back end: f64, every pixel by itself, no lists, no shortcuts. It is slow; the
+//! other back ends are compared with it.
 //!
-//! The luminance's rate comes from dual numbers: the very operations that make the picture, differentiated by machine.
+//! The rate of the luminance comes from dual numbers: the operations that make the image,
+//! differentiated automatically.
 
 #![expect(clippy::cast_possible_truncation, reason = "images hold 32 bits")]
 
@@ -18,21 +20,22 @@ use std::sync::Arc;
 /// The numerical class.
 pub const FINGERPRINT: &str = "reference/1";
 
-/// Memory that rendering a scene of this many bytes at this size takes, bytes: a layer of 256 bytes for a Gaussian that
-/// is stored in no fewer than 56, and each pixel twice.
+/// Memory for rendering a scene of this many bytes at this size, in bytes: a layer of 256 bytes per
+/// Gaussian, which is stored in at least 56 bytes, and two copies of each pixel.
 #[must_use]
 pub fn memory(scene_bytes: u64, size: Size) -> u64 {
     const BYTES_A_PIXEL: u64 = 256;
     6 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
 }
 
-/// In f32 `1 - 0.99` squared is below the stop, in f64 it is not: this much more, so that both stop alike.
+/// In f32, `1 - 0.99` squared is below the stop; in f64 it is not. This factor makes both stop
+/// alike.
 const STOP_SLACK: f64 = 1.000_001;
 
 /// A value with its rate.
 type D = Dual<f64>;
 
-/// A scene to be rendered.
+/// A scene for rendering.
 #[derive(Debug)]
 pub struct Reference {
     scene: Arc<Gaussians>,
@@ -43,22 +46,22 @@ impl Reference {
     /// Takes a scene.
     ///
     /// # Errors
-    /// When the background is not finite.
+    /// The background is not finite.
     pub fn new(scene: Arc<Gaussians>, style: Style) -> Result<Self, RenderError> {
         super::check_style(&style)?;
         Ok(Self { scene, style })
     }
 
-    /// The luminance of every pixel and its rate, row by row, in 64 bits.
+    /// Luminance and its rate at every pixel, row by row, in f64.
     ///
     /// # Errors
-    /// When no image can be made of the view.
+    /// The view cannot be rendered.
     pub fn luminance(&self, view: &View) -> Result<Vec<[f64; 2]>, RenderError> {
         let (pixels, _) = self.pixels(view)?;
         Ok(pixels.iter().map(Pixel::luminance).map(|grey| [grey.value, grey.rate]).collect())
     }
 
-    /// What is seen at every pixel, row by row, and what became of the Gaussians.
+    /// All pixels, row by row, and the counts of Gaussians.
     fn pixels(&self, view: &View) -> Result<(Vec<Pixel>, Work), RenderError> {
         super::check_view(view)?;
         let eye = Eye::new(view, self.style, self.scene.origin);
@@ -77,7 +80,7 @@ impl Reference {
     }
 }
 
-/// How many Gaussians there are, how many of them are left out, and why.
+/// Counts of all Gaussians, and of those left out by reason.
 fn counts(all: &[Result<Layer, Culled>]) -> Work {
     let culled = |why| all.iter().filter(|one| one.as_ref().err() == Some(&why)).count() as u64;
     let drawn = |is: fn(&Layer) -> bool| all.iter().flatten().filter(|layer| is(layer)).count() as u64;
@@ -117,7 +120,7 @@ impl Renderer for Reference {
     }
 }
 
-/// What has been blended at a pixel.
+/// The blended values of a pixel.
 struct Pixel {
     colour: [D; 3],
     rest: D,
@@ -164,8 +167,8 @@ impl Reference {
         pixel
     }
 
-    /// The layers blended at a pixel, each with its opacity, front to back; what is left of the light behind them, and
-    /// whether more would have followed.
+    /// The layers blended at a pixel with their opacities, front to back; the transmittance behind
+    /// them; and whether more layers would have followed.
     fn seen<'a>(&self, layers: &[&'a Layer], [x, y]: [usize; 2]) -> (Vec<(&'a Layer, D)>, D, bool) {
         let mut seen = Vec::new();
         let mut rest = D::constant(1.0);
@@ -181,7 +184,7 @@ impl Reference {
         (seen, rest, false)
     }
 
-    /// Each layer's part of the pixel: its opacity, times the light that those in front of it let through.
+    /// The weight of each layer at the pixel: its opacity times the transmittance in front of it.
     fn weights<'a>(&self, seen: &[(&'a Layer, D)]) -> Vec<(&'a Layer, D)> {
         let mut before = D::constant(1.0);
         let mut first = 0;
@@ -190,7 +193,7 @@ impl Reference {
                 before = before * (D::constant(1.0) - seen[first].1);
                 first += 1;
             }
-            // those that share a depth with it, in front and behind
+            // Layers with nearly the same depth, in front and behind.
             let near =
                 (first..seen.len()).filter(|j| *j != i).map(|j| (self.cover(seen[j].0, layer), seen[j].1));
             let near = near.take_while(|(cover, _)| cover.value > 0.0);
@@ -200,7 +203,7 @@ impl Reference {
         seen.iter().enumerate().map(weight).collect()
     }
 
-    /// How much of its opacity a layer takes from the light that reaches another one.
+    /// The share of its opacity with which one layer dims another.
     fn cover(&self, of: &Layer, other: &Layer) -> D {
         match self.style.order {
             Layering::Depth => D::constant(f64::from(u8::from(of.order < other.order))),
@@ -211,7 +214,7 @@ impl Reference {
         }
     }
 
-    /// The opacity of a layer at a pixel, `None` where it is skipped.
+    /// The opacity of a layer at a pixel; `None` if it is skipped.
     fn alpha(&self, layer: &Layer, pixel: [usize; 2]) -> Option<D> {
         let [dx, dy] = [0, 1].map(|k| D::constant(pixel[k] as f64 + 0.5) - layer.mean[k]);
         let [w1, w2, w3] = layer.w;
@@ -229,13 +232,13 @@ impl Reference {
     }
 }
 
-/// From 0 at 0 to 1 at 1, level at both.
+/// `3u^2 - 2u^3` with `u` clamped to 0..1.
 fn smoothstep(x: D) -> D {
     let u = x.clamp(0.0, 1.0);
     u * u * (D::constant(3.0) - D::constant(2.0) * u)
 }
 
-/// The centred ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half (`numerics.md` 3.3).
+/// The ramp of the rules `soft`: 0 at half a grey step, 1 at one and a half.
 fn ramp(alpha: D) -> D {
     smoothstep(D::constant(255.0) * alpha - D::constant(0.5))
 }

@@ -1,30 +1,31 @@
-//! The constants of all back ends, each written once (`numerics.md` 7.1; graphdeco-inria/diff-gaussian-rasterization,
-//! `cuda_rasterizer/forward.cu` and `auxiliary.h`).
+//! Constants of all back ends, each defined once. Sources:
+//! graphdeco-inria/diff-gaussian-rasterization, `cuda_rasterizer/forward.cu` and `auxiliary.h`.
 
 use super::Rules;
 
 /// Edge of a square tile, px.
 pub const TILE: usize = 16;
 
-/// A Gaussian is kept where its depth is above this, scene units.
+/// Depth below which a Gaussian is culled, scene units.
 pub const NEAR: f32 = 0.2;
 
 /// Added to both variances of a projected Gaussian, px^2.
 pub const DILATION: f32 = 0.3;
 
-/// The affine approximation is taken at directions clamped to this multiple of half the field of view.
+/// The affine approximation is taken at directions clamped to this multiple of half the field of
+/// view.
 pub const FRUSTUM_SLACK: f64 = 1.3;
 
 /// Largest opacity of one layer at one pixel.
 pub const MAX_ALPHA: f32 = 0.99;
 
-/// A layer below this opacity is skipped.
+/// Opacity below which a layer is skipped.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
-/// The same under the rules `soft`, whose layers fade in from there.
+/// Opacity below which a layer is skipped under the rules `soft`, where layers fade in.
 pub const SOFT_MIN_ALPHA: f32 = 0.5 / 255.0;
 
-/// The opacity below which a layer is skipped.
+/// Opacity below which a layer is skipped under these rules.
 #[must_use]
 pub fn least_alpha(rules: Rules) -> f32 {
     match rules {
@@ -33,22 +34,23 @@ pub fn least_alpha(rules: Rules) -> f32 {
     }
 }
 
-/// Blended order: two layers cover each other in part while their depths differ by less than this share of them.
+/// Blended order: relative difference of depth below which two layers cover each other in part.
 pub const BLENDED_DEPTHS: f64 = 5e-4;
 
-/// A pixel is finished before the layer that would take its transmittance below this.
+/// A pixel stops before the layer that would reduce its transmittance below this.
 pub const STOP: f32 = 1e-4;
 
-/// Least ratio of the determinants without and with dilation that the antialiased rule compensates for.
+/// Smallest ratio of the determinants without and with dilation for which the antialiased rule
+/// compensates.
 pub const COMPENSATION_FLOOR: f32 = 2.5e-5;
 
 /// Rules `official`: half a Gaussian's square extent, in standard deviations along its longer axis.
 pub const EXTENT_SIGMAS: f32 = 3.0;
 
-/// Rules `official`: least value under the root of the larger eigenvalue in the extent, px^4.
+/// Rules `official`: smallest value under the root of the larger eigenvalue in the extent, px^4.
 pub const EXTENT_ROOT_FLOOR: f32 = 0.1;
 
-/// Depth is undefined where the accumulated opacity is below this.
+/// Accumulated opacity below which depth is undefined.
 pub const DEPTH_MIN_ALPHA: f32 = 0.5;
 
 /// Depth deviation over depth above which the affine approximation is doubtful.
@@ -60,12 +62,13 @@ pub const AFFINE_INVALID: f32 = 0.3;
 /// Largest image edge, px: pixel coordinates inside the back ends have 16 bits.
 pub const MAX_EDGE: u32 = 65_535;
 
-/// Rules `gsplat`: least and largest depth, scene units.
+/// Rules `gsplat`: smallest and largest depth, scene units.
 pub const GSPLAT_NEAR: f32 = 0.01;
 /// See [`GSPLAT_NEAR`].
 pub const GSPLAT_FAR: f32 = 1e10;
 
-/// Rules `gsplat`: the affine approximation is taken at directions within the image and this share of its edge beyond.
+/// Rules `gsplat`: the affine approximation is taken at directions within the image extended by
+/// this share of its edges.
 pub const GSPLAT_SLACK: f64 = 0.15;
 
 /// Rules `gsplat`: largest half extent along an axis, in standard deviations.

@@ -1,21 +1,22 @@
-//! How much longer a run takes, from what its steps took before and what this run has shown so far.
+//! Remaining time of a run, from earlier durations of its steps and from its own progress.
 //!
-//! Time is counted in core-seconds. What a step that waits will take is what the same step took before, scaled by
-//! how this run compares with before; else the mean of its stage in this run. Where neither is known nothing is said.
-//! A step that an early cut-off will spare counts until it is settled: the time told is rather too long than too short.
+//! Time is counted in core-seconds. A waiting step is expected to take what it took before, scaled
+//! by the ratio of this run to earlier ones; otherwise the mean of its stage in this run. If
+//! neither is known, there is no estimate. A step that an early cut-off may spare counts until it
+//! is settled, so the estimate is rather too long than too short.
 
 use crate::stage::StepId;
 use std::collections::BTreeMap;
 
-/// A run that goes on. Its clock counts seconds since it began.
+/// The estimate of a run. Its clock counts seconds since the start.
 #[derive(Debug)]
 pub struct Estimate {
     steps: Vec<Step>,
     /// Cores for all steps together.
     cores: f64,
-    /// By stage: core-seconds and number of the steps that were made in this run.
+    /// By stage: core-seconds and number of the steps made in this run.
     stages: BTreeMap<&'static str, (f64, f64)>,
-    /// Core-seconds that the made steps took before and now, where both are known.
+    /// Core-seconds of the made steps, earlier and now, if both are known.
     before_and_now: [f64; 2],
 }
 
@@ -33,11 +34,11 @@ enum State {
     Ended,
 }
 
-/// A step that has taken longer than expected is taken to go on for this part of what it took.
+/// A step that exceeds its expected time is expected to need this share of its time more.
 const OVERTIME: f64 = 0.1;
 
 impl Estimate {
-    /// A run of `steps`, each with its stage and the core-seconds that it took before, on `cores`.
+    /// A run of `steps`, each with its stage and its earlier core-seconds, on `cores`.
     pub fn new(steps: impl IntoIterator<Item = (&'static str, Option<f64>)>, cores: usize) -> Self {
         let step = |(stage, expected)| Step { stage, expected, state: State::Waiting };
         let steps = steps.into_iter().map(step).collect();
@@ -68,7 +69,7 @@ impl Estimate {
         self.steps[step.0].state = State::Ended;
     }
 
-    /// Seconds from `now` to the end of the run; `None` where a step is left of which nothing is known.
+    /// Seconds from `now` to the end of the run; `None` if nothing is known about a remaining step.
     #[must_use]
     pub fn remaining(&self, now: f64) -> Option<f64> {
         let (mut all, mut longest) = (0.0, 0.0_f64);
@@ -84,7 +85,7 @@ impl Estimate {
                 State::Waiting | State::Ended => whole,
             };
         }
-        // No number of free cores helps the step that runs longest.
+        // Free cores do not shorten the step that runs longest.
         Some(longest.max(all / self.cores))
     }
 
@@ -111,7 +112,8 @@ mod tests {
         assert_eq!(estimate.remaining(0.0), None);
         estimate.started(StepId(0), 0.0, 2);
         estimate.made(StepId(0), 6.0);
-        // The other of its stage is taken to be like it: 6 and 4 core-seconds on two cores.
+        // The other step of its stage is expected to take as long: 6 and 4 core-seconds on two
+        // cores.
         close(estimate.remaining(3.0), 5.0);
     }
 
@@ -119,7 +121,7 @@ mod tests {
     fn what_a_step_took_before_counts_as_this_run_compares() {
         let mut estimate = Estimate::new([("a", Some(10.0)), ("a", Some(20.0)), ("b", Some(30.0))], 1);
         close(estimate.remaining(0.0), 60.0);
-        // Twice as slow as before, so the rest will be.
+        // Twice as slow as before, so the rest is expected to be.
         estimate.made(StepId(0), 20.0);
         close(estimate.remaining(20.0), 100.0);
         estimate.ended(StepId(1));
@@ -132,7 +134,7 @@ mod tests {
     fn a_running_step_counts_less_the_longer_it_runs_and_never_nothing() {
         let mut estimate = Estimate::new([("a", Some(10.0))], 4);
         estimate.started(StepId(0), 100.0, 1);
-        // One core is all that it has, however many are free.
+        // It has one core only, however many are free.
         close(estimate.remaining(100.0), 10.0);
         close(estimate.remaining(106.0), 4.0);
         close(estimate.remaining(130.0), 3.0);

@@ -1,4 +1,4 @@
-//! Which step starts when: ready, stale and running steps, and what becomes of them.
+//! Scheduling of steps: ready, stale and running ones.
 
 use super::job::{Job, Made, Stale};
 use super::order::Rank;
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread::{self, Scope, ScopedJoinHandle};
 
-/// A step that came to its end.
+/// A finished step.
 pub(super) struct Finished {
     step: StepId,
     key: Key,
@@ -33,16 +33,16 @@ pub(super) struct Executor<'scope, 'a> {
     options: Options,
     cancel: &'a AtomicBool,
     observer: &'a dyn Observer,
-    /// For each step, how many inputs are not there yet.
+    /// For each step, the number of inputs that are not there yet.
     missing: Vec<usize>,
-    /// For each step, the steps that take its product.
+    /// For each step, the consumers of its product.
     followers: Vec<Vec<StepId>>,
-    /// Steps whose inputs are there, not yet held against the store.
+    /// Steps with all inputs present that are not assessed yet.
     ready: BTreeSet<StepId>,
     ranks: Vec<Rank>,
-    /// Steps that must run and wait for their turn, in that order.
+    /// Steps that must run, in the order of their turn.
     stale: BTreeMap<Rank, Stale>,
-    /// Running steps, with their key, what they hold, and their threads.
+    /// Running steps with their key, resources and threads.
     pub(super) running: BTreeMap<StepId, (Key, Grant, ScopedJoinHandle<'scope, ()>)>,
     pub(super) summary: Summary,
 }
@@ -81,7 +81,7 @@ impl<'scope, 'a> Executor<'scope, 'a> {
 
     fn stopped(&self) -> bool {
         let failed = !self.summary.failures.is_empty() && !self.options.keep_going;
-        // Where there is no room for one step, the next would only fill what the running ones still need.
+        // Without space for one step, the next would only take what the running ones still need.
         failed || self.summary.is_full() || self.cancel.load(Ordering::Relaxed)
     }
 
@@ -89,7 +89,7 @@ impl<'scope, 'a> Executor<'scope, 'a> {
         self.options.budget.left(self.running.values().map(|(_, grant, _)| grant))
     }
 
-    /// Settles every ready step that is up to date, and starts the others while cores are free.
+    /// Settles every ready step that is up to date, and starts others while cores are free.
     pub(super) fn start_ready(&mut self, scope: &'scope Scope<'scope, '_>, sender: &mpsc::Sender<Finished>)
     where
         'a: 'scope,
@@ -118,8 +118,8 @@ impl<'scope, 'a> Executor<'scope, 'a> {
         }
     }
 
-    /// The next step to start. One whose key is at work already will find its record, and waits for it. One that is
-    /// too large for the whole budget runs alone.
+    /// The next step to start. A step whose key is being made waits, and will find the record. A
+    /// step that is too large for the whole budget runs alone.
     fn next_stale(&self) -> Option<Rank> {
         let left = self.left();
         let at_work = |key: &Key| self.running.values().any(|(running, ..)| running == key);
@@ -127,7 +127,7 @@ impl<'scope, 'a> Executor<'scope, 'a> {
         self.stale.iter().find(|(_, stale)| fits(stale) && !at_work(&stale.key)).map(|(rank, _)| *rank)
     }
 
-    /// Whether another step has meanwhile made the lost bytes for which this one was to run.
+    /// Whether another step has meanwhile made the lost bytes for which this step was to run.
     fn is_mended(&self, stale: &Stale) -> Result<bool, StoreError> {
         if !matches!(stale.reason, Reason::BlobMissing { .. } | Reason::BlobAltered { .. }) {
             return Ok(false);
@@ -141,7 +141,7 @@ impl<'scope, 'a> Executor<'scope, 'a> {
         Ok(true)
     }
 
-    /// Holds a ready step against the store: `None` where it is up to date, and noted so.
+    /// Assesses a ready step. Returns `None` if it is up to date, which is then noted.
     fn assess(&mut self, step: StepId) -> Result<Option<Stale>, PlanError> {
         let planned = &self.plan.steps()[step.0];
         let outputs_of = |id| Some(self.summary.products[&id].outputs.clone());
@@ -198,9 +198,9 @@ impl<'scope, 'a> Executor<'scope, 'a> {
             Job { plan: self.plan, store: self.store, cancel: self.cancel, cores, allows_commands, programs };
         let sender = sender.clone();
         let thread = scope.spawn(move || {
-            // A panic is carried to the thread that waits: it would wait for ever for a step that is gone.
+            // A panic is passed to the waiting thread, which would otherwise wait forever.
             let result = catch_unwind(AssertUnwindSafe(|| job.run(step, &stale)));
-            // The receiver outlives the scope; if it were gone there would be nobody to tell.
+            // The receiver outlives the scope, so sending cannot fail.
             let Stale { key, sources, recheck, .. } = stale;
             let _ = sender.send(Finished { step, key, sources, is_recheck: recheck.is_some(), result });
         });

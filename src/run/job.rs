@@ -1,4 +1,4 @@
-//! The work of one step, on its own thread: from its inputs to a record.
+//! The work of one step on its own thread, from its inputs to a record.
 
 use super::StepError;
 use crate::artifact::Files;
@@ -16,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 use std::thread;
 use std::time::Instant;
 
-/// Seconds since this was first asked.
+/// Seconds since the first call.
 fn seconds() -> f64 {
     static BEGAN: OnceLock<Instant> = OnceLock::new();
     BEGAN.get_or_init(Instant::now).elapsed().as_secs_f64()
@@ -26,16 +26,16 @@ fn seconds() -> f64 {
 pub(super) struct Stale {
     pub(super) key: Key,
     pub(super) description: Value,
-    /// The files outside the store as the key has them.
+    /// The files outside the store, as in the key.
     pub(super) sources: Sources,
     pub(super) reason: Reason,
-    /// Whether it is up to date, and only held against itself.
+    /// Whether the step is up to date and only compared with its record.
     pub(super) recheck: Option<Vec<Output>>,
     pub(super) files: Vec<Files>,
     pub(super) need: Need,
 }
 
-/// What a step made.
+/// The result of a step.
 pub(super) struct Made {
     pub(super) outputs: Vec<Output>,
     pub(super) seconds: f64,
@@ -77,7 +77,7 @@ impl Job<'_> {
         }
         let worked = self.in_threads(|| planned.step.run(&stale.files, &mut cx))?;
         let seconds = started.elapsed().as_secs_f64();
-        // Half of a file that somebody is writing is like a broken one: that it moves is the better word for it.
+        // Half of a file that is being written looks broken. That it changes is the better message.
         if !matches!(worked, Err(StageError::Cancelled)) {
             self.refuse_moved(planned, &stale.sources)?;
         }
@@ -98,8 +98,8 @@ impl Job<'_> {
         Ok(Made { outputs, seconds, cores: self.cores, warnings, remark, saving })
     }
 
-    /// The error, or that there is no room where that is behind it: by its causes, else by what is left, because not
-    /// every library passes on why it could not write.
+    /// The error, or the lack of disk space if that is the cause: known from the chain of errors,
+    /// or else from the free space, because not every library passes on the cause.
     fn with_space(&self, error: StepError, wrote: u64) -> StepError {
         let may_have_written = match &error {
             StepError::Stage(StageError::Work { .. } | StageError::Io { .. } | StageError::Program(_)) => {
@@ -116,14 +116,16 @@ impl Job<'_> {
         StepError::Full { wrote, space, cause: error.to_string() }
     }
 
-    /// The bytes that were read must be those that the key holds: the step may have waited long for its start.
+    /// The bytes that were read must be those of the key: the step may have waited long for its
+    /// start.
     fn refuse_moved(&self, planned: &PlannedStep, then: &Sources) -> Result<(), StepError> {
         let now = read_sources(self.plan, self.store, planned)?;
         now.moved_since(then).map_or(Ok(()), |name| Err(StepError::Moved(name)))
     }
 
-    /// Does the work in threads of its own and waits for their end: the allocator gives what they had kept to the next
-    /// threads, and only then. One more set of kept pages is memory that no estimate knows.
+    /// Does the work in separate threads and waits for their end. The allocator gives the memory of
+    /// ended threads to the next ones only after that; otherwise one more set of kept pages would
+    /// be in use, which no estimate includes.
     fn in_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, StageError> {
         let mut threads = Vec::with_capacity(self.cores);
         let start = |worker: rayon::ThreadBuilder| {

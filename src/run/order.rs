@@ -1,4 +1,4 @@
-//! Which of the ready steps comes first: the one with the longest chain of work behind it, then the plan's order.
+//! The order of ready steps: the longest chain of later work first, then the order of the plan.
 
 use crate::plan::Plan;
 use crate::plan::past::Past;
@@ -6,19 +6,21 @@ use crate::stage::StepId;
 use std::cmp::Reverse;
 use std::time::Duration;
 
-/// A step's place in the order: the smallest comes first.
+/// The place of a step in the order: the smallest comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rank(Reverse<u64>, pub(super) StepId);
 
-/// The rank of each step. A step of which nothing is known counts as nothing: the result depends on no rank.
+/// The rank of each step. A step without a known duration counts as zero. Results do not depend on
+/// ranks.
 pub(super) fn ranks(plan: &Plan, past: &[Option<Past>]) -> Vec<Rank> {
-    // Milliseconds, so that ranks are compared exactly; what a damaged record may say is no reason to stop.
+    // Milliseconds, so that ranks compare exactly. Invalid durations in a damaged record are
+    // ignored.
     let own = |step: usize| {
         let seconds = past[step].map_or(0.0, |past| past.core_seconds);
         Duration::try_from_secs_f64(seconds).map_or(0, |d| u64::try_from(d.as_millis()).unwrap_or(u64::MAX))
     };
     let mut chains: Vec<u64> = (0..plan.steps().len()).map(own).collect();
-    // Inputs stand before those that need them, so backwards every follower is done.
+    // Inputs stand before their consumers, so in reverse order every consumer is done.
     for (step, planned) in plan.steps().iter().enumerate().rev() {
         for (_, input) in planned.step.inputs() {
             chains[input.0] = chains[input.0].max(own(input.0).saturating_add(chains[step]));

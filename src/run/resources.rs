@@ -1,15 +1,15 @@
-//! What steps may use at once: cores, memory and graphics processors.
+//! Resources that running steps share: cores, memory and GPUs.
 
 use crate::stage::Need;
 
-/// What all running steps may use together.
+/// The total for all running steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Budget {
     /// Threads, at least 1.
     pub cores: usize,
     /// Bytes of memory.
     pub memory: u64,
-    /// Graphics processors; each takes one step at a time.
+    /// Number of GPUs; each serves one step at a time.
     pub gpus: usize,
 }
 
@@ -21,7 +21,7 @@ pub(super) struct Grant {
 }
 
 impl Budget {
-    /// What is left beside running steps.
+    /// The remaining resources.
     pub(super) fn left<'g>(mut self, granted: impl Iterator<Item = &'g Grant>) -> Self {
         for grant in granted {
             self.cores = self.cores.saturating_sub(grant.cores);
@@ -31,7 +31,7 @@ impl Budget {
         self
     }
 
-    /// Whether a step may start within what is left.
+    /// Whether a step may start with the remaining resources.
     pub(super) fn holds(&self, need: &Need) -> bool {
         self.cores > 0 && self.memory >= need.memory && self.gpus >= usize::from(need.gpu)
     }

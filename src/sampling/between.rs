@@ -1,21 +1,21 @@
-//! Brightness between frames, `V = ln(L + k2)` of one pixel at a time (`numerics.md` 3.1): what the sensor goes by, written
-//! for questions about single moments.
+//! Brightness between frames, `V = ln(L + k2)` of one pixel at one moment: the sensor's
+//! interpolation, written for single moments.
 
 use crate::sensor::voltmeter::Between;
 
-/// What is known of a pixel at a frame.
+/// The values of a pixel at a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knot {
-    /// When, s.
+    /// Time, s.
     pub seconds: f64,
-    /// `V` there.
+    /// `V` at the frame.
     pub v: f64,
-    /// Its slope, 1/s; looked at by [`Between::Hermite`] alone.
+    /// Slope of `V`, 1/s; used by [`Between::Hermite`] only.
     pub slope: f64,
 }
 
-/// `V` of a pixel between two frames, `at` these seconds; `outer` are the frames before and after them, which
-/// [`Between::Catmull`] takes its slopes from, where there are any.
+/// `V` of a pixel between two frames at time `at`, s. `outer` are the frames before and after them,
+/// if there are any; [`Between::Catmull`] computes its slopes from them.
 #[must_use]
 pub fn value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], at: f64) -> f64 {
     let h = to.seconds - from.seconds;
@@ -30,7 +30,8 @@ pub fn value(between: Between, outer: [Option<Knot>; 2], [from, to]: [Knot; 2], 
     from.v + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
 }
 
-/// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by the other's length.
+/// The slope at an end of an interval of length `h`: the secants on both sides, each weighted by
+/// the length of the other.
 fn slope(beyond: Option<Knot>, end: Knot, own: f64, h: f64) -> f64 {
     let Some(beyond) = beyond else { return own };
     let secant = (beyond.v - end.v) / (beyond.seconds - end.seconds);
@@ -44,7 +45,8 @@ mod tests {
 
     const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
 
-    /// How far each method is from a signal, given as value and slope, in the middle of the second of three intervals.
+    /// Error of each method for a signal, given as value and slope, at the middle of the second of
+    /// three intervals.
     fn misses(times: [f64; 4], signal: impl Fn(f64) -> (f64, f64)) -> [f64; 3] {
         let knot = |seconds: f64| {
             let (v, slope) = signal(seconds);
@@ -62,14 +64,14 @@ mod tests {
         let [linear, catmull, hermite] = misses([0.0, h, 2.0 * h, 3.0 * h], parabola);
         assert!((linear - q * h * h / 4.0).abs() < 1e-12, "{linear}");
         assert!(catmull.abs() < 1e-12 && hermite.abs() < 1e-12, "{catmull} {hermite}");
-        // Uneven steps are weighed so that a parabola is still met.
+        // Uneven steps are weighted so that a parabola is reproduced.
         let [_, catmull, _] = misses([0.0, h, 4.0 * h, 4.5 * h], parabola);
         assert!(catmull.abs() < 1e-12, "{catmull}");
     }
 
     #[test]
     fn at_an_end_the_slope_is_the_secant() {
-        // Of a parabola the one-sided slope is off by q h, the middle by q h^2/8.
+        // For a parabola, the one-sided slope has an error of q h, the middle of q h^2/8.
         let (q, h) = (2000.0, 2e-3);
         let knot = |t: f64| Knot { seconds: t, v: q * t * t, slope: 0.0 };
         let found = value(Between::Catmull, [None, Some(knot(2.0 * h))], [knot(0.0), knot(h)], h / 2.0);

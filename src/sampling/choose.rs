@@ -1,4 +1,5 @@
-//! Which frames meet a tolerance at least cost: a pilot on a few places of the path, and a check on others.
+//! The cheapest frames that meet a tolerance: a pilot at some places of the path, and a check at
+//! others.
 
 use super::flow::{Flow, SHORTEST_US};
 use super::law::Law;
@@ -7,43 +8,47 @@ use super::{Candidate, Chosen, Tolerance};
 use crate::seed::{Cell, Seed, Space};
 use crate::sensor::voltmeter::Between;
 
-/// What `hermite` costs a frame, over a frame without its rate, by measurement of the CPU renderer.
+/// Cost of a frame with rates divided by that of a frame without, as measured with the CPU
+/// renderer.
 const RATED_COST: f64 = 1.4;
-/// Steps that the pilot tries, each a third of the one before: their stencils then share frames.
+/// Number of steps that the pilot tries. Each is a third of the previous one, so that their
+/// stencils share frames.
 const STEPS: i32 = 5;
 const RATIO: f64 = 3.0;
-/// The longest of them, px; a sixth of the path where that is less.
+/// Length of the longest step, px; a sixth of the path if that is less.
 const LONGEST_PX: f64 = 9.0;
 const LONGEST_SHARE: f64 = 1.0 / 6.0;
-/// Lengths of neighbouring steps that are taken for a ratio of 3, where flow or rounding makes it another.
+/// Range of ratios between neighbouring steps that count as a ratio of 3; flow and rounding change
+/// it a little.
 const ALIKE: f64 = 0.02;
-/// Places of the pilot: one for so many steps between poses, within these bounds.
+/// Places of the pilot: one per this many steps between poses, within these bounds.
 const STEPS_A_PLACE: usize = 100;
 const PLACES: [usize; 2] = [3, 8];
-/// Errors up to so many tolerances tell the law about it; but no fewer than so many steps.
+/// Errors up to this many tolerances enter the fit of the law, but at least this many steps.
 const FAR: f64 = 10.0;
 const FEWEST: usize = 3;
-/// How much of the tolerance the law may take up.
+/// Share of the tolerance that the predicted error may use.
 const MARGIN: f64 = 0.8;
-/// Intervals that the choice is checked on, and the 95 % point of Student's t with one less.
+/// Number of intervals on which the choice is checked, and the 95 % point of Student's t with one
+/// degree of freedom less.
 const HELD_OUT: usize = 12;
 const STUDENT_95: f64 = 1.795_885;
-/// How often a choice that fails may be made finer.
+/// Maximum number of refinements of a failed choice.
 const REFINEMENTS: u32 = 3;
-/// What a finer choice aims at, and the least and most it is finer by.
+/// Target of a refinement, and its smallest and largest factor.
 const AIM: f64 = 0.9;
 const FINER: [f64; 2] = [0.25, 0.8];
 
-/// Why no frames meet a tolerance.
+/// The reason why no frames meet a tolerance.
 #[derive(Debug, thiserror::Error)]
 pub enum ChooseError<E: std::error::Error + 'static> {
-    /// A frame cannot be had.
+    /// A frame cannot be rendered.
     #[error(transparent)]
     View(E),
     /// The path is too short for a pilot.
     #[error("the path is too short to try steps on: leave tolerance out, and choose a rate")]
     Short,
-    /// Every method errs more at the finest step that was tried.
+    /// The error of every method is too large at the finest step that was tried.
     #[error(
         "the tolerance of {wanted} thresholds is below what is reached here: {} at steps of {:.2} px err by {:.4}, \
          {:.0} % of its square by jumps of the renderer; a tolerance of {:.4} can be met{advice}",
@@ -52,12 +57,12 @@ pub enum ChooseError<E: std::error::Error + 'static> {
     Below {
         /// The tolerance.
         wanted: f64,
-        /// The method that comes nearest.
+        /// The method with the smallest error.
         best: Box<Candidate>,
-        /// What would help, as a clause of its own; or nothing.
+        /// A suggestion as a clause, or an empty text.
         advice: &'static str,
     },
-    /// What was chosen fails where it is checked.
+    /// The choice fails its check.
     #[error(
         "the tolerance of {wanted} thresholds is not met: {} steps of {step_px:.3} px err by {achieved:.4} on intervals \
          that were held out, which the law of the pilot did not foresee",
@@ -66,39 +71,40 @@ pub enum ChooseError<E: std::error::Error + 'static> {
     Missed {
         /// The tolerance.
         wanted: f64,
-        /// What was found last, thresholds.
+        /// The last measured error, thresholds.
         achieved: f64,
-        /// Of this method.
+        /// The method.
         between: Between,
-        /// And this step.
+        /// The step.
         step_px: f64,
     },
 }
 
-/// What is asked and what it is asked of.
+/// The inputs of a choice.
 #[derive(Debug, Clone, Copy)]
 pub struct Question<'a> {
-    /// The error.
+    /// The tolerance.
     pub tolerance: Tolerance,
-    /// How fast the picture moves.
+    /// The image motion along the path.
     pub flow: &'a Flow,
-    /// Steps between poses of the path.
+    /// Number of steps between poses of the path.
     pub intervals: usize,
     /// The sensors.
     pub scales: &'a [Scale],
-    /// The methods that they all know.
+    /// The methods that all sensors support.
     pub between: &'a [Between],
-    /// What places are drawn from.
+    /// The seed of the places.
     pub seed: Seed,
-    /// What would lower the error that jumps make, as a clause of a sentence; or nothing.
+    /// A suggestion to reduce the error from jumps, as a clause, or an empty text.
     pub advice: &'static str,
 }
 
 impl Question<'_> {
-    /// The cheapest frames that meet the tolerance, by the law of a pilot and by a check where it has not been.
+    /// The cheapest frames that meet the tolerance, according to a pilot and to a check at other
+    /// places.
     ///
     /// # Errors
-    /// When a frame cannot be had, or none meet it.
+    /// A frame cannot be rendered, or no frames meet the tolerance.
     pub fn answer<V: Viewer<Error: std::error::Error + 'static>>(
         &self,
         viewer: &mut V,
@@ -144,14 +150,15 @@ impl Question<'_> {
         unreachable!("the last refinement is accepted or refused")
     }
 
-    /// What each method needs, by the law of its errors at a few places; and how many frames that took.
+    /// The requirement of each method by the law of its errors at some places, and the number of
+    /// frames rendered.
     fn pilot<V: Viewer<Error: std::error::Error + 'static>>(
         &self,
         viewer: &mut V,
     ) -> Result<(Vec<Candidate>, usize), ChooseError<V::Error>> {
         let longest = LONGEST_PX.min(LONGEST_SHARE * self.flow.total_px());
         if longest <= 0.0 {
-            // Nothing moves: every method is right, and the fewest steps are enough.
+            // Nothing moves: every method is exact, and the smallest number of steps is sufficient.
             let frames = self.flow.steps(LONGEST_PX).len();
             let still = self.between.iter().map(|between| Candidate::still(*between, LONGEST_PX, frames));
             return Ok((still.collect(), 0));
@@ -165,7 +172,7 @@ impl Question<'_> {
         let measured = measure(viewer, self.scales, &intervals, self.between).map_err(ChooseError::View)?;
         let mut candidates = Vec::new();
         for (method, between) in self.between.iter().enumerate() {
-            // The root of the mean over places, at each step that some place has.
+            // The root of the mean over places, for each step measured somewhere.
             let points = steps.iter().enumerate().filter_map(|(number, px)| {
                 let squares = tried.iter().zip(&measured.squares).filter(|((k, _), _)| *k == number);
                 let squares: Vec<f64> = squares.map(|(_, squares)| squares[method]).collect();
@@ -177,9 +184,9 @@ impl Question<'_> {
         if candidates.is_empty() { Err(ChooseError::Short) } else { Ok((candidates, measured.frames)) }
     }
 
-    /// A method by its errors at steps in px, the longest first; `None` of too few.
+    /// A method by its errors at steps in px, the longest first; `None` if there are too few.
     fn candidate(&self, between: Between, mut points: Vec<(f64, f64)>) -> Option<Candidate> {
-        // A step that errs less than a finer one does so by luck.
+        // A step with a smaller error than a finer one owes it to chance.
         for k in (1..points.len()).rev() {
             points[k - 1].1 = points[k - 1].1.max(points[k].1);
         }
@@ -198,7 +205,8 @@ impl Question<'_> {
         })
     }
 
-    /// The moments of the pilot, us: near the start, in the fastest part, and drawn from equal shares of the way.
+    /// The moments of the pilot, us: near the start, in the fastest part, and drawn from equal
+    /// shares of the path.
     fn places(&self) -> Vec<f64> {
         let count = (self.intervals / STEPS_A_PLACE).clamp(PLACES[0], PLACES[1]);
         let mut draws = self.seed.draws(CHOICE, Space::Choice);
@@ -207,11 +215,12 @@ impl Question<'_> {
         [0.0, self.flow.fastest_us()].into_iter().chain(drawn).collect()
     }
 
-    /// The intervals about a place in which the picture moves this far, of those for which the path has room, with the
-    /// number of their step; the finest first, so that frames are let go early.
+    /// The intervals around a place with this image motion, for all steps for which the path is
+    /// long enough, with the index of the step. The finest come first, so that frames are released
+    /// early.
     fn stencils(&self, place: f64, steps: &[f64]) -> Vec<(usize, Interval)> {
         let end = self.flow.end_us();
-        // Where the longest step has no room, the place gives way.
+        // If the longest step does not fit around the place, the place moves.
         let room = 1.5 * self.flow.length_about(place, steps[0]);
         let place = if 2.0 * room < end as f64 { place.clamp(room, end as f64 - room) } else { place };
         #[expect(clippy::cast_possible_truncation, reason = "a path ends within 2^53 us")]
@@ -257,24 +266,24 @@ impl Question<'_> {
     }
 }
 
-/// Where the draws of places are; those of the check are next to it.
+/// Index of the draws of places. Those of the check are next to it.
 const CHOICE: Cell = Cell { x: 0, y: 0, level: 0, index: 1 };
 
 fn cost_of_frame(between: Between) -> f64 {
     if between == Between::Hermite { RATED_COST } else { 1.0 }
 }
 
-/// What a check found.
+/// The result of a check.
 struct Checked {
     rms: f64,
-    /// With 95 % confidence the error of all intervals is no larger.
+    /// Upper bound, with 95 % confidence, of the error over all intervals.
     bound: f64,
     intervals: usize,
     frames: usize,
 }
 
 impl Checked {
-    /// Of squared errors; of `all` intervals nothing is left to doubt.
+    /// The bound from squared errors. If `all` intervals were measured, there is no uncertainty.
     fn of(squares: &[f64], all: bool, frames: usize) -> Self {
         let n = squares.len() as f64;
         let mean = squares.iter().sum::<f64>() / n;
@@ -293,13 +302,13 @@ mod tests {
     const SIZE: Size = Size { width: 16, height: 8 };
     const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
     const SCALE: Scale = Scale { front_end: 0, k2: K2, thresholds: 5.0 };
-    /// Of the planted waves: amplitude, and radians for each px of way.
+    /// Amplitude of the planted waves, and radians per px of motion.
     const A: f64 = 0.5;
     const K: f64 = 0.2;
-    /// Way of the picture in a second, px.
+    /// Image motion per second, px.
     const PX_S: f64 = 400.0;
 
-    /// Waves that pass by: every pixel at another phase.
+    /// Waves that pass: every pixel has another phase.
     fn waves(i: usize, t: f64) -> (f64, f64) {
         let phase = K * PX_S * t + i as f64 * std::f64::consts::TAU / SIZE.pixels() as f64;
         (4.0 + A * libm::sin(phase), A * K * PX_S * libm::cos(phase))
@@ -315,8 +324,8 @@ mod tests {
         Question { tolerance, flow, intervals: 400, scales: &[SCALE], between, seed: Seed(7), advice }
     }
 
-    /// In the middle of a step of `h` px the chord of a sine misses `1 - cos(K h / 2)` of it, and over all phases the root
-    /// of the mean square of a sine is its amplitude over the root of 2.
+    /// At the middle of a step of `h` px, the chord of a sine misses `1 - cos(K h / 2)` of it. Over
+    /// all phases, the root mean square of a sine is its amplitude divided by the root of 2.
     fn missed_by_a_line(h: f64) -> f64 {
         5.0 * A / std::f64::consts::SQRT_2 * (1.0 - libm::cos(K * h / 2.0))
     }
@@ -326,7 +335,8 @@ mod tests {
         let flow = flow();
         let question = question(0.03, &flow, &ALL[..1]);
         let (chosen, moments) = question.answer(&mut Planted::new(SIZE, waves)).unwrap();
-        // Four fifths of the tolerance; the law is a power of h where the truth is a cosine, and steps are whole microseconds.
+        // Four fifths of the tolerance. The law is a power of h where the truth is a cosine, and
+        // steps are whole microseconds.
         assert!((missed_by_a_line(chosen.step_px) / 0.024 - 1.0).abs() < 0.01, "{chosen:?}");
         // One of the last two steps, which are shorter, may be among the twelve.
         assert!((chosen.achieved / 0.024 - 1.0).abs() < 0.05 && chosen.bound_95 <= 0.03, "{chosen:?}");
@@ -346,13 +356,13 @@ mod tests {
         let own = chosen.candidates.iter().find(|c| c.between == chosen.between).unwrap();
         assert!((cost(own) - least).abs() < 1e-9 && chosen.between == Between::Hermite, "{chosen:?}");
         assert!(chosen.bound_95 <= 0.003 && chosen.candidates.len() == 3);
-        // Orders of the three on a smooth signal.
+        // Orders of the three methods on a smooth signal.
         for (candidate, order) in chosen.candidates.iter().zip([2.0, 4.0, 4.0]) {
             assert!((candidate.law.p - order).abs() < 0.15, "{candidate:?}");
         }
     }
 
-    /// Waves, and pixels that jump to and fro by 0.1 each 0.75 px of way.
+    /// Waves, and pixels that jump back and forth by 0.1 every 0.75 px of motion.
     fn jumping(i: usize, t: f64) -> (f64, f64) {
         let (v, slope) = waves(i, t);
         let way = PX_S * t / 0.75 + i as f64 * 0.37;
@@ -367,7 +377,8 @@ mod tests {
         else {
             panic!("it should have been refused")
         };
-        // At steps of 1/9 px a seventh of the pixels jump within one, by half a threshold, half of which the middle misses.
+        // At steps of 1/9 px, a seventh of the pixels jump within one step, by half a threshold,
+        // and the middle misses half of that.
         let jumps = (0.25 * 0.25 * (1.0 / 9.0) / 0.75_f64).sqrt();
         assert!((best.finest / jumps - 1.0).abs() < 0.3, "{best:?} {jumps}");
         assert_eq!((wanted, advice), (0.003, "; try something else"));
@@ -380,7 +391,7 @@ mod tests {
         assert!(told.ends_with("can be met; try something else"), "{told}");
     }
 
-    /// Twice as fine waves in a part of the way that no place of the pilot is in.
+    /// Waves of half the length, in a part of the path without a place of the pilot.
     #[test]
     fn a_choice_that_fails_elsewhere_is_made_finer() {
         let flow = flow();

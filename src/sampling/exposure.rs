@@ -1,8 +1,8 @@
-//! Blurred frames: which moments a shutter is open for, and what it sees meanwhile (`pipeline.md` 8).
+//! Blurred frames: the exposure of each, and its sub-frames.
 //!
-//! An exposure is the mean, in linear light, of `frames` pictures at equal steps of time, those of the dense frames around
-//! a pose. Where a picture moves by more than a pixel in such a step, more pictures lie between: a mean of frames ten pixels
-//! apart is a row of ghosts, not blur.
+//! An exposure is the mean, in linear light, of `frames` pictures at equal steps of time, those of
+//! the dense frames around a pose. If the image moves by more than a pixel per step, sub-frames are
+//! added: a mean of frames that are ten pixels apart is a row of ghosts, not blur.
 
 use super::path::Path;
 use crate::camera::Camera;
@@ -13,60 +13,63 @@ use crate::se3::Se3;
 use crate::se3::rotation_spline::Unsettled;
 use serde::{Deserialize, Serialize};
 
-/// How blurred frames are exposed.
+/// Parameters of blurred frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Shutter {
-    /// Dense frames of an exposure: odd, so that one is in the middle. Exposures follow one another without a gap.
+    /// Dense frames per exposure. The number is odd, so that one is in the middle. Exposures follow
+    /// one another without a gap.
     pub frames: u32,
-    /// What lies between them.
+    /// Number of sub-frames.
     pub subframes: Subframes,
 }
 
-/// Pictures between the dense frames of an exposure.
+/// The number of sub-frames per dense frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Subframes {
-    /// As many as keep the largest motion between two at a pixel.
+    /// As many as keep the largest motion between two of them at a pixel.
     Auto,
-    /// None.
+    /// None: the dense frames alone.
     Literal,
 }
 
-/// Dense frames of an exposure where a recipe does not say.
+/// Default number of dense frames per exposure.
 pub const FRAMES: u32 = 15;
 
-/// Pictures at most that stand for a dense frame: an exposure then costs as much as so many. Motion beyond is told.
+/// Maximum sub-frames per dense frame; bounds the cost of an exposure. Residual motion above 1 px
+/// is reported as a warning.
 const MOST: u32 = 33;
 
-/// A time that far from a pose's is its own, s: stamps have whole microseconds.
+/// Time difference to a pose below which the pose is used itself, s: stamps are whole microseconds.
 const SAME: f64 = 1e-9;
 
-/// A blurred frame that was made.
+/// Record of a blurred frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Exposure {
-    /// The pose in the middle, by number.
+    /// Index of the pose in the middle.
     pub pose: usize,
-    /// When the shutter opened.
+    /// Opening time of the shutter.
     pub start_us: i64,
-    /// When it closed.
+    /// Closing time of the shutter.
     pub end_us: i64,
-    /// Pictures that stand for a dense frame: 1 where only these were rendered.
+    /// Sub-frames per dense frame; 1 for dense frames alone.
     pub subframes: u32,
-    /// The largest motion between two neighbouring pictures, px, as pixels with a depth show it at the dense frames; `None`
-    /// where it was not asked after.
+    /// The largest motion between two neighbouring sub-frames, px, over pixels with a depth at the
+    /// dense frames; `None` if it was not measured.
     pub step_px: Option<f32>,
 }
 
 impl Exposure {
-    /// Its pose, and when the shutter was open.
+    /// The pose and the times of the shutter.
     #[must_use]
     pub fn times(&self) -> (usize, [i64; 2]) {
         (self.pose, [self.start_us, self.end_us])
     }
 }
 
-/// The poses that exposures of so many frames are around: back to back, each within the path.
+/// The poses at the centres of exposures of this many frames: back to back, each exposure within
+/// the path.
 #[must_use]
 pub fn centres(poses: usize, frames: u32) -> Vec<usize> {
     let frames = frames as usize;
@@ -74,11 +77,11 @@ pub fn centres(poses: usize, frames: u32) -> Vec<usize> {
     (beyond..poses.saturating_sub(beyond)).step_by(frames).collect()
 }
 
-/// When the shutter opens and closes around one of [`centres`], s: halfway between the frames of the exposure and those
-/// beyond.
+/// Opening and closing time of the shutter around one of [`centres`], s: halfway between the frames
+/// of the exposure and the frames beyond.
 ///
 /// # Panics
-/// Where there are no frames beyond.
+/// There are no frames beyond.
 #[must_use]
 pub fn open(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
     let half = frames as usize / 2;
@@ -86,7 +89,8 @@ pub fn open(seconds: &[f64], pose: usize, frames: u32) -> [f64; 2] {
     [halfway(pose - half - 1), halfway(pose + half)]
 }
 
-/// The poses of which a sharp frame is kept: every so many, and those in the middle of exposures of so many frames.
+/// The poses with a sharp frame: every `every`-th, and those at the centres of exposures of this
+/// many frames.
 #[must_use]
 pub fn kept(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
     let mut kept: Vec<usize> = (0..poses).step_by(every as usize).collect();
@@ -96,20 +100,20 @@ pub fn kept(poses: usize, every: u32, exposed: Option<u32>) -> Vec<usize> {
     kept
 }
 
-/// A trajectory that ends before a shutter closes.
+/// The error for a trajectory that ends before a shutter closes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the trajectory has {poses} poses, an exposure of {frames} frames needs {}; \
      fewer `frames` of `blur` would do", u64::from(*frames) + 2
 )]
 pub struct TooShort {
-    /// Of the trajectory.
+    /// Number of poses of the trajectory.
     pub poses: usize,
-    /// Of an exposure.
+    /// Number of frames of an exposure.
     pub frames: u32,
 }
 
-/// A warning where the pictures of an exposure are so far apart that edges show in it one by one.
+/// A warning for sub-frames that are so far apart that edges appear separately.
 #[must_use]
 pub fn ghosts(exposures: &[Exposure]) -> Option<String> {
     let apart: Vec<(f32, usize)> =
@@ -126,42 +130,42 @@ pub fn ghosts(exposures: &[Exposure]) -> Option<String> {
 /// A blurred frame.
 #[derive(Debug, Clone)]
 pub struct Exposed {
-    /// How it was exposed.
+    /// The record of its exposure.
     pub exposure: Exposure,
-    /// The mean of its pictures, display-encoded, 0..1.
+    /// The mean of its sub-frames, display-encoded, 0..1.
     pub picture: Image<[f32; 3]>,
 }
 
-/// Why a frame was not exposed.
+/// The reason why a frame was not exposed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExposeError {
-    /// It cannot be rendered.
+    /// The frame cannot be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The caller asked for the end.
+    /// The caller stopped.
     #[error("interrupted")]
     Interrupted,
 }
 
-/// What exposures are of: a camera on its way.
+/// The camera of an exposure and its motion.
 #[derive(Debug)]
 pub struct Course<'a> {
     /// The camera.
     pub camera: Camera,
-    /// Where it is at each pose.
+    /// Its pose at each dense frame.
     pub poses: &'a [Se3],
-    /// When, s, strictly increasing.
+    /// Times of the dense frames, s, strictly increasing.
     pub seconds: &'a [f64],
 }
 
-/// Exposes the frames of a course one after another.
+/// Exposes the blurred frames of a course one after another.
 pub struct Exposer<'a> {
     renderer: &'a mut dyn Renderer,
     course: Course<'a>,
     path: Path,
     shutter: Shutter,
     rendered: Rendered,
-    /// What was rendered so far.
+    /// The work of the renderer so far.
     pub work: Work,
 }
 
@@ -176,13 +180,13 @@ impl std::fmt::Debug for Exposer<'_> {
 }
 
 impl<'a> Exposer<'a> {
-    /// Exposes what the renderer shows of a course.
+    /// Prepares the exposure of a course as seen by a renderer.
     ///
     /// # Errors
-    /// Where no smooth path leads through the poses.
+    /// No smooth path leads through the poses.
     ///
     /// # Panics
-    /// Unless there are two poses and one time each, strictly increasing.
+    /// There are fewer than two poses, or there is not one strictly increasing time per pose.
     pub fn new(
         renderer: &'a mut dyn Renderer,
         course: Course<'a>,
@@ -192,10 +196,10 @@ impl<'a> Exposer<'a> {
         Ok(Self { renderer, course, path, shutter, rendered: Rendered::default(), work: Work::default() })
     }
 
-    /// Opens the shutter around one of [`centres`], for as long as `go_on` says so.
+    /// Exposes the frame around one of [`centres`], while `go_on` returns true.
     ///
     /// # Errors
-    /// Where the renderer fails, and where `go_on` says no.
+    /// The renderer fails, or `go_on` returns false.
     pub fn expose(&mut self, pose: usize, go_on: &dyn Fn() -> bool) -> Result<Exposed, ExposeError> {
         let [start, end] = self.open(pose);
         let frames = self.shutter.frames;
@@ -205,7 +209,7 @@ impl<'a> Exposer<'a> {
         let fastest = self.add(&dense, sees_motion, &mut light, go_on)?;
         let moved = f64::from(fastest) * (end - start) / f64::from(frames);
         let subframes = subframes(moved);
-        // The dense frames are in the middles of those that stand for them, as their number is odd.
+        // Each dense frame is in the middle of its sub-frames, because their number is odd.
         let between = (0..frames * subframes).filter(|k| k % subframes != subframes / 2);
         let between: Vec<Moment> = between.map(|k| self.moment(pose, k, subframes)).collect();
         self.add(&between, false, &mut light, go_on)?;
@@ -221,7 +225,7 @@ impl<'a> Exposer<'a> {
         open(self.course.seconds, pose, self.shutter.frames)
     }
 
-    /// The `k`-th picture of an exposure, `subframes` to a dense frame.
+    /// Time of the `k`-th sub-frame of an exposure, at `subframes` per dense frame.
     fn moment(&self, pose: usize, k: u32, subframes: u32) -> Moment {
         let first = pose - self.shutter.frames as usize / 2;
         let frame = first + (k / subframes) as usize;
@@ -234,7 +238,8 @@ impl<'a> Exposer<'a> {
         if (self.course.seconds[frame] - at).abs() < SAME { Moment::Pose(frame) } else { Moment::Between(at) }
     }
 
-    /// Adds what is seen at these moments, and tells the largest flow there, px/s; 0 where that is not asked.
+    /// Adds the pictures at these moments. Returns the largest flow there, px/s, or 0 if it is not
+    /// requested.
     fn add(
         &mut self,
         moments: &[Moment],
@@ -260,7 +265,7 @@ impl<'a> Exposer<'a> {
         Ok(fastest)
     }
 
-    /// Where the camera is and how it moves.
+    /// The camera's pose and motion.
     fn at(&self, moment: Moment) -> (Se3, Velocity) {
         let seconds = self.course.seconds;
         match moment {
@@ -270,7 +275,7 @@ impl<'a> Exposer<'a> {
     }
 }
 
-/// When a picture of an exposure is taken.
+/// The time of a sub-frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Moment {
     /// At a pose.
@@ -279,7 +284,7 @@ enum Moment {
     Between(f64),
 }
 
-/// The least odd number of pictures for a dense frame, within bounds, that a picture of this motion needs, px a frame.
+/// The smallest odd number of sub-frames, within bounds, for an image motion in px per dense frame.
 fn subframes(moved_px: f64) -> u32 {
     (1..=MOST).step_by(2).find(|n| moved_px <= f64::from(*n)).unwrap_or(MOST)
 }
@@ -293,8 +298,8 @@ mod tests {
     const CAMERA: Camera =
         Camera { size: Size { width: 9, height: 5 }, fx: 10.0, fy: 10.0, cx: 4.5, cy: 2.5 };
 
-    /// A world whose light is so many times the camera's way along x, and moves this fast; it remembers where it was seen
-    /// from.
+    /// A world with light proportional to the camera's position along x, and with this flow. It
+    /// records the poses of its views.
     struct Dawn {
         light: f64,
         px_s: f32,
@@ -328,7 +333,7 @@ mod tests {
         }
     }
 
-    /// Along x by 1 a second, 100 poses a second.
+    /// Along x at 1 unit per second, 100 poses per second.
     fn walk(count: u32) -> (Vec<Se3>, Vec<f64>) {
         let seconds: Vec<f64> = (0..count).map(|j| f64::from(j) / 100.0).collect();
         let at = |t: &f64| Se3 { rotation: DQuat::IDENTITY, translation: DVec3::X * *t };
@@ -347,7 +352,7 @@ mod tests {
 
     const SEVEN: Shutter = Shutter { frames: 7, subframes: Subframes::Auto };
 
-    /// The paper-like case of pipeline 8: 150 poses and 15 frames, the first centre is 8, then every 15th.
+    /// A case like the paper's: 150 poses and 15 frames. The first centre is 8, then every 15th.
     #[test]
     fn exposures_follow_one_another_within_the_path() {
         assert_eq!(centres(150, 15), [8, 23, 38, 53, 68, 83, 98, 113, 128]);
@@ -360,8 +365,8 @@ mod tests {
         assert_eq!(kept(12, 5, None), [0, 5, 10]);
     }
 
-    /// Light that grows evenly has its mean in the middle of the exposure, whatever number of pictures that is the mean of;
-    /// 1e-7 is the rounding of the colours.
+    /// Light that grows evenly has its mean at the middle of the exposure, for any number of
+    /// sub-frames; 1e-7 is the rounding of the colours.
     #[test]
     fn the_mean_is_that_of_light_over_time() {
         for (px_s, subframes, step_px) in
@@ -375,7 +380,7 @@ mod tests {
                 assert!((srgb::decode(f64::from(*r)) - 2.0 * 0.2).abs() < 1e-7, "{r}");
                 assert_eq!((*g, *b), (0.0, 1.0));
             }
-            // Equal steps of time, each picture in the middle of its own.
+            // Equal steps of time, each sub-frame in the middle of its own step.
             let mut seen = dawn.seen;
             seen.sort_by(f64::total_cmp);
             let all = 7 * subframes;

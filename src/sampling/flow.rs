@@ -1,8 +1,8 @@
-//! How fast the picture moves along a path, and moments between which it moves equally far.
+//! Image motion along a path, and moments between which the image moves equally far.
 //!
-//! The path is known, so a step goes by the highest flow within it (`numerics.md` 3.4), never only by that where it
-//! begins. Depth is rendered at a few places; the flow between them follows from it and from how the camera moves there, so
-//! that a burst between two places is seen.
+//! The path is known, so a step is chosen by the highest flow within it, not only by the flow at
+//! its start. Depth is rendered at some places. The flow between them follows from the depth and
+//! from the camera's motion at each moment, so a burst of motion between two places is noticed.
 
 use super::path::Path;
 use crate::camera::Camera;
@@ -11,34 +11,35 @@ use crate::render::flow::{nearest_ranks, rates};
 use crate::render::{Channels, RenderError, Rendered, Renderer, View};
 use rayon::prelude::*;
 
-/// Parts of a path, each with one flow: as many as steps between its poses, within these bounds.
+/// Number of parts of a path, each with one flow: as many as steps between its poses, within these
+/// bounds.
 const PARTS: [usize; 2] = [64, 2048];
-/// Places at which depth is rendered: one for so many parts, within these bounds.
+/// Places at which depth is rendered: one per this many parts, within these bounds.
 const PARTS_A_PLACE: usize = 64;
 const PLACES: [usize; 2] = [9, 33];
-/// Width of the depth images, px: a quantile over their pixels is all that is asked.
+/// Width of the depth images, px. Enough for a quantile over their pixels.
 const WIDTH: u32 = 40;
-/// A moment's flow is one that so many percent of the pixels do not exceed.
+/// Percentage of pixels that move no faster than the flow of a moment.
 const PERCENT: usize = 99;
-/// The shortest step: 50,000 frames a second.
+/// The shortest step, us: 50,000 frames per second.
 pub(super) const SHORTEST_US: i64 = 20;
-/// A path has no fewer steps than these, however slowly the picture moves.
+/// Minimum number of steps of a path, however slowly the image moves.
 const FEWEST: i64 = 8;
 
 /// The flow along a path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flow {
-    /// The highest in each of equal parts, px/s.
+    /// The highest flow in each of equal parts, px/s.
     px_s: Vec<f64>,
     end_us: i64,
 }
 
 impl Flow {
-    /// Measures what `camera` sees along a path that has `intervals` steps between its poses and ends at `end_us`. The
-    /// renderer may have been promised other poses: it is told otherwise.
+    /// Measures the flow seen by `camera` along a path with `intervals` steps between its poses
+    /// that ends at `end_us`. Any promise of poses to the renderer is replaced.
     ///
     /// # Errors
-    /// Where a place cannot be rendered.
+    /// A place cannot be rendered.
     pub fn measure(
         path: &Path,
         (intervals, end_us): (usize, i64),
@@ -92,7 +93,7 @@ impl Flow {
         1e-6 * self.px_s[first..after].iter().copied().fold(0.0, f64::max)
     }
 
-    /// How far the picture moves from the first pose to the last, px.
+    /// Image motion from the first pose to the last, px.
     #[must_use]
     pub fn total_px(&self) -> f64 {
         1e-6 * self.part_us() * self.px_s.iter().sum::<f64>()
@@ -112,7 +113,7 @@ impl Flow {
         (part as f64 + 0.5) * self.part_us()
     }
 
-    /// When this share of the way is past, us.
+    /// The moment at which this share of the motion is over, us.
     #[must_use]
     pub fn past_us(&self, share: f64) -> f64 {
         let total: f64 = self.px_s.iter().sum();
@@ -129,7 +130,8 @@ impl Flow {
         self.end_us as f64
     }
 
-    /// The length of the longest interval about a moment in which the picture moves `px` at most, us.
+    /// The length of the longest interval around a moment in which the image moves at most `px`,
+    /// us.
     #[must_use]
     pub fn length_about(&self, at_us: f64, px: f64) -> f64 {
         let fits = |h: f64| h * self.highest(at_us - h / 2.0, at_us + h / 2.0) <= px;
@@ -141,8 +143,8 @@ impl Flow {
         low
     }
 
-    /// Moments from the first pose to the last, us, between which the picture moves `px` at most, as few as they may be:
-    /// but no nearer to each other than 20 us, and no fewer than eight steps.
+    /// The fewest moments from the first pose to the last, us, between which the image moves at
+    /// most `px`; but at least 20 us apart, and at least eight steps.
     #[must_use]
     pub fn steps(&self, px: f64) -> Vec<i64> {
         let longest = (self.end_us / FEWEST).max(1);
@@ -151,14 +153,14 @@ impl Flow {
         while at < self.end_us {
             let step = self.step_from(at, px).clamp(SHORTEST_US.min(longest), longest);
             let left = self.end_us - at;
-            // What is left at the end is not left to a sliver.
+            // The rest at the end is divided, so that the last step is not tiny.
             at += if left <= step { left } else { step.min((left + 1) / 2) };
             moments.push(at);
         }
         moments
     }
 
-    /// The longest step from a moment on, whole us.
+    /// The longest step from a moment on, in whole us.
     fn step_from(&self, at_us: i64, px: f64) -> i64 {
         let (at, part) = (at_us as f64, self.part_us());
         let mut highest = 0.0f64;
@@ -167,7 +169,8 @@ impl Flow {
             let next = (libm::floor(end / part + 1e-9) + 1.0) * part;
             highest = highest.max(self.highest(end + 1e-3, next - 1e-3));
             if highest * (next - at) > px {
-                // It ends in this part, or before its flow would make it too long.
+                // The step ends in this part, or at its start if its flow would make the step too
+                // long.
                 end = end.max(at + px / highest);
                 break;
             }
@@ -184,8 +187,8 @@ impl Flow {
     }
 }
 
-/// The flow of a moving camera, px/s of its own pixels, by the depth images of the places before and after it: the
-/// higher of what they say.
+/// The flow of a moving camera, px/s of its own pixels, from the depth images of the places before
+/// and after: the higher of both.
 fn quickest(depths: &[Image<f32>], view: &View) -> f64 {
     let of = |depth: &Image<f32>| {
         let flow = rates(depth, view);
@@ -208,14 +211,15 @@ mod tests {
     fn steps_go_by_the_highest_flow_within_them() {
         let flow = uneven();
         assert!((flow.total_px() - 450.0).abs() < 1e-9);
-        // 8 px: 80 ms of the slow part, 10 ms of the fast one; none reaches into the fast part that is too long for it.
+        // 8 px take 80 ms of the slow part and 10 ms of the fast part. No step reaches too far into
+        // the fast part.
         let steps = flow.steps(8.0);
         for pair in steps.windows(2) {
             let highest = if pair[1] > 500_000 { 800.0 } else { 100.0 };
             assert!(highest * (pair[1] - pair[0]) as f64 * 1e-6 <= 8.0 + 1e-9, "{pair:?}");
         }
         assert_eq!((steps[0], steps[1], *steps.last().unwrap()), (0, 80_000, 1_000_000));
-        // 6.25 slow steps of 80 ms, the seventh cut short, and 50 fast ones.
+        // 6.25 slow steps of 80 ms, the seventh shortened, and 50 fast steps.
         assert!((57..=60).contains(&(steps.len() - 1)), "{}", steps.len());
         assert!(steps.windows(2).all(|pair| pair[1] - pair[0] > 4000), "no sliver: {steps:?}");
     }
@@ -235,11 +239,12 @@ mod tests {
     fn moments_and_lengths_are_found() {
         let flow = uneven();
         assert!((flow.fastest_us() - 505_000.0).abs() < 1e-6);
-        // 50 px of the slow half, 400 of the fast one: half of all is past 175 px into the fast one.
+        // 50 px in the slow half, 400 px in the fast half: half of all motion is over after 175 px
+        // in the fast half.
         assert!((flow.past_us(0.5) - (500_000.0 + 175.0 / 800.0 * 1e6)).abs() < 1.0);
         assert!((flow.length_about(250_000.0, 10.0) - 100_000.0).abs() < 1.0);
         assert!((flow.length_about(750_000.0, 10.0) - 12_500.0).abs() < 1.0);
-        // About the edge the fast part rules: half of 12.5 ms lies before it.
+        // At the border, the fast part decides: half of 12.5 ms lies before it.
         assert!((flow.length_about(500_000.0, 10.0) - 12_500.0).abs() < 1.0);
     }
 }

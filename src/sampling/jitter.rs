@@ -1,24 +1,25 @@
-//! What the sensor's own noise does to times: errors below it are lost in it.
+//! Time jitter of events from the sensor's own noise: errors of brightness below it have no visible
+//! effect.
 
 use crate::image::Image;
 use crate::sensor::Account;
 use crate::sensor::voltmeter::Voltmeter;
 use serde::Serialize;
 
-/// The noise between two events of a pixel.
+/// The noise of a pixel between two events.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Jitter {
-    /// Mean time between events of a pixel that has any, us.
+    /// Mean time between the events of a pixel that has any, us.
     pub interval_us: f64,
-    /// Deviation of the noise over this time, thresholds.
+    /// Standard deviation of the noise over this time, thresholds.
     pub rms_th: f64,
-    /// The time that the signal takes for as much, us.
+    /// The time in which the signal changes by as much, us.
     pub us: f64,
 }
 
 impl Jitter {
-    /// Of a sensor with its noise whose stream of this many seconds has so many events, of so many pixels:
-    /// `sigma sqrt(Ti) / Th` (`numerics.md` 3.4), sigma at this grey. `None` where no event is.
+    /// The jitter of a noisy sensor with a stream of this duration, event count and pixel count:
+    /// `sigma sqrt(Ti) / Th`, with sigma at this grey. `None` without events.
     #[must_use]
     pub fn of(
         sensor: &Voltmeter,
@@ -39,7 +40,8 @@ impl Jitter {
     }
 }
 
-/// A warning where a tolerance in thresholds is below the jitter of a sensor that saw this frame first, over so many us.
+/// A warning if a tolerance in thresholds is below the jitter of a sensor whose first frame was
+/// this one, over this many us.
 #[must_use]
 pub fn lost_in_noise(
     tolerance: f64,
@@ -68,7 +70,7 @@ mod tests {
 
     #[test]
     fn jitter_is_the_noise_over_the_time_between_events() {
-        // The figure of numerics 3.4: dvs346, 10 ms between events: 1.8e-3 Th, which is 17.6 us.
+        // dvs346, 10 ms between events: 1.8e-3 thresholds, which is 17.6 us.
         let sensor = Voltmeter::new(Preset::Dvs346.k());
         let jitter = Jitter::of(&sensor, 100.0, [100, 1], 1.0).unwrap();
         assert!((jitter.interval_us - 1e4).abs() < 1e-6);

@@ -1,35 +1,36 @@
-//! The law `e^2 = (C h^p)^2 + J h` through errors at several steps: `p` is the order of a method, `J` what jumps leave.
+//! The error law `e^2 = (C h^p)^2 + J h`, fitted to errors at several steps. `p` is the order of a
+//! method, `J` the effect of jumps.
 //!
-//! A jump of the picture, such as two Gaussians that change places, is missed in the one interval that holds it. The share
-//! of intervals that hold one goes with `h`, so the mean square does too: halving the step does not halve such an error,
-//! and no step is so fine that it ends.
+//! A jump of the image, such as two Gaussians that swap, is missed in the one interval that
+//! contains it. The share of intervals with a jump is proportional to `h`, and so is the mean
+//! square error. Halving the step does not halve such an error, and no step removes it.
 
 use serde::{Deserialize, Serialize};
 
-/// Orders that are looked for: nothing here converges faster than a cubic, and slower than the first order is no
-/// convergence.
+/// Range of orders. Nothing here converges faster than a cubic, and below the first order there is
+/// no convergence.
 const ORDERS: [f64; 2] = [1.0, 4.0];
-/// Orders that are tried before the best is narrowed down.
+/// Number of orders that are tried before the best is refined.
 const TRIED: u32 = 61;
-/// Narrowings of what is left between the neighbours of the best: the order is then known to 1e-9.
+/// Number of refinements between the neighbours of the best order, which is then known to 1e-9.
 const NARROWINGS: u32 = 50;
 
-/// Constants of the law; of errors that are all 0, the law of no error.
+/// Constants of the law. For errors that are all 0, it is the law without error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Law {
-    /// Error that a step of one unit makes, without jumps; at least 0.
+    /// Error of a step of one unit without jumps; at least 0.
     pub c: f64,
     /// Order, 1 to 4.
     pub p: f64,
-    /// Square of the error that jumps make of a step of one unit; at least 0.
+    /// Squared error of a step of one unit from jumps; at least 0.
     pub jumps: f64,
 }
 
 impl Law {
-    /// The law through points `(step, error)` so that the sum of squares is least of how far it is from each squared error,
-    /// relative to it. `None` of fewer than three points, which leave a constant open, or where a step is not above 0 or some
-    /// errors are 0 and others not.
+    /// The law through points `(step, error)` with the least sum of squared relative deviations of
+    /// the squared error. `None` for fewer than three points, which do not determine the constants;
+    /// if a step is not above 0; or if some errors are 0 and others not.
     #[must_use]
     pub fn through(points: &[(f64, f64)]) -> Option<Self> {
         let steps = points.iter().all(|(h, _)| *h > 0.0 && h.is_finite());
@@ -42,7 +43,8 @@ impl Law {
         if !points.iter().all(|(_, e)| *e > 0.0 && e.is_finite()) {
             return None;
         }
-        // In units of the largest step: powers of small ones would leave the range of what can be solved.
+        // In units of the largest step: powers of small steps would leave the range of what can be
+        // solved.
         let unit = points.iter().map(|(h, _)| *h).fold(0.0, f64::max);
         let scaled: Vec<(f64, f64)> = points.iter().map(|(h, e)| (h / unit, e * e)).collect();
         let [low, high] = ORDERS;
@@ -62,21 +64,22 @@ impl Law {
         (smooth * smooth + self.jumps * step).sqrt()
     }
 
-    /// The share of the squared error at a step that jumps make; 0 where there is no error.
+    /// The share of the squared error at a step that comes from jumps; 0 without error.
     #[must_use]
     pub fn share_of_jumps(&self, step: f64) -> f64 {
         let error = self.error(step);
         if error > 0.0 { self.jumps * step / (error * error) } else { 0.0 }
     }
 
-    /// The order at a step: by which power of the step the error goes there.
+    /// The local order at a step: the power of the step to which the error is proportional there.
     #[must_use]
     pub fn order(&self, step: f64) -> f64 {
         let jumps = self.share_of_jumps(step);
         jumps * 0.5 + (1.0 - jumps) * self.p
     }
 
-    /// The largest step within bounds that has at most this error; `None` where the smallest has more.
+    /// The largest step within bounds with at most this error; `None` if the smallest step has
+    /// more.
     #[must_use]
     pub fn step(&self, error: f64, [least, most]: [f64; 2]) -> Option<f64> {
         if self.error(least) > error {
@@ -94,7 +97,7 @@ impl Law {
     }
 }
 
-/// The order of least residual between two, by thirds.
+/// The order of least residual between two orders, by ternary search.
 fn narrowed(points: &[(f64, f64)], [mut low, mut high]: [f64; 2]) -> f64 {
     for _ in 0..NARROWINGS {
         let third = (high - low) / 3.0;
@@ -104,14 +107,14 @@ fn narrowed(points: &[(f64, f64)], [mut low, mut high]: [f64; 2]) -> f64 {
     f64::midpoint(low, high)
 }
 
-/// Of points `(step, squared error)`.
+/// Points `(step, squared error)`.
 fn residual(points: &[(f64, f64)], p: f64) -> f64 {
     let [square, jumps] = at_order(points, p);
     let law = |h: f64| square * libm::pow(h, 2.0 * p) + jumps * h;
     points.iter().map(|(h, e)| law(*h) / e - 1.0).map(|r| r * r).sum()
 }
 
-/// `C^2` and `J` of least relative residual at an order, neither below 0.
+/// `C^2` and `J` of the least relative residual at an order, neither below 0.
 fn at_order(points: &[(f64, f64)], p: f64) -> [f64; 2] {
     // Least squares of a x + b y = 1 with x = h^2p / e^2, y = h / e^2.
     let mut sums = [0.0; 5];
@@ -126,7 +129,7 @@ fn at_order(points: &[(f64, f64)], p: f64) -> [f64; 2] {
     let (square, jumps) = ((x * yy - y * xy) / determinant, (y * xx - x * xy) / determinant);
     match (square >= 0.0, jumps >= 0.0) {
         (true, true) => [square, jumps],
-        // Where both are not, or cannot be told apart, one constant alone.
+        // If one is negative, or both cannot be distinguished, one constant alone.
         (true, false) => [x / xx, 0.0],
         _ => [0.0, y / yy],
     }
@@ -147,7 +150,7 @@ mod tests {
             let points = planted(c, p, jumps, &steps);
             let found = Law::through(&points).unwrap();
             for (h, e) in points {
-                // The order is known to 1e-9, and to the root of what rounding leaves of the squares.
+                // The order is known to 1e-9, and to the root of the rounding of the squares.
                 assert!((found.error(h) / e - 1.0).abs() < 1e-6, "{found:?} {c} {p} {jumps}");
             }
             assert!((found.p - p).abs() < 1e-3, "{found:?}, planted {p}");
@@ -157,10 +160,10 @@ mod tests {
 
     #[test]
     fn constants_stay_in_their_range() {
-        // Faster than the fourth order: jumps may not go below 0 to make up for it.
+        // Faster than the fourth order: jumps must not become negative to compensate for it.
         let fast = Law::through(&planted(1.0, 6.0, 0.0, &[1.0, 0.5, 0.25])).unwrap();
         assert!(fast.jumps >= 0.0 && fast.p <= 4.0 && fast.c >= 0.0, "{fast:?}");
-        // Errors that stay as steps shrink have no order: they are put down to jumps.
+        // Errors that do not shrink with the step have no order: they are attributed to jumps.
         let flat = Law::through(&[(1.0, 1.0), (0.5, 1.0), (0.25, 1.0)]).unwrap();
         assert!(flat.c.abs() < 1e-12 && flat.jumps > 0.5, "{flat:?}");
         let none = Law::through(&[(1.0, 0.0), (0.5, 0.0), (0.25, 0.0)]).unwrap();
@@ -174,7 +177,7 @@ mod tests {
         assert_eq!(Law::through(&[(1.0, 1.0), (0.5, 0.5), (0.0, 0.2)]), None);
     }
 
-    /// Twenty intervals of a path hold a jump by 1, half of which its middle misses.
+    /// Twenty intervals of a path contain a jump of 1, and the middle misses half of it.
     #[test]
     fn jumps_are_of_order_one_half() {
         let rms = |intervals: f64| (0.25 * 20.0 / intervals).sqrt();

@@ -1,4 +1,4 @@
-//! How far brightness between two frames is from what is rendered there, in thresholds.
+//! Difference between interpolated and rendered brightness between two frames, in thresholds.
 
 use super::between::{Knot, value};
 use crate::frames::Frame;
@@ -6,19 +6,19 @@ use crate::sensor::voltmeter::{Between, Voltmeter};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A sensor as far as brightness between frames is concerned.
+/// The properties of a sensor that matter for brightness between frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
-    /// Which of the viewer's front ends it is behind.
+    /// Index of its front end in the viewer.
     pub front_end: usize,
-    /// Offset of the logarithm, grey.
+    /// Offset of the logarithm, in grey.
     pub k2: f64,
-    /// Thresholds to one of `V`: the lower threshold counts.
+    /// Thresholds per unit of `V`, for the lower threshold.
     pub thresholds: f64,
 }
 
 impl Scale {
-    /// Of a sensor behind the front end of this number.
+    /// The scale of a sensor behind the front end of this index.
     #[must_use]
     pub fn of(sensor: &Voltmeter, front_end: usize) -> Self {
         let [k1, k2, ..] = sensor.k;
@@ -26,15 +26,16 @@ impl Scale {
     }
 }
 
-/// What shows frames of any moment of a path.
+/// Renders frames at any moment of a path.
 pub trait Viewer {
-    /// Why it cannot.
+    /// The error of a frame.
     type Error;
 
-    /// Shows the frames at these microseconds, in this order, each as all front ends see it; with rates where `rated`.
+    /// Shows the frames at these microseconds, in this order, each through all front ends; with
+    /// rates if `rated`.
     ///
     /// # Errors
-    /// When a frame cannot be had.
+    /// A frame cannot be rendered.
     fn show(
         &mut self,
         moments_us: &[i64],
@@ -43,18 +44,18 @@ pub trait Viewer {
     ) -> Result<(), Self::Error>;
 }
 
-/// Two neighbouring frames, a moment between them at which the truth is rendered, and the frames beyond, where there are
-/// any; us.
+/// Two neighbouring frames, a moment between them that is rendered for comparison, and the frames
+/// beyond, if there are any; us.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interval {
-    /// The two.
+    /// The two frames.
     pub ends: [i64; 2],
-    /// Before and after them.
+    /// The frames before and after.
     pub outer: [Option<i64>; 2],
 }
 
 impl Interval {
-    /// The moment of truth.
+    /// The moment of comparison.
     fn middle(&self) -> i64 {
         i64::midpoint(self.ends[0], self.ends[1])
     }
@@ -66,7 +67,7 @@ impl Interval {
     }
 }
 
-/// `V` of a frame and its slope, as one sensor sees them; 32 bits hold them to 3e-7, far below any threshold.
+/// `V` of a frame and its slope for one sensor. 32 bits give them to 3e-7, far below any threshold.
 struct Seen {
     seconds: f64,
     v: Vec<f32>,
@@ -95,21 +96,21 @@ impl Seen {
     }
 }
 
-/// What was found of some intervals.
+/// The measurement of some intervals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
-    /// The mean over pixels of the squared error in the middle, thresholds squared, by interval and method; of several
-    /// sensors the largest.
+    /// The mean over pixels of the squared error at the middle, thresholds squared, by interval and
+    /// method. For several sensors, the largest.
     pub squares: Vec<Vec<f64>>,
-    /// Frames that were rendered.
+    /// Number of frames rendered.
     pub frames: usize,
 }
 
-/// Measures methods on intervals. Frames are shown in the order of the intervals that want them and are let go after the
-/// last of these.
+/// Measures methods on intervals. Frames are rendered in the order of the intervals, and released
+/// after the last interval that needs them.
 ///
 /// # Errors
-/// When a frame cannot be had.
+/// A frame cannot be rendered.
 pub fn measure<V: Viewer>(
     viewer: &mut V,
     scales: &[Scale],
@@ -143,7 +144,7 @@ pub fn measure<V: Viewer>(
     Ok(Measured { squares, frames: order.len() })
 }
 
-/// The largest mean square of any sensor.
+/// The largest mean square error of any sensor.
 fn worst(interval: &Interval, between: Between, scales: &[Scale], held: &BTreeMap<i64, Vec<Seen>>) -> f64 {
     let mean = |(number, scale): (usize, &Scale)| {
         let seen = |moment: i64| held.get(&moment).map(|seen| &seen[number]);
@@ -155,7 +156,7 @@ fn worst(interval: &Interval, between: Between, scales: &[Scale], held: &BTreeMa
     scales.iter().enumerate().map(mean).fold(0.0, f64::max)
 }
 
-/// Pixels whose squares are summed at once: the sum is the same with any number of threads.
+/// Number of pixels in one partial sum. The total is then the same with any number of threads.
 const CHUNK: usize = 4096;
 
 fn mean_square(between: Between, outer: [Option<&Seen>; 2], ends: [&Seen; 2], middle: &Seen) -> f64 {
@@ -179,11 +180,11 @@ pub(super) mod planted {
 
     pub(crate) const K2: f64 = 20.0;
 
-    /// Pixels whose `V` and slope at a moment are given.
+    /// Pixels with given `V` and slope at a moment.
     pub(crate) struct Planted<S> {
         pub(crate) size: Size,
         pub(crate) signal: S,
-        /// Moments that were shown.
+        /// The moments that were requested.
         pub(crate) shown: Vec<i64>,
     }
 
@@ -237,7 +238,7 @@ mod tests {
 
     #[test]
     fn planted_errors_are_measured_in_thresholds() {
-        // Parabolas of bends 0 to 5: a line misses the middle by q h^2/4.
+        // Parabolas of curvature 0 to 5: a line misses the middle by q h^2/4.
         let (h_us, h) = (2000, 2e-3);
         let signal = |i: usize, t: f64| (4.5 + 1000.0 * i as f64 * t * t, 2000.0 * i as f64 * t);
         let mut viewer = Planted::new(SIZE, signal);

@@ -1,4 +1,4 @@
-//! A built trajectory as a continuous motion, so that every sampling of it is one of the same path.
+//! A trajectory as continuous motion, so that every sampling of it follows the same path.
 
 use crate::render::Velocity;
 use crate::se3::Se3;
@@ -15,25 +15,26 @@ pub struct Path {
 }
 
 impl Path {
-    /// Through these poses at these times.
+    /// The spline through these poses at these times.
     ///
     /// # Errors
-    /// Where the rotation spline does not settle.
+    /// The rotation spline does not converge.
     ///
     /// # Panics
-    /// Unless there are two poses and one time each, strictly increasing.
+    /// There are fewer than two poses, or there is not one strictly increasing time per pose.
     pub fn through(poses: &[Se3], seconds: Vec<f64>) -> Result<Self, Unsettled> {
         let steps = seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
         Ok(Self { curve: Cubic::through(steps, poses)?, seconds })
     }
 
-    /// From the first pose to the last, s.
+    /// Duration from the first pose to the last, s.
     #[must_use]
     pub fn seconds(&self) -> f64 {
         self.seconds[self.seconds.len() - 1] - self.seconds[0]
     }
 
-    /// Pose `world_from_camera`, and how the camera moves in its own axes, so many seconds after the first pose.
+    /// The pose `world_from_camera` and the velocity of the camera in its own axes, at this time
+    /// after the first pose, s.
     #[must_use]
     pub fn at(&self, seconds: f64) -> (Se3, Velocity) {
         let t = self.seconds[0] + seconds;
@@ -45,8 +46,8 @@ impl Path {
         (pose, Velocity { linear, angular: twist.angular })
     }
 
-    /// Poses and motion at these microseconds after the first pose; what lies beyond the last pose, whose stamp is rounded,
-    /// is where that is.
+    /// Poses and velocities at these microseconds after the first pose. Times beyond the last pose,
+    /// whose stamp is rounded, are clamped to it.
     #[must_use]
     pub fn sampled(&self, moments_us: &[i64]) -> (Trajectory, Vec<Velocity>) {
         let at = |us: &i64| self.at((*us as f64 * 1e-6).min(self.seconds()));
@@ -61,7 +62,7 @@ mod tests {
     use crate::se3::rotation::exp;
     use glam::DVec3;
 
-    /// A cubic path that turns evenly about one axis: the spline is the path itself.
+    /// A cubic path with a constant turn about one axis: the spline reproduces it.
     #[test]
     fn a_path_of_its_own_kind_is_met_between_the_poses() {
         let turn = DVec3::new(0.3, -0.2, 0.5);

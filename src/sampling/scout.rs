@@ -1,4 +1,4 @@
-//! Frames of any moment of a path, rendered for the pilot alone.
+//! Frames at any moment of a path, for the pilot only.
 
 use super::measure::Viewer;
 use super::path::Path;
@@ -8,9 +8,9 @@ use crate::frames::{Frame, FrameError, Frames as _};
 use crate::render::Renderer;
 use crate::sensor::front_end::FrontEnd;
 
-/// What renders them.
+/// The renderer and its state.
 pub struct Scout<'a> {
-    /// `None` while it renders.
+    /// `None` during a rendering.
     renderer: Option<Box<dyn Renderer>>,
     camera: Camera,
     path: &'a Path,
@@ -24,19 +24,20 @@ impl std::fmt::Debug for Scout<'_> {
     }
 }
 
-/// Why a frame cannot be had.
+/// The reason why there is no frame.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoutError {
-    /// It cannot be rendered.
+    /// The frame cannot be rendered.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// The caller asked for the end.
+    /// The caller stopped.
     #[error("interrupted")]
     Interrupted,
 }
 
 impl<'a> Scout<'a> {
-    /// Renders what `camera` sees along a path, as these front ends show it, for as long as `go_on` says so.
+    /// Renders the views of `camera` along a path through these front ends, while `go_on` returns
+    /// true.
     pub fn new(
         renderer: Box<dyn Renderer>,
         camera: Camera,
@@ -50,7 +51,7 @@ impl<'a> Scout<'a> {
     /// The renderer.
     ///
     /// # Panics
-    /// If a frame could not be had.
+    /// A frame failed before.
     #[must_use]
     pub fn into_renderer(self) -> Box<dyn Renderer> {
         self.renderer.expect("it came back from the last frames")

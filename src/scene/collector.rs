@@ -1,4 +1,4 @@
-//! The way of every Gaussian from a file into memory: what is not finite is left out and counted.
+//! Collects Gaussians from a file: those that are not finite are dropped and counted.
 
 use super::{Gaussians, SceneError, Screening, sh};
 use glam::DVec3;
@@ -10,7 +10,7 @@ pub(super) struct Gaussian<'a> {
     pub(super) log_scale: [f32; 3],
     pub(super) rotation: [f32; 4],
     pub(super) opacity_logit: f32,
-    /// As many entries as the collector's degree asks for.
+    /// As many entries as the collector's degree requires.
     pub(super) sh: &'a [[f32; 3]],
 }
 
@@ -25,14 +25,15 @@ impl Gaussian<'_> {
     }
 }
 
-/// Gaussians on their way into memory.
+/// Gaussians that are being read.
 #[derive(Debug)]
 pub(super) struct Collector {
     scene: Gaussians,
 }
 
 impl Collector {
-    /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the file's size.
+    /// An empty scene with capacity for `capacity` Gaussians, which the caller has bounded by the
+    /// file's size.
     pub(super) fn new(sh_degree: u8, capacity: usize) -> Self {
         let scene = Gaussians {
             origin: DVec3::ZERO,
@@ -48,7 +49,7 @@ impl Collector {
         Self { scene }
     }
 
-    /// Takes the file's next Gaussian.
+    /// Takes the next Gaussian of the file.
     pub(super) fn push(&mut self, gaussian: &Gaussian) {
         debug_assert_eq!(gaussian.sh.len(), self.scene.sh_len());
         let scene = &mut self.scene;
@@ -67,7 +68,7 @@ impl Collector {
         scene.sh.extend_from_slice(gaussian.sh);
     }
 
-    /// The scene, unless nothing is left of it.
+    /// The scene, unless no Gaussian remains.
     pub(super) fn finish(self, origin: DVec3, antialiased: Option<bool>) -> Result<Gaussians, SceneError> {
         let Screening { read, non_finite, .. } = self.scene.screening;
         if self.scene.is_empty() {

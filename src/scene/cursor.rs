@@ -3,7 +3,8 @@
 use super::SceneError;
 use std::borrow::Cow;
 
-/// Bytes of a scene file and how far they have been read. All numbers are little endian.
+/// Bytes of a scene file, and the position up to which they are read. All numbers are little
+/// endian.
 #[derive(Debug, Clone)]
 pub(super) struct Cursor<'a> {
     format: &'static str,
@@ -12,27 +13,27 @@ pub(super) struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    /// The start of `bytes`; `format` is what errors call them.
+    /// A cursor at the start of `bytes`. Errors use `format` as its name.
     pub(super) fn new(format: &'static str, bytes: &'a [u8]) -> Self {
         Self { format, bytes, offset: 0 }
     }
 
-    /// Bytes read so far.
+    /// Number of bytes read so far.
     pub(super) fn offset(&self) -> usize {
         self.offset
     }
 
-    /// The same bytes from `offset` on, which lies within them: for an error about what stands there.
+    /// The same bytes from `offset` on, for an error at that place.
     pub(super) fn at(&self, offset: usize) -> Self {
         Self { offset, ..self.clone() }
     }
 
-    /// What is still to be read.
+    /// The bytes that are not read yet.
     pub(super) fn rest(&self) -> &'a [u8] {
         &self.bytes[self.offset..]
     }
 
-    /// The next `len` bytes, which hold `what`.
+    /// The next `len` bytes. `what` names them in errors.
     pub(super) fn take(&mut self, len: usize, what: &str) -> Result<&'a [u8], SceneError> {
         let Some(taken) = self.rest().get(..len) else {
             let left = self.rest().len();
@@ -61,7 +62,7 @@ impl<'a> Cursor<'a> {
         Ok(u64::from_le_bytes(self.array(what)?))
     }
 
-    /// `what`: the bytes before the next one that `ends` it, which is taken, too.
+    /// The bytes before the next `ends` byte, which is consumed too. `what` names them in errors.
     pub(super) fn until(&mut self, ends: impl Fn(&u8) -> bool, what: &str) -> Result<&'a [u8], SceneError> {
         let Some(len) = self.rest().iter().position(ends) else {
             return Err(self.malformed("the end of the data", what));
@@ -69,13 +70,15 @@ impl<'a> Cursor<'a> {
         Ok(&self.take(len + 1, what)?[..len])
     }
 
-    /// The next line without its end (`\n` or `\r\n`); bytes that are no UTF-8 are replaced.
+    /// The next line without its end (`
+    /// ` or `\r
+    /// `). Bytes that are not UTF-8 are replaced.
     pub(super) fn line(&mut self, what: &str) -> Result<Cow<'a, str>, SceneError> {
         let line = self.until(|&b| b == b'\n', what)?;
         Ok(String::from_utf8_lossy(line.strip_suffix(b"\r").unwrap_or(line)))
     }
 
-    /// Fails unless everything has been read.
+    /// Returns an error unless everything has been read.
     pub(super) fn end(&self) -> Result<(), SceneError> {
         match self.rest().len() {
             0 => Ok(()),
@@ -83,7 +86,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The error that `found` stands here in place of `wanted`.
+    /// The error that `found` stands here instead of `wanted`.
     pub(super) fn malformed(&self, found: impl Into<String>, wanted: impl Into<String>) -> SceneError {
         SceneError::Malformed {
             format: self.format,
@@ -93,7 +96,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The error that what stands here is beyond this program.
+    /// The error that the variant found here is not supported.
     pub(super) fn unsupported(&self, what: impl Into<String>, hint: &'static str) -> SceneError {
         SceneError::Unsupported { format: self.format, offset: self.offset, what: what.into(), hint }
     }

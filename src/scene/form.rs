@@ -1,4 +1,4 @@
-//! The forms that a scene is written in, and what each of them loses of it.
+//! Formats in which a scene can be written, and the losses of each.
 
 use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, splat, spz};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 /// A file format that can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// Floats: loses nothing.
+    /// Floats, without loss.
     Ply,
     /// Bytes and fixed-point numbers, with harmonics.
     Spz,
@@ -14,23 +14,23 @@ pub enum Form {
     Splat,
 }
 
-/// Something of a scene that a file of a form does not hold.
+/// A part of a scene that a format loses.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Loss {
     /// The field.
     pub field: &'static str,
-    /// What happens to it.
+    /// The effect of the loss.
     pub what: String,
-    /// The largest change, in the field's own unit, where its numbers are rounded.
+    /// The largest change from rounding, in the unit of the field.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest: Option<f64>,
 }
 
 impl Form {
-    /// All forms.
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Ply, Self::Spz, Self::Splat];
 
-    /// The form that a file's name asks for.
+    /// The format that belongs to a file name.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         Self::ALL
@@ -38,7 +38,7 @@ impl Form {
             .find(|form| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(form.extension())))
     }
 
-    /// The end of such a file's name, without the point.
+    /// The file extension, without the point.
     #[must_use]
     pub fn extension(self) -> &'static str {
         match self {
@@ -48,10 +48,10 @@ impl Form {
         }
     }
 
-    /// The file's content, and what it loses of `scene`: it is read back and held against it.
+    /// The content of the file, and the losses: the content is read back and compared with `scene`.
     ///
     /// # Errors
-    /// [`WriteError`] where the form cannot hold the scene at all.
+    /// [`WriteError`] if the format cannot hold the scene at all.
     pub fn write(self, scene: &Gaussians) -> Result<(Vec<u8>, Vec<Loss>), WriteError> {
         let mut bytes = Vec::new();
         let back = match self {
@@ -114,7 +114,7 @@ impl Form {
         Ok(rounded.chain(dropped(scene, back)).collect())
     }
 
-    /// What each field is rounded to: positions, log scales, rotations, opacities, colours, harmonics.
+    /// Rounding of each field: positions, log scales, rotations, opacities, colours, harmonics.
     fn steps(self, scene: &Gaussians) -> Result<[String; 6], WriteError> {
         let floats = "32 bits";
         Ok(match self {
@@ -145,12 +145,12 @@ impl Form {
     }
 }
 
-/// The largest difference of two numbers in the same place.
+/// The largest difference between two numbers at the same place.
 fn apart(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).fold(0.0, f64::max)
 }
 
-/// Fields that are not there at all any more.
+/// Fields that are missing entirely.
 fn dropped(scene: &Gaussians, back: &Gaussians) -> Vec<Loss> {
     let loss = |field, what: String| Loss { field, what, largest: None };
     let mut losses = Vec::new();

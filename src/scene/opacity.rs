@@ -2,14 +2,15 @@
 
 use super::nearest_byte;
 
-/// The logit of opacity `byte / 255`; the bytes 0 and 255, whose logits are infinite, count as 0.5 and 254.5.
+/// The logit of opacity `byte / 255`. The bytes 0 and 255, whose logits are infinite, count as 0.5
+/// and 254.5.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
 pub(super) fn logit_of_byte(byte: u8) -> f32 {
     let b = f64::from(byte).clamp(0.5, 254.5);
     libm::log(b / (255.0 - b)) as f32
 }
 
-/// The byte whose logit stands for the nearest opacity: the ends count as half a step from where they are.
+/// The byte whose logit gives the nearest opacity. The ends count as half a step inside.
 pub(super) fn byte_of_logit(logit: f32) -> u8 {
     let wanted = 255.0 / (1.0 + libm::exp(-f64::from(logit)));
     if wanted < 0.75 {
@@ -35,7 +36,8 @@ mod tests {
             last = logit;
             let wanted = f64::from(byte).clamp(0.5, 254.5) / 255.0;
             let opacity = 1.0 / (1.0 + (-f64::from(logit)).exp());
-            // The logit is at most 6.3 and carries half an ulp, 2.4e-7; the sigmoid's slope is at most 1/4.
+            // The logit is at most 6.3 with an error of half an ulp, 2.4e-7; the slope of the
+            // sigmoid is at most 1/4.
             assert!((opacity - wanted).abs() < 6e-8, "{byte}: {opacity}");
         }
     }

@@ -3,7 +3,7 @@
 //! Properties are found by name, in any order: `x y z`, `f_dc_0..2`, `f_rest_0..` (0, 9, 24 or 45 of them; all of
 //! red, then green, then blue), `opacity`, `scale_0..2`, `rot_0..3`, each float or double. Other properties and other
 //! elements are skipped. The body is binary of either byte order, or ascii. The format does not record antialiasing.
-//! Compressed files, told by their elements, are read as well.
+//! Compressed files, recognised by their elements, are read as well.
 
 mod body;
 mod header;
@@ -20,11 +20,11 @@ use glam::DVec3;
 use header::{Element, Encoding, Header};
 pub use write::write_ply;
 
-/// Reads a `.ply` scene. Positions of 32 bits are kept as they are; positions of 64 bits are taken about an origin
-/// near their median. Gaussians that are not finite are dropped and counted.
+/// Reads a `.ply` scene. Positions of 32 bits are kept unchanged; positions of 64 bits are taken
+/// relative to an origin near their median. Gaussians that are not finite are dropped and counted.
 ///
 /// # Errors
-/// [`SceneError`] where the bytes are no such file, a property is missing, or nothing is left.
+/// [`SceneError`] if the bytes are not such a file, a property is missing, or no Gaussian remains.
 pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let mut cursor = Cursor::new(".ply", bytes);
     let header = Header::read(&mut cursor)?;
@@ -50,11 +50,11 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     Ok(scene)
 }
 
-/// Bytes that a header may have.
+/// Maximum length of a header, bytes.
 pub const MAX_HEADER: usize = header::MAX_LEN;
 
-/// What a file holds that [`read_ply`] passes over: properties of its vertices, but for normals, which scenes have as
-/// zeros, and elements. Of a file that begins with no header, nothing.
+/// Content of a file that [`read_ply`] ignores: properties of its vertices (except normals, which
+/// scenes have as zeros), and elements. Empty for a file without a header.
 #[must_use]
 pub fn left_out(bytes: &[u8]) -> Vec<String> {
     let Ok(header) = Header::read(&mut Cursor::new(".ply", bytes)) else { return Vec::new() };
@@ -75,7 +75,7 @@ fn knows(name: &str) -> bool {
     property_names(sh::MAX_DEGREE).iter().any(|known| known == name)
 }
 
-/// Where a Gaussian's numbers lie in a row.
+/// Places of a Gaussian's numbers in a row.
 #[derive(Debug)]
 struct Columns {
     stride: usize,
@@ -117,7 +117,8 @@ impl Columns {
         })
     }
 
-    /// The scene's origin: zero for positions of 32 bits, else the noted one or one near the median.
+    /// The scene's origin: zero for positions of 32 bits, otherwise the one in the notes, or one
+    /// near the median.
     fn origin(&self, rows: &[u8], noted: Option<DVec3>) -> DVec3 {
         if !self.position.iter().any(|c| c.is_double()) {
             return DVec3::ZERO;
@@ -157,7 +158,7 @@ fn degree_of(rest_len: usize, at: &Cursor) -> Result<u8, SceneError> {
     }
 }
 
-/// Names of the vertices' properties in the order that 3DGS writes them.
+/// Names of the vertices' properties in the order of 3DGS.
 fn property_names(sh_degree: u8) -> Vec<String> {
     let numbered = |name: &str, n: usize| (0..n).map(|i| format!("{name}_{i}")).collect::<Vec<_>>();
     let mut names = ["x", "y", "z", "nx", "ny", "nz"].map(String::from).to_vec();
@@ -174,8 +175,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A file of two Gaussians of degree 1, its bytes written one number at a time. `f_rest_k` of Gaussian `g` is
-    /// `100 g + k`; the properties stand in no usual order, with strangers among them.
+    /// A file of two Gaussians of degree 1, written number by number. `f_rest_k` of Gaussian `g` is
+    /// `100 g + k`. The properties are in an unusual order, with unknown ones among them.
     fn shuffled(encoding: &str, position: &str) -> Vec<u8> {
         let names = "rot_3 f_rest_8 z y x label f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 f_rest_6 \
                      f_rest_7 opacity scale_2 scale_1 scale_0 f_dc_0 f_dc_1 f_dc_2 rot_0 rot_1 rot_2";
@@ -266,7 +267,8 @@ mod tests {
         assert_eq!(scene.positions, [[0.0; 3], [1.0; 3]]);
     }
 
-    /// What 32 bits about the origin keep of positions a million units away, and that a second pass changes nothing.
+    /// Precision of 32 bits around the origin for positions a million units away; a second pass
+    /// must change nothing.
     #[test]
     fn double_positions_survive_a_round_trip_far_from_zero() {
         let exact: Vec<f64> = (0..100).map(|i| 1e6 + f64::from(i * i) * 0.37).collect();
@@ -287,7 +289,7 @@ mod tests {
         write_ply(&two, &mut rows).unwrap();
         let row_len = 4 * property_names(1).len();
         let first = rows.len() - 2 * row_len;
-        // Normals (fields 3 to 5) are no business of ours; each other field matters.
+        // Normals (fields 3 to 5) are ignored; every other field matters.
         for field in (0..row_len / 4).filter(|f| !(3..6).contains(f)) {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 let mut bytes = rows.clone();

@@ -1,9 +1,10 @@
 //! The embedded scene `still-life`: a scene and a capture of it that need no download.
 //!
-//! Fruit, flowers, books and brass on a table before a tiled wall, as surfels: flattened Gaussians that follow the
-//! surfaces, their size set by their number. Light is computed once and stored as colour; glossy things keep the
-//! lamp's reflection in their harmonics. The same parameters give the same bits on every machine: all arithmetic
-//! is in 64 bits, transcendental functions come from `libm`, and every draw from ChaCha12.
+//! Fruit, flowers, books and brass on a table in front of a tiled wall, as surfels: flattened
+//! Gaussians that follow the surfaces, with a size that depends on their number. Light is computed
+//! once and stored as colour; the harmonics of glossy objects contain the reflection of the lamp.
+//! The same parameters give the same bits on every machine: all arithmetic is in 64 bits,
+//! transcendental functions come from `libm`, and every draw from ChaCha12.
 
 mod books;
 mod bouquet;
@@ -36,7 +37,8 @@ pub struct StillLife {
     pub gaussians: u32,
     /// Number of key views, 2 to 10,000.
     pub views: u32,
-    /// Extent of the capture's arc in degrees, above 0 to 360; from about 80 on the outer views see the room's ends.
+    /// Extent of the capture's arc in degrees, above 0 to 360. From about 80 on, the outer views
+    /// see the ends of the room.
     pub arc: f64,
     /// Seed of the scene and of the capture's unevenness.
     pub seed: u64,
@@ -61,10 +63,10 @@ pub struct OutOfRange {
 }
 
 impl StillLife {
-    /// Whether every parameter is within its range.
+    /// Checks that every parameter is within its range.
     ///
     /// # Errors
-    /// The first that is not.
+    /// The first parameter that is not.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         let check = |ok: bool, field, found: String, wanted| {
             if ok { Ok(()) } else { Err(OutOfRange { field, found, wanted }) }
@@ -115,7 +117,7 @@ fn arrange(seed: u64) -> Arrangement {
     arrangement
 }
 
-/// Floaters: faint blobs in the air before the table, as every captured scene has them.
+/// Floaters: faint blobs in the air in front of the table, as in every captured scene.
 fn dust() -> Part {
     let shape =
         Shape::Blobs { low: DVec3::new(-1.8, -1.5, -1.3), high: DVec3::new(1.9, -0.3, 1.2), share: 0.05 };
@@ -126,7 +128,7 @@ fn dust() -> Part {
     Part { object: "dust", shape, look: Box::new(look), detail: 1.0, thin: true }
 }
 
-/// Lights a spot and hands it on as a Gaussian.
+/// Lights a spot, and passes it on as a Gaussian.
 fn paint(part: &Part, spot: &Spot, arrangement: &Arrangement, collector: &mut Collector) {
     let finish = (part.look)(spot);
     let away = part.thin && spot.normal.dot(DVec3::new(0.1, -0.5, -0.85)) < 0.0;
@@ -190,7 +192,7 @@ mod tests {
         }
     }
 
-    /// Frozen: a change of these bits changes every release that has a procedural scene.
+    /// Frozen: a change of these bits changes every release with a procedural scene.
     #[test]
     fn the_scene_and_its_capture_are_frozen() {
         let mut bytes = Vec::new();
@@ -220,7 +222,8 @@ mod tests {
             let to = DVec3::from_array(scene.positions[i].map(f64::from)) - eye;
             let basis = sh::basis(scene.sh_degree, narrow(to.normalize()));
             let colour = sh::colour(scene.sh_of(i), &basis);
-            // The lobe's series may dip below zero beside its peak and lift highlights above one.
+            // The lobe's series may fall below zero next to its peak, and raise highlights above
+            // one.
             assert!(colour.iter().all(|c| (0.0..1.3).contains(c)), "{i}: {colour:?}");
         }
     }
@@ -248,8 +251,9 @@ mod tests {
         assert!((angles[29] - angles[0] - 20.0).abs() < 0.5);
     }
 
-    /// A trajectory resamples the arc to 150 poses; between two of them at most 5 % of what is seen may move by more
-    /// than 0.85 px on the average over the arc. Measured from key view to key view, the hand's trembling included.
+    /// A trajectory resamples the arc to 150 poses. Between two of them, at most 5 % of the visible
+    /// points may move by more than 0.85 px on average over the arc. This is measured between key
+    /// views, including the tremor of the hand.
     #[test]
     fn the_default_arc_moves_slowly() {
         let life = StillLife::default();
@@ -274,7 +278,7 @@ mod tests {
         flow[flow.len() * 95 / 100]
     }
 
-    /// Where a point is seen, unless it is behind the camera or outside the image.
+    /// The projection of a point, unless it is behind the camera or outside the image.
     fn project(camera_from_world: &Se3, camera: &Camera, point: DVec3) -> Option<[f64; 2]> {
         let q = camera_from_world.rotation * point + camera_from_world.translation;
         let (x, y) = (camera.fx * q.x / q.z + camera.cx, camera.fy * q.y / q.z + camera.cy);

@@ -1,13 +1,15 @@
 //! Stored quaternions as rotations.
 
-/// The unit quaternion of a stored one, in 64 bits; that of zero is the identity, as the renderer has it.
+/// The unit quaternion of a stored one, in 64 bits. A zero quaternion gives the identity, as in the
+/// renderer.
 pub(super) fn unit(stored: [f32; 4]) -> [f64; 4] {
     let wide = stored.map(f64::from);
     let norm = wide.iter().map(|c| c * c).sum::<f64>().sqrt();
     if norm > 0.0 { wide.map(|c| c / norm) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
-/// The angle between two rotations, radians; zero only where the same quaternion, or its negative, is stored.
+/// The angle between two rotations, radians; zero only if the stored quaternions are equal or
+/// opposite.
 #[expect(clippy::float_cmp, reason = "whether they are the same numbers is asked")]
 pub(super) fn angle(a: [f32; 4], b: [f32; 4]) -> f64 {
     if a == b || a == b.map(|c| -c) {

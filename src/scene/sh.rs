@@ -1,16 +1,17 @@
 //! Real spherical harmonics of degree 0 to 3, as trained splat scenes use them.
 //!
-//! Basis, order and signs are those of Kerbl et al. 2023 (graphdeco-inria/gaussian-splatting, `utils/sh_utils.py`;
-//! graphdeco-inria/diff-gaussian-rasterization, `auxiliary.h`), which follow Sloan, "Efficient Spherical Harmonic
-//! Evaluation", JCGT 2(2), 2013, appendix A2: function `l^2 + l + m` for order `m = -l..=l` of degree `l`. They are
-//! orthonormal over the unit sphere. A colour is `max(0, 0.5 + sum of coefficient x function)`, without an upper
-//! clamp, in the direction from the camera's centre to the Gaussian's.
+//! Basis, order and signs are those of Kerbl et al. 2023 (graphdeco-inria/gaussian-splatting,
+//! `utils/sh_utils.py`; graphdeco-inria/diff-gaussian-rasterization, `auxiliary.h`), which follow
+//! Sloan, "Efficient Spherical Harmonic Evaluation", JCGT 2(2), 2013, appendix A2: function
+//! `l^2 + l + m` for order `m = -l..=l` of degree `l`. They are orthonormal over the unit sphere. A
+//! colour is `max(0, 0.5 + sum of coefficient x function)`, without an upper clamp, in the
+//! direction from the camera's centre to that of the Gaussian.
 
 use std::ops::{Add, Mul, Sub};
 
-/// Highest degree.
+/// Maximum degree.
 pub const MAX_DEGREE: u8 = 3;
-/// Functions of degree 0 to [`MAX_DEGREE`].
+/// Number of functions of degree 0 to [`MAX_DEGREE`].
 pub const MAX_LEN: usize = 16;
 
 /// The function of degree 0: `sqrt(1 / (4 pi))`.
@@ -31,9 +32,9 @@ pub const C3: [f64; 7] = [
     -0.5900435899266435,
 ];
 
-/// The floating-point types that the basis is evaluated in.
+/// The floating-point types in which the basis is evaluated.
 pub trait Scalar: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
-    /// The nearest value to `x`.
+    /// The value nearest to `x`.
     fn nearest(x: f64) -> Self;
 }
 
@@ -58,7 +59,8 @@ pub const fn len(degree: u8) -> usize {
     (degree as usize + 1).pow(2)
 }
 
-/// The functions of degree 0 to `degree` in the unit direction `[x, y, z]`; entries from `len(degree)` on are zero.
+/// The functions of degree 0 to `degree` in the unit direction `[x, y, z]`. Entries from
+/// `len(degree)` on are zero.
 ///
 /// A degree above [`MAX_DEGREE`] gives the functions up to [`MAX_DEGREE`].
 #[must_use]
@@ -104,8 +106,8 @@ fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
     ]
 }
 
-/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` under the values of [`basis`], summed in the order of
-/// the functions; the shorter of the two ends the sum.
+/// The colour `max(0, 0.5 + sum)` of coefficients `[r, g, b]` with the values of [`basis`], summed
+/// in the order of the functions. The shorter of the two ends the sum.
 #[must_use]
 #[inline(always)]
 pub fn colour<T: Scalar + PartialOrd, C: Copy + Into<f64>>(coefficients: &[[C; 3]], basis: &[T]) -> [T; 3] {
@@ -127,7 +129,8 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Exact for polynomials up to degree 7 over the sphere: 4 Gauss-Legendre nodes in z, 8 angles round it.
+    /// Exact for polynomials up to degree 7 over the sphere: 4 Gauss-Legendre nodes in z, 8 angles
+    /// around it.
     fn sphere() -> Vec<([f64; 3], f64)> {
         let nodes = [
             (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
@@ -166,8 +169,8 @@ mod tests {
         }
     }
 
-    /// The sign of each function, read off a direction in the octant where all factors are positive
-    /// (the polynomials of `numerics.md` 7.1 evaluated by hand at (2, 1, 2) / 3).
+    /// The sign of each function in a direction in the octant where all factors are positive (the
+    /// polynomials evaluated by hand at (2, 1, 2) / 3).
     #[test]
     fn signs_and_order_are_the_published_ones() {
         let b = basis::<f64>(3, [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0]);
@@ -190,7 +193,7 @@ mod tests {
             -0.59004359 * 2.0 / 27.0,
         ];
         for (i, (got, wanted)) in b.iter().zip(wanted).enumerate() {
-            // the constants above carry nine digits
+            // The constants above have nine digits.
             assert!((got - wanted).abs() < 2e-9, "function {i}: {got} for {wanted}");
         }
     }

@@ -1,35 +1,54 @@
 //! The length of a piecewise curve as a function of its parameter, and the inverse.
 //!
-//! Lengths come from adaptive 5-point Gauss-Legendre quadrature. Only the length before each segment is kept; a
-//! [`Walk`] along the curve makes the panels of the segment it is in, so that a path of millions of segments costs
-//! memory for their lengths alone. On a half of a panel the speed is the polynomial through 7 of its values: those at
-//! the nodes of the rule and at both ends. The integral of this polynomial is inverted by Newton's method, which
-//! costs no further speed.
+//! ```text
+//! segment     |--------------------------------------------------|
+//! panels      |------------|------------|------------|-----|-----|   halved where the rule is inaccurate
+//! halves      |-----|------|-----|------|-----|------|--|--|--|--|
+//! one half    x  o     o      o     o  x     o: Gauss nodes    x: ends
+//! ```
+//!
+//! Lengths come from adaptive 5-point Gauss-Legendre quadrature. A panel is accepted when the rule
+//! over it agrees with the sum of the rules over its halves; the halves are then kept.
+//!
+//! Only the length before each segment is stored. A [`Walk`] along the curve rebuilds the panels of
+//! the segment that it is in, so a path of millions of segments needs memory for their lengths
+//! alone.
+//!
+//! To invert the length, the speed on a half panel is replaced by the polynomial of degree 6
+//! through seven values: five at the nodes, which the quadrature has computed already, and two at
+//! the ends. Its integral is inverted by Newton's method, which then evaluates polynomials only,
+//! never the curve.
 
 use super::series::series;
 use super::spline::Place;
 use super::sum::Sum;
 
-/// Panels that every segment starts with.
+/// Number of panels with which every segment starts.
 const PANELS: usize = 4;
-/// A panel settles when one rule over it and two over its halves agree to this share of its length: the two, 2^10
-/// times more accurate on a smooth curve, are kept. For a speed whose nearest singularity is as many panel widths away
-/// as this allows (four), the polynomial of a half misses less than 1e-10 of its variation.
+/// Maximum difference, relative to the panel's length, between one rule over a panel and two over
+/// its halves. The two are kept; they are 2^10 times more accurate on a smooth curve. A speed that
+/// passes this test has its nearest singularity about four panel widths away, and the polynomial of
+/// a half then misses less than 1e-10 of its variation.
 const TOLERANCE: f64 = 1e-13;
-/// ... and when the polynomial through the rule's nodes meets the speed at both ends of the panel to this share of the
-/// mean speed. The outermost nodes are 5 % away from the ends: a cusp in between would pass unseen. One that is left
-/// unseen by this limit is within 5e-7 of the panel's width from its end, and 5e-13 of its length.
+/// Maximum difference, relative to the mean speed, between the polynomial through the nodes and the
+/// speed at the ends of the panel. The outermost nodes are 5 % away from the ends, so the first
+/// test does not notice a cusp in between. A cusp that this test misses is within 5e-7 of the
+/// panel's width from its end, and costs 5e-13 of its length.
 const SEEN: f64 = 1e-6;
-/// ... and a speed that is not 0, but below that share, to this one: what passes a stop so closely bends within the panel,
-/// and its length up to a place would be off by 1e-11 of the panel's.
+/// The same limit where the speed at an end is positive but below `SEEN`. A curve that passes so
+/// close to a stop bends inside the panel, and its length up to a place would be wrong by 1e-11 of
+/// the panel's length.
 const SEEN_AT_A_STOP: f64 = 1e-9;
-/// ... or to this share of its segment's length: at a cusp the relative error of the panel that holds it never falls.
+/// Error, relative to the segment's length, below which a panel is always accepted. At a cusp the
+/// relative error of the panel that contains it never falls.
 const FLOOR: f64 = 1e-14;
-/// Halvings of a first panel, at most.
+/// Maximum number of halvings of a first panel.
 const DEPTH: u32 = 30;
-/// A Newton step this short, in half panels, was the last: the next one would be as long as its square.
+/// Length of the last Newton step, in half panels. Newton's method converges quadratically, so the
+/// next step would be about 1e-16 long.
 const SHORT: f64 = 1e-8;
-/// Newton steps and bisections, at most: bisection alone exhausts a double.
+/// Maximum number of Newton steps and bisections. Bisection alone exhausts the bits of a double in
+/// fewer.
 const ROUNDS: u32 = 60;
 
 /// A curve's speed against its parameter: `|dP/ds|` at a place.
@@ -54,13 +73,13 @@ struct Span {
 }
 
 impl Span {
-    /// Its length by the rule.
+    /// The length of the span by the rule.
     fn length(&self) -> f64 {
         let [a, b, c, d, e] = self.speeds;
         (WEIGHTS[0] * (a + e) + WEIGHTS[1] * (b + d) + WEIGHTS[2] * c) * ((self.to - self.from) / 2.0)
     }
 
-    /// Values at both ends of the polynomial through the nodes.
+    /// The polynomial through the nodes, evaluated at both ends.
     fn extrapolated(&self) -> [f64; 2] {
         let last = |speeds: [f64; 5]| speeds.iter().zip(EXTRAPOLATION).map(|(v, w)| v * w).sum();
         let [a, b, c, d, e] = self.speeds;
@@ -73,12 +92,12 @@ impl Span {
 pub struct ArcLength<P> {
     pace: P,
     steps: Vec<f64>,
-    /// Length before each segment, and of them all.
+    /// Length before each segment, then the length of the whole curve.
     before: Vec<f64>,
 }
 
 impl<P: Pace> ArcLength<P> {
-    /// Measures the curve whose segment i is `steps[i] > 0` long in the parameter.
+    /// Measures a curve. Segment `i` covers `steps[i] > 0` of the parameter.
     pub fn measure(steps: &[f64], pace: P) -> Self {
         let mut measured = Self { pace, steps: steps.to_vec(), before: Vec::with_capacity(steps.len() + 1) };
         let (mut sum, mut halves) = (Sum::default(), Vec::new());
@@ -103,20 +122,21 @@ impl<P: Pace> ArcLength<P> {
         self.pace.pace(at)
     }
 
-    /// The place up to which the curve is `length` long; lengths outside `0..=total` name the ends. Many lengths in
-    /// growing order are found faster by a [`Walk`].
+    /// The place at which the curve has reached `length`. Lengths outside `0..=total` give the
+    /// ends. For many lengths in growing order, a [`Walk`] is faster.
     #[must_use]
     pub fn invert(&self, length: f64) -> Place {
         self.walk().to(length)
     }
 
-    /// A walk along the curve, from its start.
+    /// A walk along the curve from its start.
     #[must_use]
     pub fn walk(&self) -> Walk<'_, P> {
         Walk { arc: self, segment: None, halves: Vec::new(), before: Vec::new(), panel: None }
     }
 
-    /// Length between two places, `a` before `b`, by a quadrature of its own that shares no panel with a walk.
+    /// The length between two places, `a` before `b`. The quadrature is independent: it shares no
+    /// panel with a walk.
     #[must_use]
     pub fn between(&self, a: Place, b: Place) -> f64 {
         if a.segment == b.segment {
@@ -154,6 +174,8 @@ impl<P: Pace> ArcLength<P> {
         let left = self.span(whole.segment, whole.from, middle);
         let right = self.span(whole.segment, middle, whole.to);
         let sum = left.length() + right.length();
+        // `sum <= floor` ends the search at a stop, where a relative test on almost nothing would
+        // never pass.
         let near = (whole.length() - sum).abs() <= (TOLERANCE * sum).max(floor);
         if depth == 0 || sum <= floor || (near && self.sees_ends(&whole)) {
             halves.extend([left, right]);
@@ -169,7 +191,7 @@ impl<P: Pace> ArcLength<P> {
         Span { segment, from, to, speeds }
     }
 
-    /// Whether the polynomial through a span's nodes meets the speeds at its ends.
+    /// Whether the polynomial through a span's nodes predicts the speeds at both ends.
     fn sees_ends(&self, span: &Span) -> bool {
         let mean = span.length() / (span.to - span.from);
         let meets = |x: f64, predicted: f64| {
@@ -187,21 +209,22 @@ impl<P: Pace> ArcLength<P> {
 struct Panel {
     from: f64,
     width: f64,
-    /// Length of the curve up to here.
+    /// Length of the curve up to the panel's start.
     before: f64,
     length: f64,
-    /// The speed over its mean: coefficients of a polynomial in w from -1 to 1.
+    /// Speed divided by its mean, as the coefficients of a polynomial in `w` from -1 to 1.
     speed: [f64; 7],
-    /// Its integral from -1.
+    /// Integral of `speed` from -1 to `w`.
     integral: [f64; 8],
-    /// That integral up to 1.
+    /// Integral of `speed` from -1 to 1.
     whole: f64,
-    /// The inverse speed at both ends, less 1.
+    /// Inverse speed at both ends, minus 1.
     bends: [f64; 2],
 }
 
 impl Panel {
-    /// The speed at both ends beside those at the nodes makes neighbours meet.
+    /// Fits the polynomial to a span. The two values at the ends make it continuous over panel
+    /// borders.
     fn new<P: Pace>(span: &Span, pace: &P, before: f64) -> Self {
         let length = span.length();
         let at = |x: f64| pace.pace(Place { segment: span.segment, x });
@@ -209,6 +232,8 @@ impl Panel {
         let mean = length / (span.to - span.from);
         let values = [at(span.from), a, b, c, d, e, at(span.to)].map(|speed| speed / mean - 1.0);
         let mut speed = INTERPOLATION.map(|row| row.iter().zip(values).map(|(w, v)| w * v).sum::<f64>());
+        // The fit is of the deviation from the mean, so that a constant speed is reproduced without
+        // rounding.
         speed[0] += 1.0;
         let mut integral = [0.0; 8];
         for (k, c) in speed.iter().enumerate() {
@@ -220,14 +245,17 @@ impl Panel {
         Self { from: span.from, width: span.to - span.from, before, length, speed, integral, whole, bends }
     }
 
-    /// Where in the segment the panel has reached `share` of its length. Both are measured with the polynomial, so that
-    /// the inverse is continuous over panel borders.
+    /// The place in the segment at which the panel has reached `share` of its length. Part and
+    /// whole are measured with the same polynomial, so the inverse is continuous over panel
+    /// borders.
     fn invert(&self, share: f64) -> f64 {
         let target = self.whole * share;
         let (mut low, mut high) = (-1.0, 1.0);
         let mut w = self.guess(share);
         for _ in 0..ROUNDS {
             let residual = series(w, &self.integral) - target;
+            // The bracket makes the iteration safe where the polynomial is flat and Newton's step
+            // leaves it.
             *(if residual > 0.0 { &mut high } else { &mut low }) = w;
             let newton = w - residual / series(w, &self.speed);
             if (newton - w).abs() < SHORT && newton >= low - SHORT && newton <= high + SHORT {
@@ -239,7 +267,7 @@ impl Panel {
         self.from + self.width * (0.5 + 0.5 * w)
     }
 
-    /// Where the length has reached `share`, by cubic Hermite interpolation of the inverse.
+    /// A first guess of `w` for `share`, by cubic Hermite interpolation of the inverse.
     fn guess(&self, share: f64) -> f64 {
         let ([a, b], rest) = (self.bends, 1.0 - share);
         let u = share + share * rest * (a * rest - b * share);
@@ -247,22 +275,23 @@ impl Panel {
     }
 }
 
-/// A walk along a curve: places by growing lengths. Going back is possible, and slow.
+/// A walk along a curve that finds places for growing lengths. Going back is possible but slow.
 #[derive(Debug)]
 pub struct Walk<'a, P> {
     arc: &'a ArcLength<P>,
-    /// The segment at hand.
+    /// The present segment.
     segment: Option<usize>,
-    /// Its halves of panels.
+    /// Half panels of the present segment.
     halves: Vec<Span>,
-    /// Length of the curve before each of them.
+    /// Length of the curve before each half panel.
     before: Vec<f64>,
-    /// The one of the last place, with its number.
+    /// The half panel of the last place, with its index.
     panel: Option<(usize, Panel)>,
 }
 
 impl<P: Pace> Walk<'_, P> {
-    /// The place up to which the curve is `length` long; lengths outside `0..=total` name the ends.
+    /// The place at which the curve has reached `length`. Lengths outside `0..=total` give the
+    /// ends.
     pub fn to(&mut self, length: f64) -> Place {
         let segments = self.arc.steps.len();
         if segments == 0 {
@@ -280,13 +309,14 @@ impl<P: Pace> Walk<'_, P> {
         self.find_panel(length);
         let Some((_, panel)) = &self.panel else { return Place { segment, x: 0.0 } };
         let share = ((length - panel.before) / panel.length).clamp(0.0, 1.0);
-        // A panel of length 0 has no inverse; any of its places will do.
+        // A panel of length 0 has no inverse. All its places are the same point of the curve.
         let x = if share.is_nan() { panel.from } else { panel.invert(share) };
         Place { segment, x }
     }
 
-    /// Length from `from` to `to`, which was the place before that. Inside one half of a panel the rule over that part
-    /// alone is accurate, since it is over the half; elsewhere it is [`ArcLength::between`].
+    /// The length from `from` to `to`, where `to` is the place found last. Inside one half panel a
+    /// single rule over the part is accurate, because it is accurate over the whole half. Elsewhere
+    /// this is [`ArcLength::between`].
     pub fn since(&self, from: Place, to: Place) -> f64 {
         let inside = |panel: &Panel| panel.from <= from.x && to.x <= panel.from + panel.width;
         match &self.panel {
@@ -308,7 +338,7 @@ impl<P: Pace> Walk<'_, P> {
         (self.segment, self.panel) = (Some(segment), None);
     }
 
-    /// Takes the half of a panel of the segment at hand that `length` falls into.
+    /// Selects the half panel of the present segment that contains `length`.
     fn find_panel(&mut self, length: f64) {
         let at_hand = self.panel.as_ref().map(|(k, _)| *k);
         let k = index_of(&self.before, at_hand.unwrap_or(0), length);
@@ -318,7 +348,8 @@ impl<P: Pace> Walk<'_, P> {
     }
 }
 
-/// The last of `starts`, which do not fall, that is at most `at`, or 0: most often `near`, or the next.
+/// Index of the last of the ascending `starts` that is at most `at`, or 0. Tries `near` and its
+/// successor first, since lengths grow slowly.
 fn index_of(starts: &[f64], near: usize, at: f64) -> usize {
     let holds = |k: &usize| {
         let next = starts.get(k + 1);
@@ -352,7 +383,8 @@ const EXTRAPOLATION: [f64; 5] = {
 
 /// Where the polynomial of a half has its values: both ends, and the nodes.
 const PLACES: [f64; 7] = [-1.0, NODES[0], NODES[1], NODES[2], NODES[3], NODES[4], 1.0];
-/// `INTERPOLATION[k][i]`: the coefficient of `w^k` in the polynomial that is 1 at place i and 0 at the others (Lagrange).
+/// `INTERPOLATION[k][i]`: the coefficient of `w^k` in the polynomial that is 1 at place i and 0 at
+/// the others (Lagrange).
 const INTERPOLATION: [[f64; 7]; 7] = {
     let mut rows = [[0.0; 7]; 7];
     let mut i = 0;
@@ -412,7 +444,8 @@ mod tests {
 
     #[test]
     fn stops_are_found_wherever_they_are() {
-        // A full stop at c, near the borders of the first panels above all: |x - c| is c^2/2 + (1-c)^2/2 long.
+        // A full stop at c, near the borders of the first panels above all: |x - c| is c^2/2 +
+        // (1-c)^2/2 long.
         for k in 0..2000 {
             let c = f64::from(k) / 2000.0 + 1e-5;
             let arc = measure(|x| (x - c).abs());

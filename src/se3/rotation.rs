@@ -9,15 +9,15 @@ use libm::{atan2, cos, sin};
 
 /// The rotation by the rotation vector `r`.
 ///
-/// Below `|r| = 1` the power series of half-angle cosine and sine in `|r|^2 / 4`, whose first omitted terms are under
-/// 1e-18; above, `libm`'s. Valid for every finite `r`.
+/// Below `|r| = 1`, half-angle cosine and sine are power series in `|r|^2 / 4` with first omitted
+/// terms under 1e-18; above, they are `libm`'s. Valid for every finite `r`.
 #[must_use]
 #[inline]
 pub fn exp(r: DVec3) -> DQuat {
     let t2 = r.length_squared();
     let (w, k) = if t2 < 1.0 {
         let y = t2 / 4.0;
-        // The leading terms by themselves, so that the sums are rounded once.
+        // The leading terms are added last, so that the sums are rounded once.
         (1.0 + y * series(y, &COSINE), 0.5 + y * series(y, &HALF_SINE))
     } else {
         let t = t2.sqrt();
@@ -27,8 +27,8 @@ pub fn exp(r: DVec3) -> DQuat {
     DQuat::from_xyzw(v.x, v.y, v.z, w)
 }
 
-/// The unit quaternion along `q`, whose length is 1 but for roundings: by one Newton step on the inverse root, which
-/// leaves the square of the deviation.
+/// Normalises a quaternion that differs from unit length by rounding only: one Newton step on the
+/// inverse root, which leaves the square of the deviation.
 #[must_use]
 #[inline]
 pub fn unit(q: DQuat) -> DQuat {
@@ -42,8 +42,9 @@ const HALF_SINE: [f64; 7] = alternating(3, &[-0.5; 7]);
 
 /// The rotation vector of the unit quaternion `q`, of length at most pi.
 ///
-/// By `atan2`, never `acos` (which loses half the digits near 0) nor the trace (whose axis fails near pi). At
-/// exactly pi both directions name the same rotation: the one that `q` points to is returned if `w = +0`.
+/// Computed by `atan2`, never by `acos` (which loses half the digits near 0) or by the trace (with
+/// an axis that fails near pi). At exactly pi, both directions name the same rotation; the result
+/// is the direction of `q` with `w = +0`.
 #[must_use]
 pub fn log(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
@@ -59,14 +60,14 @@ pub fn angle(a: DQuat, b: DQuat) -> f64 {
     2.0 * atan2(DVec3::new(q.x, q.y, q.z).length(), q.w.abs())
 }
 
-/// The rotation a share `t` of the way along the shorter arc from `a` to `b`.
+/// The rotation at share `t` of the shorter arc from `a` to `b`.
 #[must_use]
 pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     unit(a * exp(log(a.conjugate() * b) * t))
 }
 
-/// The sign of `q` that files hold: `w >= 0`, and where `w = 0` the first non-zero of x, y, z positive. Negative
-/// zeros become zeros.
+/// The sign convention of files: `w >= 0`, and if `w = 0`, the first non-zero of x, y, z is
+/// positive. Negative zeros become zeros.
 #[must_use]
 #[inline]
 pub fn canonical(q: DQuat) -> DQuat {
@@ -81,16 +82,16 @@ pub fn aligned(q: DQuat, of: DQuat) -> DQuat {
     if q.dot(of) < 0.0 { -q } else { q }
 }
 
-/// Why rotations have no mean.
+/// The reason why rotations have no mean.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum MeanError {
-    /// They spread over more than a quarter turn around their mean, where the mean need not be unique.
+    /// They spread over more than a quarter turn around their mean, which need not be unique then.
     #[error("the rotations spread {degrees:.1} degrees around their mean, at most 90 have one")]
     TooWide {
         /// Largest angle to the mean.
         degrees: f64,
     },
-    /// The iteration did not settle.
+    /// The iteration does not converge.
     #[error("the mean rotation did not settle in {ROUNDS} rounds: it still moves by {step:.3e} rad")]
     Unsettled {
         /// Length of the last step, rad.
@@ -99,24 +100,25 @@ pub enum MeanError {
 }
 
 const ROUNDS: u32 = 50;
-/// The iteration converges quadratically for tight windows and linearly for wide ones; a step this short moves no
-/// pose by more than rounding does.
+/// Length of the last step, rad. The iteration converges quadratically for narrow windows and
+/// linearly for wide ones; a step this short moves a pose less than rounding does.
 const SETTLED: f64 = 1e-12;
 
-/// The Karcher mean: the rotation `m` where the mean of `log(m^-1 r)` is zero, with equal weights, starting at
-/// `start`.
+/// The Karcher mean: the rotation `m` for which the mean of `log(m^-1 r)` is zero, with equal
+/// weights. The iteration starts at `start`.
 ///
 /// # Errors
-/// Where an element lies more than pi/2 from the mean, or 50 rounds do not bring the step below 1e-12 rad.
+/// An element lies more than pi/2 from the mean, or 50 rounds do not bring the step below 1e-12
+/// rad.
 pub fn karcher_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
     within_quarter_turn(rotations, settled_mean(rotations, start)?)
 }
 
-/// The mean near `start`, however far the rotations spread around it. Over more than a quarter turn it need not be the
-/// only one.
+/// The mean near `start`, for any spread of the rotations. If they spread over more than a quarter
+/// turn, other means may exist.
 ///
 /// # Errors
-/// Where 50 rounds do not bring the step below 1e-12 rad.
+/// 50 rounds do not bring the step below 1e-12 rad.
 pub(crate) fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
     let mut mean = start;
     let mut step = 0.0;
@@ -167,11 +169,12 @@ mod tests {
 
     #[test]
     fn exp_is_the_half_angle_quaternion() {
-        // Right-handed quarter turn about z: x goes to y. Known to the last bit but one: sqrt(1/2).
+        // Right-handed quarter turn about z: x goes to y. Exact except for the last bit: sqrt(1/2).
         let q = exp(DVec3::Z * (PI / 2.0));
         assert!((q * DVec3::X - DVec3::Y).length() < 3e-16);
         assert!((q.w - 0.5f64.sqrt()).abs() < 2e-16);
-        // cos and sin of half the angle by their series in 40 decimal digits, either side of the switch at 0.01.
+        // cos and sin of half the angle from their series with 40 decimal digits, on both sides of
+        // the switch at 0.01.
         for (t, w, z) in [
             (0.005, 0.999_996_875_001_627_6, 0.002_499_997_395_834_147),
             (0.02, 0.999_950_000_416_665_3, 0.009_999_833_334_166_665),

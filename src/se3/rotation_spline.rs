@@ -1,14 +1,16 @@
 //! The interpolating C2 spline through rotations.
 //!
-//! Between knots `R(s) = R_i exp(phi_i(s))` with `phi_i` a cubic in the body's rotation vector; the body rates at
-//! the knots are chosen so that rate and angular acceleration are continuous. The system is that of N. Mayorov,
-//! "Smooth Attitude Interpolation" (attached to scipy issue 8964; scipy's `RotationSpline`), with the same ends:
-//! the rate of the mean turn of the first and of the last interval.
+//! Between knots, `R(s) = R_i exp(phi_i(s))` with `phi_i` a cubic in the body's rotation vector.
+//! The body rates at the knots make rate and angular acceleration continuous. The system is that of
+//! N. Mayorov, "Smooth Attitude Interpolation" (attached to scipy issue 8964; scipy's
+//! `RotationSpline`), with the same end conditions: the rates of the mean turn of the first and of
+//! the last interval.
 //!
-//! It departs from scipy in two ways. The coefficients of small angles are summed as series where scipy's closed
-//! forms cancel (below 1 rad; scipy switches at 1e-4). And the rates are found by Newton's method instead of by at
-//! most 10 rounds of a fixed point, which settles for no capture with a turn of 90 degrees and back: the only
-//! nonlinear term is a quadratic form, whose derivative is exact and lies on the diagonal of the system.
+//! It differs from scipy in two ways. The coefficients of small angles are summed as series where
+//! scipy's closed forms cancel (below 1 rad; scipy switches at 1e-4). And the rates are found by
+//! Newton's method, where scipy takes at most 10 rounds of a fixed-point iteration, which does not
+//! converge for a capture with a turn of 90 degrees and back. The only nonlinear term is a
+//! quadratic form, so its derivative is exact and lies on the diagonal of the system.
 
 use super::rotation::{exp, log, unit};
 use super::series::{alternating, series};
@@ -17,17 +19,18 @@ use glam::{DMat3, DQuat, DVec3};
 use libm::{cos, sin};
 use std::f64::consts::PI;
 
-/// Turns within this of a half turn have no direction of their own.
+/// Turns within this distance of a half turn have no unique axis.
 const HALF_TURN_MARGIN: f64 = 1e-6;
-/// Rounds with full steps, then, from the start again, with half ones.
+/// Number of rounds with full steps, then of rounds with half steps from the start again.
 const ROUNDS: [(u32, f64); 2] = [(15, 1.0), (60, 0.5)];
-/// Accepted change of a rate in one round, relative to 1 + its size.
+/// Largest accepted change of a rate in one round, relative to 1 + its size.
 const ACCEPTED: f64 = 1e-9;
-/// Change at which further rounds are pointless.
+/// Change below which further rounds are pointless.
 const SETTLED: f64 = 1e-13;
 
-/// The rotation vector that turns `a` into `b`, and whether it is a half turn within 1e-6 rad, whose axis is then
-/// the one with its first non-zero component positive. (Both signs lead to `b` exactly.)
+/// The rotation vector that turns `a` into `b`, and whether it is a half turn within 1e-6 rad. The
+/// axis of a half turn is the one with a positive first non-zero component. (Both signs lead to `b`
+/// exactly.)
 #[must_use]
 pub fn turn(a: DQuat, b: DQuat) -> (DVec3, bool) {
     let r = log(a.conjugate() * b);
@@ -39,7 +42,7 @@ pub fn turn(a: DQuat, b: DQuat) -> (DVec3, bool) {
     (if leading < 0.0 { r * (1.0 - 2.0 * PI / length) } else { r }, true)
 }
 
-/// Why there is no spline through the rotations.
+/// The iteration for the spline's rates does not converge.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the rates of the rotation spline did not settle: they still change by {change:.3e} of their size")]
 pub struct Unsettled {
@@ -55,14 +58,15 @@ pub struct RotationSpline {
 }
 
 impl RotationSpline {
-    /// The spline through `rotations` whose parameter grows by `steps[i] > 0` from rotation i to rotation i+1. Two
-    /// rotations give their slerp.
+    /// The spline through `rotations`, with `steps[i] > 0` as the length of the parameter from
+    /// rotation i to rotation i+1. Two rotations give their slerp.
     ///
     /// # Errors
-    /// Where the body rates do not settle: neighbouring turns that are both large and of very different lengths.
+    /// The body rates do not converge: neighbouring turns are both large and of very different
+    /// lengths.
     ///
     /// # Panics
-    /// Unless there are at least two rotations and one step fewer than rotations.
+    /// There are fewer than two rotations, or their number is not one more than that of steps.
     pub fn new(steps: &[f64], rotations: &[DQuat]) -> Result<Self, Unsettled> {
         assert!(
             rotations.len() >= 2 && steps.len() + 1 == rotations.len(),
@@ -86,7 +90,7 @@ impl RotationSpline {
         unit(self.starts[at.segment] * exp(self.turns[at.segment].value(at.x)))
     }
 
-    /// The body rate at a place, rad per parameter, in the axes of the rotation there.
+    /// The body rate at a place, rad per parameter, in the body's axes.
     #[must_use]
     pub fn rate(&self, at: Place) -> DVec3 {
         let turn = &self.turns[at.segment];
@@ -113,7 +117,7 @@ impl RotationSpline {
 struct System<'a> {
     steps: &'a [f64],
     turns: &'a [DVec3],
-    /// `J^-1(r_k)` of every segment.
+    /// `J^-1(r_k)` for every segment.
     slope_from_rate: Vec<DMat3>,
 }
 
@@ -122,7 +126,8 @@ impl<'a> System<'a> {
         Self { steps, turns, slope_from_rate: turns.iter().map(|r| slope_from_rate(*r)).collect() }
     }
 
-    /// Rates at all knots: those at the ends are given, those at the inner knots start from the mean turns.
+    /// Rates at all knots. Those at the ends are fixed; those at the inner knots start from the
+    /// mean turns.
     fn solve(&self) -> Result<Vec<DVec3>, Unsettled> {
         let mean: Vec<DVec3> = self.turns.iter().zip(self.steps).map(|(r, h)| *r / *h).collect();
         let mut change = f64::INFINITY;
@@ -141,20 +146,20 @@ impl<'a> System<'a> {
         Err(Unsettled { change })
     }
 
-    /// One Newton step: the largest change of a rate, relative to 1 + its size.
+    /// One Newton step. Returns the largest change of a rate, relative to 1 + its size.
     fn improve(&self, rates: &mut [DVec3], damping: f64) -> f64 {
         let mut largest = 0.0f64;
         for (k, step) in self.newton_step(rates).into_iter().enumerate() {
             rates[k + 1] += step * damping;
             let relative = step.length() / (1.0 + rates[k + 1].length());
-            // `max` would drop a NaN; this keeps it, and a NaN never counts as settled.
+            // `f64::max` would drop a NaN. This keeps it, and a NaN never counts as converged.
             largest = if relative <= largest { largest } else { relative };
         }
         largest
     }
 
-    /// The solution of the linearised equations for the change of the inner rates, by block elimination. Pivots are
-    /// dominated by their diagonal as long as turns are under half a turn.
+    /// Solves the linearised equations for the changes of the inner rates by block elimination. The
+    /// diagonal dominates the pivots as long as turns are under half a turn.
     fn newton_step(&self, rates: &[DVec3]) -> Vec<DVec3> {
         let inner = self.turns.len() - 1;
         let mut pivots: Vec<DMat3> = Vec::with_capacity(inner);
@@ -176,22 +181,22 @@ impl<'a> System<'a> {
         x
     }
 
-    /// The factor of the rate before inner knot k+1.
+    /// Coefficient of the rate before inner knot k+1.
     fn before(&self, k: usize) -> DMat3 {
         rate_from_slope(self.turns[k]) * (2.0 / self.steps[k])
     }
 
-    /// The factor of the rate after inner knot k+1.
+    /// Coefficient of the rate after inner knot k+1.
     fn after(&self, k: usize) -> DMat3 {
         self.slope_from_rate[k + 1] * (2.0 / self.steps[k + 1])
     }
 
-    /// The factor of the rate at inner knot k+1 in the linear part.
+    /// Coefficient of the rate at inner knot k+1 in the linear part.
     fn diagonal(&self, k: usize) -> f64 {
         4.0 * (1.0 / self.steps[k] + 1.0 / self.steps[k + 1])
     }
 
-    /// What equation k lacks.
+    /// Residual of equation k.
     fn residual(&self, k: usize, rates: &[DVec3]) -> DVec3 {
         let (r, h) = (self.turns, self.steps);
         let mean = (r[k] / h[k] / h[k] + r[k + 1] / h[k + 1] / h[k + 1]) * 6.0;
@@ -200,8 +205,8 @@ impl<'a> System<'a> {
         mean - linear - quadratic(r[k], self.slope_from_rate[k] * rates[k + 1])
     }
 
-    /// The derivative of equation k by the rate at its own knot. For a quadratic form q, `q(s+e) - q(s) - q(e)` is
-    /// the derivative along e exactly.
+    /// Derivative of equation k by the rate at its own knot. For a quadratic form q,
+    /// `q(s+e) - q(s) - q(e)` is exactly the derivative along e.
     fn derivative(&self, k: usize, rates: &[DVec3]) -> DMat3 {
         let (r, slope) = (self.turns[k], self.slope_from_rate[k] * rates[k + 1]);
         let along = |e: DVec3| quadratic(r, slope + e) - quadratic(r, slope) - quadratic(r, e);
@@ -288,7 +293,7 @@ fn cotangent_coefficient(t2: f64) -> f64 {
     (1.0 - half * cos(half) / sin(half)) / t2
 }
 
-// With `t2 < 1` the first omitted term of each table below is under 1e-17 of the sum.
+// With `t2 < 1`, the first omitted term of each table below is under 1e-17 of the sum.
 
 const TERMS: usize = 9;
 /// `(-1)^k / (2k+2)!`

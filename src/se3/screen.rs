@@ -1,10 +1,11 @@
-//! Screening: from the nine (or four) numbers of a file to a rotation, or to the reason why they are none.
+//! Checks of rotations in files: from nine or four numbers to a rotation, or to the reason why they
+//! are not one.
 
 use glam::{DMat3, DQuat};
 
-/// Above this deviation from a rotation the numbers are refused.
+/// Deviation from a rotation above which numbers are refused.
 const REFUSED: f64 = 1e-3;
-/// Above this deviation the user is told that the nearest rotation was taken.
+/// Deviation above which a warning says that the nearest rotation was taken.
 const TOLD: f64 = 1e-6;
 
 /// A rotation read from a file.
@@ -12,13 +13,13 @@ const TOLD: f64 = 1e-6;
 pub struct Screened {
     /// The nearest rotation, a unit quaternion with `w >= 0`.
     pub rotation: DQuat,
-    /// Whether the numbers deviated by more than 1e-6, so that a warning is due.
+    /// Whether the numbers deviate by more than 1e-6, so that a warning is due.
     pub projected: bool,
-    /// How far the numbers were from a rotation: `max |R^T R - I|`, or `| |q|^2 - 1 |`.
+    /// Deviation of the numbers from a rotation: `max |R^T R - I|`, or `| |q|^2 - 1 |`.
     pub deviation: f64,
 }
 
-/// Why numbers are no rotation.
+/// The reason why numbers are not a rotation.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RotationError {
     /// A number is NaN or infinite.
@@ -41,7 +42,7 @@ pub enum RotationError {
 /// The rotation nearest to `matrix` in the Frobenius norm.
 ///
 /// # Errors
-/// Where a number is not finite, `max |R^T R - I|` exceeds 1e-3, or the determinant is negative.
+/// A number is not finite, `max |R^T R - I|` exceeds 1e-3, or the determinant is negative.
 pub fn rotation_from_matrix(matrix: &DMat3) -> Result<Screened, RotationError> {
     if !matrix.is_finite() {
         return Err(RotationError::NotFinite);
@@ -57,10 +58,10 @@ pub fn rotation_from_matrix(matrix: &DMat3) -> Result<Screened, RotationError> {
     Ok(Screened { rotation, projected: deviation > TOLD, deviation })
 }
 
-/// The unit quaternion along `q`.
+/// Normalises a quaternion.
 ///
 /// # Errors
-/// Where a number is not finite, or `|q|^2` differs from 1 by more than 1e-3.
+/// A number is not finite, or `|q|^2` differs from 1 by more than 1e-3.
 pub fn rotation_from_quaternion(q: DQuat) -> Result<Screened, RotationError> {
     if !q.is_finite() {
         return Err(RotationError::NotFinite);
@@ -71,14 +72,14 @@ pub fn rotation_from_quaternion(q: DQuat) -> Result<Screened, RotationError> {
     Ok(Screened { rotation, projected: deviation > TOLD, deviation })
 }
 
-/// Written so that an overflow to infinity or NaN is refused too.
+/// Written so that infinity and NaN are refused too.
 fn refuse_above_limit(deviation: f64) -> Result<(), RotationError> {
     if deviation <= REFUSED { Ok(()) } else { Err(RotationError::NotOrthonormal { deviation }) }
 }
 
-/// The orthogonal factor of the polar decomposition by Newton's iteration `X <- (X + X^-T) / 2` (Higham 1986,
-/// "Computing the polar decomposition"). It squares the error: from the 1e-3 that is let in, four rounds leave
-/// nothing above rounding.
+/// The orthogonal factor of the polar decomposition, by Newton's iteration `X <- (X + X^-T) / 2`
+/// (Higham 1986, "Computing the polar decomposition"). Each round squares the error: from the
+/// accepted 1e-3, four rounds leave nothing above rounding.
 fn nearest_rotation(matrix: DMat3) -> DMat3 {
     (0..4).fold(matrix, |x, _| (x + x.inverse().transpose()) * 0.5)
 }
@@ -90,7 +91,8 @@ mod tests {
     use glam::DVec3;
 
     fn tilted() -> DMat3 {
-        // Columns of a rotation by Pythagorean triples, exact in binary up to one rounding each.
+        // Columns of a rotation from Pythagorean triples, exact in binary except for one rounding
+        // each.
         DMat3::from_cols(DVec3::new(0.6, 0.8, 0.0), DVec3::new(-0.8, 0.6, 0.0), DVec3::Z)
     }
 
@@ -101,7 +103,8 @@ mod tests {
             for degrees in [0.0f64, 1e-9, 1e-3, 30.0, 90.0, 119.0, 121.0, 179.0, 180.0 - 1e-9, 180.0] {
                 let q = exp(axis * (degrees * std::f64::consts::PI / 180.0));
                 let screened = rotation_from_matrix(&DMat3::from_quat(q)).unwrap();
-                // A few roundings of the matrix's entries, each 1.1e-16, and an angle is twice a quaternion's step.
+                // Some roundings of the matrix entries, 1.1e-16 each; an angle is twice the step of
+                // a quaternion.
                 assert!(angle(q, screened.rotation) < 2e-15, "{axis} {degrees}");
                 assert!(!screened.projected && screened.rotation.w >= 0.0);
             }
@@ -110,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_matrix_beside_a_rotation_is_projected_to_the_nearest() {
-        // The nearest rotation to R S, S symmetric and positive, is R.
+        // The rotation nearest to R S, with S symmetric and positive, is R.
         let s = DMat3::from_cols_array(&[1.0003, 1e-4, 0.0, 1e-4, 0.9998, -2e-4, 0.0, -2e-4, 1.0001]);
         let screened = rotation_from_matrix(&(tilted() * s)).unwrap();
         let exact = rotation_from_matrix(&tilted()).unwrap();

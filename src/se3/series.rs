@@ -1,6 +1,7 @@
 //! Polynomials, and the power series of sines and cosines.
 
-/// `sum c[k] x^k`, even and odd powers apart: two chains of operations that do not wait for each other.
+/// `sum c[k] x^k`, with even and odd powers in separate chains of operations, which a processor
+/// overlaps.
 #[inline]
 pub(super) fn series<const N: usize>(x: f64, coefficients: &[f64; N]) -> f64 {
     let x2 = x * x;
@@ -15,7 +16,7 @@ pub(super) fn series<const N: usize>(x: f64, coefficients: &[f64; N]) -> f64 {
     even + x * odd
 }
 
-/// `(-1)^k numerators[k] / (2k + first)!`: the coefficients of a sine, a cosine or what is made of them.
+/// `(-1)^k numerators[k] / (2k + first)!`: coefficients of a sine, a cosine or a related function.
 pub(super) const fn alternating<const N: usize>(first: usize, numerators: &[f64; N]) -> [f64; N] {
     let mut out = [0.0; N];
     let mut factorial = 1.0;

@@ -1,16 +1,16 @@
 //! The interpolating C2 cubic spline through points, with not-a-knot ends.
 //!
-//! Segments are addressed by number and distance from their start, never by an absolute parameter: a long path then
-//! loses no digits to its length.
+//! A place is a segment and the distance from its start, never an absolute parameter. A long path
+//! therefore loses no digits to its length.
 
 use glam::DVec3;
 
 /// A place on a piecewise curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// Number of the segment, from 0.
+    /// Index of the segment, from 0.
     pub segment: usize,
-    /// Parameter from the segment's start, 0 to its length.
+    /// Parameter since the segment's start, from 0 to its length.
     pub x: f64,
 }
 
@@ -23,8 +23,8 @@ pub struct Cubic {
 impl Cubic {
     /// The cubic on `[0, h]` with the given values and derivatives at both ends (Hermite).
     ///
-    /// The end derivatives are taken relative to the mean slope, so that a straight line has exactly zero
-    /// curvature.
+    /// The end derivatives are taken relative to the mean slope, so that a straight line has
+    /// exactly zero curvature.
     #[must_use]
     pub fn hermite(h: f64, ends: [DVec3; 2], slopes: [DVec3; 2]) -> Self {
         let chord = (ends[1] - ends[0]) / h;
@@ -60,13 +60,15 @@ pub struct CubicSpline {
 }
 
 impl CubicSpline {
-    /// The spline through `points` whose parameter grows by `steps[i] > 0` from point i to point i+1.
+    /// The spline through `points`, with `steps[i] > 0` as the length of the parameter from point i
+    /// to point i+1.
     ///
-    /// Not-a-knot ends: the first two segments are one cubic, and so are the last two. Three points give their
-    /// parabola, two their line. (de Boor, "A Practical Guide to Splines", chapter IV.)
+    /// The ends are not-a-knot: the first two segments are one cubic, and so are the last two.
+    /// Three points give their parabola, two their line. (de Boor, "A Practical Guide to Splines",
+    /// chapter IV.)
     ///
     /// # Panics
-    /// Unless there are at least two points and one step fewer than points.
+    /// There are fewer than two points, or their number is not one more than that of steps.
     #[must_use]
     pub fn not_a_knot(steps: &[f64], points: &[DVec3]) -> Self {
         assert!(
@@ -107,8 +109,8 @@ struct Row {
     right: DVec3,
 }
 
-/// Slopes at the points from the continuity of the second derivative (rows 1..n-1) and of the third at the second
-/// and last but one points (rows 0 and n).
+/// Slopes at the points. Rows 1..n-1 make the second derivative continuous; rows 0 and n make the
+/// third derivative continuous at the second and the last but one point.
 fn spline_slopes(h: &[f64], d: &[DVec3]) -> Vec<DVec3> {
     let n = h.len();
     let end = |h0: f64, h1: f64, d0: DVec3, d1: DVec3| {
@@ -127,7 +129,8 @@ fn spline_slopes(h: &[f64], d: &[DVec3]) -> Vec<DVec3> {
     solve_tridiagonal(rows)
 }
 
-/// Elimination without pivoting: after row 0, whose pivot is positive, every pivot keeps at least half its diagonal.
+/// Elimination without pivoting. Row 0 has a positive pivot, and every later pivot keeps at least
+/// half its diagonal.
 fn solve_tridiagonal(mut rows: Vec<Row>) -> Vec<DVec3> {
     for i in 1..rows.len() {
         let factor = rows[i].below / rows[i - 1].diagonal;
@@ -161,7 +164,7 @@ mod tests {
         for (i, start) in s[..segments].iter().enumerate() {
             for x in [0.0, 0.3 * STEPS[i], STEPS[i]] {
                 let error = (spline.segment(i).value(x) - f(start + x)).length();
-                // Values up to 400 in doubles, through one elimination.
+                // Values up to 400 in doubles, after one elimination.
                 assert!(error < 1e-12, "{segments} {i} {x}: {error}");
             }
         }

@@ -1,7 +1,7 @@
-//! Sums that do not drift: a million small steps add up to their sum within two roundings.
+//! Compensated sums: a million small steps add up to their sum within two roundings.
 
-/// A running sum with Neumaier's compensation (Neumaier 1974, the variant of Kahan's that survives terms larger
-/// than the sum).
+/// A running sum with Neumaier's compensation (Neumaier 1974), the variant of Kahan's that
+/// tolerates terms larger than the sum.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Sum {
     sum: f64,
@@ -39,7 +39,8 @@ mod tests {
     fn small_terms_survive_large_ones() {
         assert_eq!(Sum::of([1.0, 1e100, 1.0, -1e100]).to_bits(), 2.0f64.to_bits());
         let million = Sum::of(std::iter::repeat_n(0.1, 1_000_000));
-        // 0.1 itself is 5.6e-18 too large, which adds up to 5.6e-12: below the spacing of doubles at 1e5.
+        // 0.1 itself is 5.6e-18 too large, which adds up to 5.6e-12: below the spacing of doubles
+        // at 1e5.
         assert_eq!(million.to_bits(), 100_000.0f64.to_bits());
     }
 }

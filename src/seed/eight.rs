@@ -1,10 +1,10 @@
-//! Eight draws at a time: the bits that `Seed::draws` gives one by one.
+//! Eight draws at a time, with the same bits as `Seed::draws` one by one.
 
 use super::{Cell, Draws, Seed, Space, normal, philox, tag};
 use crate::elementary::{self, bits, float, load, places, store};
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8, u64x8};
 
-/// Cells of eight pixels that differ in nothing else.
+/// Cells of eight pixels that differ in the pixel only.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cells {
     pub(crate) seed: Seed,
@@ -14,7 +14,7 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// Draws `2 block` and `2 block + 1` of the cells of these pixels (`y << 16 | x`).
+    /// Draws `2 block` and `2 block + 1` for the cells of these pixels (`y << 16 | x`).
     #[inline(always)]
     pub(crate) fn pair<S: Simd>(self, pixels: u64x8<S>, block: u32) -> [u64x8<S>; 2] {
         let all = |v: u64| u64x8::splat(pixels.simd, v);
@@ -24,7 +24,7 @@ impl Cells {
         [b << 32 | a, d << 32 | c]
     }
 
-    /// The draws of one of these cells, of which the first four are known.
+    /// The draws of one of these cells, with the first four computed in advance.
     #[inline(always)]
     pub(crate) fn go_on(self, pixel: u64, first: [u64; 4]) -> Draws {
         let Self { seed, space, level, index } = self;
@@ -39,10 +39,10 @@ pub(crate) fn uniform<S: Simd>(draws: u64x8<S>) -> f64x8<S> {
     (float(draws >> 12) + 0.5) * super::STEP
 }
 
-/// Numbers of which the tails are gathered at once.
+/// Number of deviates from which the tails are gathered at once.
 const CHUNK: usize = 64;
 
-/// Turns uniforms into standard normal deviates, in place; as many as a multiple of 8.
+/// Turns uniforms into standard normal deviates in place. The length is a multiple of 8.
 #[inline(always)]
 pub(crate) fn normals<S: Simd>(simd: S, values: &mut [f64]) {
     for chunk in values.chunks_mut(CHUNK) {
@@ -50,7 +50,8 @@ pub(crate) fn normals<S: Simd>(simd: S, values: &mut [f64]) {
     }
 }
 
-/// The middle of the distribution costs no logarithm: the tails, a seventh of all, are done apart.
+/// The middle of the distribution needs no logarithm. The tails, a seventh of all draws, are
+/// processed separately.
 #[expect(clippy::cast_possible_truncation, reason = "places in a chunk of 64")]
 #[inline(always)]
 fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
@@ -60,7 +61,7 @@ fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
         let p = load(simd, values, start);
         let q = p - 0.5;
         let far = q.abs().simd_gt(normal::CENTRE);
-        // Without a branch, which a processor would mispredict most of the time.
+        // Without a branch, because a processor would mispredict it often.
         simd.compress_u64x8(lanes + start as u64, far).store_slice(&mut tail_places[count..count + 8]);
         store(simd.compress_f64x8(p, far), &mut tails, count);
         count += bits(far).count_ones() as usize;
@@ -69,7 +70,7 @@ fn chunk_of_normals<S: Simd>(simd: S, values: &mut [f64]) {
             q * normal::eight(&normal::CENTRE_NUMERATOR, r) / normal::eight(&normal::CENTRE_DENOMINATOR, r);
         store(z, values, start);
     }
-    // Beyond the last tail lies what is none, and which no branch is to be taken for.
+    // Padding after the last tail. The value 1/2 takes no rare branch.
     store(f64x8::splat(simd, 0.5), &mut tails, count);
     for start in (0..count).step_by(8) {
         let z = tail(load(simd, &tails, start));

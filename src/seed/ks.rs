@@ -1,7 +1,7 @@
-//! The Kolmogorov-Smirnov test, for tests and for the table of extremes.
+//! The Kolmogorov-Smirnov statistic, for tests and for the stress table.
 
-/// Largest distance between a sample's distribution function and `cdf`, times the square root of the sample's size.
-/// Its critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at 1e-6.
+/// Largest distance between a sample's distribution function and `cdf`, times the square root of
+/// the sample size. Critical values: 1.63 at alpha 1e-2, 2.23 at 1e-4, 2.69 at 1e-6.
 #[must_use]
 pub fn scaled_distance(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
     sample.sort_unstable_by(f64::total_cmp);

@@ -1,8 +1,9 @@
 //! Standard normal deviates from uniforms, by the inverse of the distribution function.
 //!
-//! Wichura, "Algorithm AS 241: the percentage points of the normal distribution", Applied Statistics 37 (1988),
-//! routine PPND16: relative error about 1e-16. One uniform makes one deviate, the larger uniform the larger deviate;
-//! the logarithm of the tails is `libm`'s, so the result is the same on every machine.
+//! Wichura, "Algorithm AS 241: the percentage points of the normal distribution", Applied
+//! Statistics 37 (1988), routine PPND16: relative error about 1e-16. One uniform gives one deviate,
+//! and the map is monotonic. The logarithm in the tails is `libm`'s, so the result is the same on
+//! every machine.
 #![expect(clippy::excessive_precision, clippy::unreadable_literal, reason = "coefficients as published")]
 
 use fearless_simd::{Simd, f64x8};
@@ -68,13 +69,13 @@ pub(super) const FAR_DENOMINATOR: [f64; 8] = [
     2.04426310338993978564e-15,
 ];
 
-/// Farther than this from 1/2, a uniform is in a tail.
+/// Distance from 1/2 beyond which a uniform is in a tail.
 pub(super) const CENTRE: f64 = 0.425;
-/// Its square.
+/// The square of that distance.
 pub(super) const CENTRE_SQUARE: f64 = 0.180625;
-/// Tails are expanded about the first where `sqrt(-ln p)` is below the second, and about the second beyond.
+/// Centres of the two expansions of the tails, in `sqrt(-ln p)`.
 pub(super) const FAR_CENTRE: [f64; 2] = [1.6, 5.0];
-/// The border between the two.
+/// Border between the two expansions.
 pub(super) const FAR: f64 = 5.0;
 
 /// The deviate `z` with `Phi(z) = p`, for `0 < p < 1`.
@@ -99,7 +100,7 @@ fn tail_quantile(tail: f64) -> f64 {
     }
 }
 
-/// By Estrin's scheme: pairs are independent, so that a processor evaluates them side by side.
+/// Estrin's scheme: pairs are independent, so a processor evaluates them in parallel.
 fn polynomial(c: &[f64; 8], x: f64) -> f64 {
     let square = x * x;
     let low = (c[0] + c[1] * x) + (c[2] + c[3] * x) * square;
@@ -107,7 +108,7 @@ fn polynomial(c: &[f64; 8], x: f64) -> f64 {
     low + high * (square * square)
 }
 
-/// [`polynomial`] of eight numbers.
+/// [`polynomial`] for eight numbers.
 #[inline(always)]
 pub(super) fn eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
     let square = x * x;
@@ -119,16 +120,24 @@ pub(super) fn eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::seed::{Cell, Seed, Space, rival};
 
     #[test]
     fn it_inverts_the_distribution_function() {
-        // Phi by libm's complementary error function: an independent answer, good to a few ulp. An error e of z shows
-        // as e*phi(z)/Phi(-z), at most 9 e in this range.
+        // Phi by libm's complementary error function is an independent answer, good to a few ulp.
+        // An error e of z appears as e*phi(z)/Phi(-z), at most 9 e in this range.
         for i in 1..=820 {
             let z = -8.2 + f64::from(i) * 0.01;
             let p = 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
             assert!((quantile(p) - z).abs() < 5e-15 * z.abs().max(1.0), "{z}: {}", quantile(p));
         }
+    }
+
+    #[test]
+    fn normal_draws_are_distributed_as_those_of_rand_distr() {
+        let mut draws = Seed(3).draws(Cell { x: 1, y: 2, level: 0, index: 3 }, Space::Leaf);
+        let ours: Vec<f64> = (0..rival::N).map(|_| draws.normal()).collect();
+        rival::compare("normal", &ours, &rival::theirs(&rand_distr::StandardNormal), |z| 1.1 * z);
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub fn block(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     c
 }
 
-/// Lower half of 64 bits.
+/// The lower half of 64 bits.
 pub(crate) const LOW: u64 = 0xffff_ffff;
 
 /// Eight blocks, each word in the lower half of a lane.
@@ -37,7 +37,7 @@ pub(crate) fn eight<S: Simd>(counter: [u64x8<S>; 4], key: [u32; 2]) -> [u64x8<S>
     let (mut c, mut k) = (counter, key);
     let times = MULTIPLIERS.map(|m| u64x8::splat(counter[0].simd, m.into()));
     for _ in 0..ROUNDS {
-        // The masks tell the compiler that 32-bit factors are enough.
+        // The masks let the compiler use a multiplication of 32-bit factors.
         let left = (c[0] & LOW) * times[0];
         let right = (c[2] & LOW) * times[1];
         c = [
@@ -55,7 +55,7 @@ pub(crate) fn eight<S: Simd>(counter: [u64x8<S>; 4], key: [u32; 2]) -> [u64x8<S>
 mod tests {
     use super::*;
 
-    /// Lines `philox4x32 10` of Random123's `kat_vectors`.
+    /// The lines `philox4x32 10` of Random123's `kat_vectors`.
     #[test]
     fn known_answers() {
         let t = |counter, key, answer| assert_eq!(block(counter, key), answer, "{counter:x?} {key:x?}");

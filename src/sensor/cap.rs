@@ -1,19 +1,19 @@
-//! The first events of each pixel between two frames, the rest counted and left out: what `allow_cap` makes of a sensor
-//! that would fail there.
+//! The cap of a sensor with `allow_cap`: the first events of each pixel between two frames are
+//! kept, the others are counted and dropped.
 
 use super::{Account, Pixels, SensorError};
 use crate::event::{Event, EventSink, Polarity};
 use crate::frames::Frame;
 use crate::image::Size;
 
-/// Pixels of which at most so many events between two frames are handed on.
+/// Pixels of which at most `cap` events between two frames are passed on.
 pub(super) struct Capped {
     pixels: Box<dyn Pixels>,
     first: FirstOnes,
 }
 
 impl Capped {
-    /// `pixels`, which have no cap of their own, with at most `cap` events of each between two frames.
+    /// Wraps `pixels`, which have no cap of their own.
     pub(super) fn new(pixels: Box<dyn Pixels>, cap: u32, size: Size) -> Self {
         Self { pixels, first: FirstOnes::new(cap, size) }
     }
@@ -39,18 +39,18 @@ impl Pixels for Capped {
     }
 }
 
-/// Tells the first events of each pixel between two frames from the others. An event at a frame's stamp belongs to the
-/// frames before it, as for the sensors.
+/// Selects the first events of each pixel between two frames. As in the sensors, an event at the
+/// stamp of a frame belongs to the interval before it.
 struct FirstOnes {
     cap: u32,
     width: usize,
-    /// Of the frames so far, ns; events may come some frames later.
+    /// Stamps of the frames so far, ns. Events may arrive some frames later.
     stamps: Vec<i64>,
-    /// Number of the frame that ends the present interval.
+    /// Index of the frame that ends the present interval.
     frame: usize,
-    /// Of each pixel the interval of its last event, and its events in it.
+    /// For each pixel, the interval of its last event and its number of events in it.
     seen: Vec<(usize, u32)>,
-    /// Left out.
+    /// Number of dropped events.
     on: u64,
     off: u64,
     kept: Vec<Event>,
@@ -62,7 +62,7 @@ impl FirstOnes {
         Self { cap, width, stamps: Vec::new(), frame: 1, seen, on: 0, off: 0, kept: Vec::new() }
     }
 
-    /// Whether it is one of the first of its pixel and interval.
+    /// Whether the event is among the first of its pixel and interval.
     fn keeps(&mut self, event: &Event) -> bool {
         while self.stamps.get(self.frame).is_some_and(|&end| end < event.t.0) {
             self.frame += 1;
@@ -76,7 +76,7 @@ impl FirstOnes {
     }
 }
 
-/// Hands on those that are kept.
+/// A sink that passes on the selected events.
 struct Kept<'a> {
     sink: &'a mut dyn EventSink,
     by: &'a mut FirstOnes,
@@ -115,7 +115,8 @@ mod tests {
         let mut capped = Kept { sink: &mut all, by: &mut first_ones };
         let event = |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity, label: Label::Signal };
         let (on, off) = (Polarity::On, Polarity::Off);
-        // the third of pixel 0 in the first interval is at its very end, the next is in the second
+        // The third event of pixel 0 in the first interval is at its very end; the next one is in
+        // the second interval.
         let first = [event(1000, 0, on), event(1000, 1, on), event(2000, 0, off), event(10_000, 0, off)];
         let second = [event(10_001, 0, on), event(20_001, 0, on), event(30_000, 0, on), event(31_000, 0, on)];
         capped.append(&first).unwrap();

@@ -1,4 +1,4 @@
-//! The sensor that a recipe asks for, of the whole family, and the sensors that see one rendering.
+//! The sensor of a recipe, one of a closed family, and the set of sensors that share one rendering.
 
 use super::screening::{ScreenError, Screening};
 use super::voltmeter::{self, Between};
@@ -7,7 +7,7 @@ use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A sensor of the recipe.
+/// A sensor, as chosen by a recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sensor {
@@ -20,7 +20,7 @@ pub enum Sensor {
 }
 
 impl Sensor {
-    /// The model behind the recipe's choice.
+    /// The model of the chosen sensor.
     #[must_use]
     pub fn as_model(&self) -> &dyn Model {
         match self {
@@ -30,7 +30,7 @@ impl Sensor {
         }
     }
 
-    /// The model's name in recipes.
+    /// The name of the model in recipes.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -40,7 +40,7 @@ impl Sensor {
         }
     }
 
-    /// How it takes brightness between frames.
+    /// The interpolation of brightness between frames.
     #[must_use]
     pub fn between(&self) -> Between {
         match self {
@@ -49,8 +49,8 @@ impl Sensor {
         }
     }
 
-    /// Whole microseconds between two events of a pixel, as files stamp them, at least; 0 where there is no refractory
-    /// period.
+    /// Minimum time between two events of one pixel, in whole microseconds as files stamp them; 0
+    /// without a refractory period.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "a thousand seconds at most")]
     pub fn dead_us(&self) -> i64 {
@@ -71,8 +71,8 @@ impl Sensor {
         }
     }
 
-    /// The same without noise: what brightness alone makes, on pixels as unequal as these. Labels are left out as well, as
-    /// they change no event.
+    /// The same sensor without noise: only brightness makes events, on pixels with the same
+    /// mismatch. Labels are removed as well; they change no event.
     #[must_use]
     pub fn without_noise(&self) -> Self {
         let (hot_pixels, labels) = (noise::HotPixels::default(), false);
@@ -90,7 +90,7 @@ impl Sensor {
         }
     }
 
-    /// The same without labels.
+    /// The same sensor without labels.
     #[must_use]
     pub fn without_labels(&self) -> Self {
         let labels = false;
@@ -101,10 +101,10 @@ impl Sensor {
         }
     }
 
-    /// What the sensor will do by itself at this frame rate.
+    /// Predicts the sensor's own behaviour at this frame rate.
     ///
     /// # Errors
-    /// When its parameters make no usable stream.
+    /// The parameters make no usable stream.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         match self {
             Self::Voltmeter(sensor) => sensor.screen(rate),
@@ -114,17 +114,17 @@ impl Sensor {
     }
 }
 
-/// The sensors that see one rendering.
+/// The sensors that share one rendering.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Sensors {
-    /// The one.
+    /// One sensor, without a name.
     One(Sensor),
-    /// Several, by name.
+    /// Several sensors by name.
     Named(BTreeMap<String, Sensor>),
 }
 
 impl Sensors {
-    /// Each, with its name where it has one, in the order of names.
+    /// Each sensor with its name, if it has one, in the order of names.
     pub fn iter(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
         let (one, named) = match self {
             Self::One(sensor) => (Some((None, sensor)), None),

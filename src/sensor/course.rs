@@ -1,9 +1,11 @@
-//! What a pixel sees between two frames: straight, or the answer of a first-order low-pass filter to a straight input.
+//! Brightness of a pixel between two frames: a straight line, or the response of a first-order
+//! low-pass filter to one.
 //!
-//! A filter of rate `a` whose output is `y` at the start, and whose input goes from `f` with slope `m`, puts out
-//! `y + m t - (a (y - f) + m) t E(a t)`, `E(x) = (1 - e^-x)/x`: exact, without cancellation at either end of `a t`.
+//! A filter of rate `a` with output `y` at the start, and with an input that starts at `f` and has
+//! slope `m`, returns `y + m t - (a (y - f) + m) t E(a t)` where `E(x) = (1 - e^-x)/x`. The form is
+//! exact, without cancellation for small or large `a t`.
 
-/// A brightness over the time between two frames.
+/// Brightness as a function of time between two frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Course {
     from: f64,
@@ -12,18 +14,18 @@ pub(super) struct Course {
     pull: f64,
     rate: f64,
     length: f64,
-    /// What was added along the way, per ns.
+    /// Slope of the addition (leak), per ns.
     tilt: f64,
 }
 
-/// The filter between two frames.
+/// The state of the filter between two frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Filtered {
-    /// Its output at the first.
+    /// Output at the earlier frame.
     pub(super) output: f64,
-    /// Its input at the two.
+    /// Input at both frames.
     pub(super) input: [f64; 2],
-    /// Its rate, one over its time constant, per ns.
+    /// Rate of the filter, one over its time constant, per ns.
     pub(super) rate: f64,
 }
 
@@ -33,7 +35,7 @@ impl Course {
         Self { from, to, slope: (to - from) / length, pull: 0.0, rate: 0.0, length, tilt: 0.0 }
     }
 
-    /// The filter's output over `length` ns.
+    /// The output of the filter over `length` ns.
     pub(super) fn filtered(filter: &Filtered, length: f64) -> Self {
         let Filtered { output, input: [from, to], rate } = *filter;
         let slope = (to - from) / length;
@@ -43,13 +45,13 @@ impl Course {
         course
     }
 
-    /// The same with `more` added along the way, evenly.
+    /// The same course with `more` added, evenly over its length.
     pub(super) fn tilted(self, more: f64) -> Self {
         let tilt = more / self.length;
         Self { to: self.to + more, slope: self.slope + tilt, tilt: self.tilt + tilt, ..self }
     }
 
-    /// What was added by `t` ns after the first frame: the brightness is the rest.
+    /// The part that was added up to `t` ns after the earlier frame. The rest is brightness.
     pub(super) fn added(&self, t: f64) -> f64 {
         self.tilt * t
     }
@@ -58,7 +60,8 @@ impl Course {
         self.length
     }
 
-    /// The brightness `t` ns after the first frame; at the later frame, what it was made with.
+    /// The brightness `t` ns after the earlier frame. At the later frame it is exactly the value
+    /// given.
     pub(super) fn at(&self, t: f64) -> f64 {
         if t >= self.length { self.to } else { self.from + self.rise(t) }
     }
@@ -69,20 +72,21 @@ impl Course {
         t * (self.slope - self.pull * mean)
     }
 
-    /// Where the brightness turns around between two instants, if it does.
+    /// The time between two instants at which the brightness turns around, if there is one.
     pub(super) fn turn(&self) -> Option<f64> {
         let t = libm::log(self.pull / self.slope) / self.rate;
         (t > 0.0 && t < self.length).then_some(t)
     }
 
-    /// When the brightness, which goes one way from `low` to `high`, is at `level`.
+    /// The time at which a monotonic brightness reaches `level`.
     pub(super) fn reaches(&self, level: f64, [mut low, mut high]: [f64; 2]) -> f64 {
         if self.pull == 0.0 {
             return (self.length * ((level - self.from) / (self.to - self.from))).clamp(low, high);
         }
         let rising = self.at(high) >= self.at(low);
         let mut t = 0.5 * (low + high);
-        // Each round halves the bracket or is a Newton step; 200 are more than bisection alone needs.
+        // Each round halves the bracket or takes a Newton step. Bisection alone needs fewer than
+        // 200.
         for _ in 0..200 {
             let error = self.at(t) - level;
             if (error > 0.0) == rising {
@@ -107,7 +111,8 @@ mod tests {
 
     #[test]
     fn a_step_decays_exponentially_and_a_ramp_lags() {
-        // A held input: f + (y - f) e^-at. A ramp on which the filter has settled lags by m/a.
+        // A constant input gives f + (y - f) e^-at. After the filter has settled, a ramp lags by
+        // m/a.
         let step = Course::filtered(&Filtered { output: 1.0, input: [3.0, 3.0], rate: 2e-6 }, 1e6);
         for t in [0.0, 1.0, 1e3, 3e5, 9e5, 1e6] {
             assert!((step.at(t) - (3.0 - 2.0 * (-2e-6 * t).exp())).abs() < 1e-15, "{t}");
@@ -127,7 +132,7 @@ mod tests {
 
     #[test]
     fn levels_are_found_on_both_sides_of_the_turn() {
-        // Down with the filter from 1 to an input that rises.
+        // The output falls from 1 towards an input that rises.
         let course = Course::filtered(&Filtered { output: 1.0, input: [0.0, 1.0], rate: 5e-6 }, 1e6);
         let turn = course.turn().unwrap();
         assert!(course.at(turn) < course.at(turn - 1.0) && course.at(turn) < course.at(turn + 1.0));

@@ -1,5 +1,5 @@
-//! A change detector: a pixel that remembers a brightness, and makes an event where what it sees has moved a threshold
-//! away from it. The part that ESIM and v2e share.
+//! A change detector: a pixel that stores a reference brightness and makes an event when its
+//! brightness differs from it by a threshold. ESIM and v2e share this part.
 
 use super::course::Course;
 use super::label;
@@ -13,32 +13,33 @@ use std::ops::ControlFlow;
 /// State of one pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Detector {
-    /// Of ON and of OFF.
+    /// Thresholds of ON and OFF.
     pub(super) thresholds: [f64; 2],
-    /// The brightness that it remembers.
+    /// The reference brightness.
     pub(super) reference: f64,
-    /// What of that was leak and not brightness: with what the course has added since the frame before, the leak since
-    /// the reference was last set.
+    /// The part of the reference that is leak and not brightness. Together with the course's
+    /// addition since the previous frame, this is the leak since the reference was last set.
     leaked: f64,
-    /// The first ns in which it may make an event again, counted from the frame before; 0 where that is past.
+    /// The first nanosecond in which the pixel may make an event again, since the previous frame; 0
+    /// if that time has passed.
     dead: i64,
 }
 
-/// Events that the pixel makes whatever it sees.
+/// Events that do not depend on brightness.
 #[derive(Debug)]
 pub(super) struct Source<'a> {
     pub(super) train: &'a mut Train,
     pub(super) rates: Rates,
     pub(super) site: Site,
     pub(super) space: Space,
-    /// Probability that one is ON.
+    /// Probability of ON.
     pub(super) on_share: f64,
-    /// Whether the pixel then remembers what it sees.
+    /// Whether such an event sets the reference to the present brightness.
     pub(super) resets: bool,
 }
 
 impl Source<'_> {
-    /// When the next is, after `start`; infinite where it is not before the later frame.
+    /// Time of the next event after `start`; infinite if it is not before the later frame.
     fn due(&mut self, start: f64) -> f64 {
         self.train.advance(&self.rates, start).unwrap_or(f64::INFINITY)
     }
@@ -49,7 +50,7 @@ impl Detector {
         Self { thresholds, reference, leaked: 0.0, dead: 0 }
     }
 
-    /// Goes along the course, making events. They are in order of time.
+    /// Follows the course to the later frame and makes events in order of time.
     pub(super) fn cross(
         &mut self,
         course: &Course,
@@ -102,7 +103,7 @@ impl Detector {
             while let Some((t, polarity)) = self.next(course, [now, end], refractory) {
                 let label = self.pass(course, t, polarity);
                 now = t;
-                // Only what passes a threshold in the dead time comes too early.
+                // Only a crossing inside the dead time is too early.
                 if Writer::nanosecond(t) >= self.dead {
                     self.note(t, (polarity, label), refractory, writer)?;
                 }
@@ -112,14 +113,14 @@ impl Detector {
         ControlFlow::Continue(())
     }
 
-    /// Lets the pixel remember what it sees at `t`.
+    /// Sets the reference to the brightness at `t`.
     fn remember(&mut self, course: &Course, t: f64) {
         self.reference = course.at(t);
         self.leaked = -course.added(t);
     }
 
-    /// Moves the reference by the threshold that is passed at `t`: what brightness has gone of it is what the leak since
-    /// the last move has not.
+    /// Moves the reference by the threshold that is crossed at `t`. The part of the threshold that
+    /// leak did not cover is brightness.
     fn pass(&mut self, course: &Course, t: f64, polarity: Polarity) -> Label {
         let (threshold, way) = match polarity {
             Polarity::On => (self.thresholds[0], 1.0),
@@ -128,7 +129,8 @@ impl Detector {
         self.reference += way * threshold;
         let added = course.added(t);
         let leaked = way * (self.leaked + added);
-        // After a dead time more than one threshold may have been passed: the next begins with what is left.
+        // After a dead time, more than one threshold may have been crossed. The next search starts
+        // with the rest.
         let left = if leaked > threshold {
             (leaked - threshold).min((way * (course.at(t) - self.reference)).max(0.0))
         } else {
@@ -138,8 +140,8 @@ impl Detector {
         label::of(threshold - leaked, threshold)
     }
 
-    /// Where the brightness next passes a threshold, on a stretch on which it goes one way. A dead pixel does not look,
-    /// unless thresholds that are passed move its reference.
+    /// The next crossing of a threshold on a monotonic stretch. A pixel in its dead time does not
+    /// look, unless crossed thresholds move its reference.
     fn next(
         &mut self,
         course: &Course,
@@ -158,7 +160,7 @@ impl Detector {
         }
         let (high, low) = (self.reference + self.thresholds[0], self.reference - self.thresholds[1]);
         let [here, there] = [course.at(now), course.at(end)];
-        // A threshold that is lost in the reference's last digit would be passed without end.
+        // If a threshold is lost in the last digit of the reference, the loop would never end.
         if high <= self.reference || low >= self.reference {
             return None;
         }
@@ -191,10 +193,12 @@ impl Detector {
     }
 }
 
-/// How far a pixel's events are from the `change` of what it sees, as a share of its larger threshold.
+/// Difference between a pixel's event balance and the `change` of its brightness, in larger
+/// thresholds.
 pub(super) fn imbalance(detector: &Detector, change: f64, on: u32, off: u32) -> f64 {
     let [up, down] = detector.thresholds;
     let balance = up * f64::from(on) - down * f64::from(off) - change;
-    // Each event rounds the reference once, in the last of 53 bits of numbers below some 100 thresholds.
+    // Each event rounds the reference once, in the last of 53 bits of numbers below about 100
+    // thresholds.
     balance.abs() / (up.max(down) * (1.0 + 1e-9))
 }

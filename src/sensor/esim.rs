@@ -1,21 +1,23 @@
 //! The sensor of ESIM (Rebecq, Gehrig, Scaramuzza, CoRL 2018; uzh-rpg/rpg_esim, `event_simulator.cpp`).
 //!
-//! A pixel sees `V = ln(eps + L/255)`, or `L/255`, straight between two frames, and remembers a level of it. Where `V` has
-//! risen by `C+` from that level there is an ON event, where it has fallen by `C-` an OFF event, and the level becomes
-//! that of the crossing. An event within the refractory period after another is left out. No leak, no shot noise, no
-//! bandwidth.
+//! A pixel sees `V = ln(eps + L/255)`, or `L/255`, as a straight line between two frames, and
+//! stores a reference level. When `V` has risen by `C+` from that level, the pixel makes an ON
+//! event; when it has fallen by `C-`, an OFF event. The level then becomes that of the crossing. An
+//! event within the refractory period after another is dropped. There is no leak, no shot noise and
+//! no bandwidth limit.
 //!
-//! What differs from that program:
-//! - thresholds are drawn once for a sensor, ON and OFF apart, and are at least 0.01; `mismatch: per-frame` draws them for
-//!   each pixel and frame, as it does. There, a level that a smaller threshold puts behind the brightness makes no event
-//!   until a larger one is drawn; here it makes one at once;
-//! - changes of `V` of less than 1e-6 between two frames count too;
-//! - the first event is subject to no refractory period, wherever the clock begins;
-//! - the period may end with other references than the program's `passing`;
+//! Differences from that program:
+//! - thresholds are drawn once per sensor, separately for ON and OFF, and are at least 0.01.
+//! `mismatch: per-frame` draws them for each pixel and frame, as the program does. There, a
+//! reference that a smaller threshold leaves behind the brightness makes no event until a larger
+//! threshold is drawn; here it makes one at once;
+//! - changes of `V` below 1e-6 between two frames count too;
+//! - the refractory period never applies to the first event, whatever the clock's origin;
+//! - the reference after the period is a choice; the program has `passing`;
 //! - hot pixels may be added.
 //!
-//! With thresholds drawn once and no hot pixels, streams of a signal that is straight in `V` do not depend on the frame
-//! rate; with `mismatch: per-frame` they do.
+//! With thresholds drawn once and no hot pixels, the stream of a signal that is linear in `V` does
+//! not depend on the frame rate. With `mismatch: per-frame` it does.
 
 use super::course::Course;
 use super::detector::{Detector, Source};
@@ -31,29 +33,30 @@ use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
-/// Version of the law: raised when a draw or a formula changes.
+/// Version of the law. Raise it when a draw or a formula changes.
 const VERSION: u32 = 1;
 
 /// Parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Esim {
-    /// `C+` and `C-`, differences of natural logarithms (of `L/255` where the intensity is linear), and their spread.
+    /// `C+` and `C-` as differences of natural logarithms (of `L/255` if the intensity is linear),
+    /// and their spread.
     pub threshold: Threshold,
-    /// How often thresholds are drawn.
+    /// When thresholds are drawn.
     pub mismatch: Redraw,
-    /// What is compared.
+    /// The quantity that pixels compare.
     pub intensity: Intensity,
     /// Added to `L/255` before the logarithm, above 0; 0.001 is usual.
     pub eps: f64,
     /// The dead time after an event.
     pub refractory: Refractory,
-    /// Pixels that fire by themselves.
+    /// Pixels with an event process of their own.
     pub hot_pixels: HotPixels,
-    /// More events of one pixel between two frames than this fail the step.
+    /// Maximum number of events of one pixel between two frames. More fail the step.
     pub max_events_per_pixel_frame: u32,
-    /// Whether events beyond that are left out and counted instead.
+    /// Whether further events are dropped and counted, and the step goes on.
     pub allow_cap: bool,
-    /// What stands before the pixels.
+    /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
     /// Whether events are labelled as signal or noise.
@@ -61,7 +64,7 @@ pub struct Esim {
     pub labels: bool,
 }
 
-/// What a pixel compares.
+/// The quantity that pixels compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Intensity {
@@ -72,11 +75,12 @@ pub enum Intensity {
     Linear,
 }
 
-/// White.
+/// White, on the grey scale.
 const WHITE: f64 = 255.0;
 
 impl Default for Esim {
-    /// Thresholds of 0.2, the logarithm with an eps of 0.001, equal pixels, no refractory period, a cap of 1000.
+    /// Thresholds of 0.2, the logarithm with an eps of 0.001, equal pixels, no refractory period, a
+    /// cap of 1000.
     fn default() -> Self {
         Self {
             threshold: Threshold { on: 0.2, off: 0.2, spread: 0.0 },
@@ -94,7 +98,8 @@ impl Default for Esim {
 }
 
 impl Esim {
-    /// Whether the balance of a pixel's events must be the change of what it sees, to less than a threshold.
+    /// Whether the event balance of a pixel must equal the change of its brightness to less than a
+    /// threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
         self.refractory.period_us == 0.0
@@ -103,10 +108,11 @@ impl Esim {
             && !self.allow_cap
     }
 
-    /// What this sensor will do with frames at this rate. Without noise the table has no events.
+    /// Predicts this sensor's behaviour with frames at this rate. Without noise, the table has no
+    /// events.
     ///
     /// # Errors
-    /// When a parameter is outside its range.
+    /// A parameter is outside its range.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         let quantity = match self.intensity {
@@ -153,7 +159,7 @@ impl Model for Esim {
         self.labels
     }
 
-    /// The thresholds; where the intensity is linear, what they are at half of white.
+    /// The thresholds as contrast. If the intensity is linear, they are given at half of white.
     fn contrast(&self) -> (f64, f64) {
         let [on, off] = match self.intensity {
             Intensity::Log => self.threshold.sides(),
@@ -174,9 +180,9 @@ impl Model for Esim {
 #[derive(Debug)]
 pub(super) struct Pixel {
     detector: Detector,
-    /// What it saw at the first frame.
+    /// Brightness at the first frame.
     first: f64,
-    /// What it sees.
+    /// Present brightness.
     seen: f64,
     own: Train,
     shot: Train,

@@ -1,16 +1,18 @@
-//! What stands before a sensor's pixels: from the colours of a frame to the brightness that they see.
+//! The front end of a sensor: from the colours of a frame to the brightness that the pixels see.
 //!
 //! ```text
-//! L = 255 E sum_i w_i f(c_i / 255), held within min and max
+//! L = 255 E sum_i w_i f(c_i / 255), clamped to min and max
 //! ```
 //!
-//! of the display-encoded channels `c_i`, 0..255. `f` is the identity (`decode: none`, as the published simulators read
-//! their frames) or the curve of sRGB (`decode: srgb`: brightness in proportion to light). The weights `w_i` sum to 1, so
-//! that a grey frame, whose channels are equal, needs none; `E` is the exposure. A brightness below 0 is the sensor's to
-//! set to 0 and to count, unless `min` is above 0.
+//! where `c_i` are the display-encoded channels, 0..255. `f` is the identity (`decode: none`, as
+//! the published simulators read their frames) or the sRGB curve (`decode: srgb`, brightness in
+//! proportion to light). The weights `w_i` sum to 1, so a grey frame with equal channels needs
+//! none. `E` is the exposure. The sensor sets a brightness below 0 to 0 and counts it, unless `min`
+//! is above 0.
 //!
-//! A grey frame's rate of change goes through the same map: `E f'(L/255)` times it, and 0 where L is held. The rate of the
-//! luminance of colours says nothing of that of another sum of theirs, or of their light: there is none then.
+//! The rate of change of a grey frame goes through the same map: it is multiplied by `E f'(L/255)`,
+//! and is 0 where L is clamped. The rate of one weighted sum of colours does not determine the rate
+//! of another sum, or of linear light; in those cases there is no rate.
 
 use super::Model;
 use super::is_default;
@@ -23,26 +25,27 @@ use std::fmt;
 
 /// White, in grey.
 const WHITE: f64 = 255.0;
-/// Pixels that one task takes.
+/// Number of pixels per task.
 const CHUNK: usize = 4096;
-/// Most that the sum of the weights may be away from 1: what decimals of seven digits leave.
+/// Largest accepted difference between the sum of the weights and 1: the rounding of decimals with
+/// seven digits.
 const SUM: f64 = 1e-6;
 
-/// From colour to brightness.
+/// Map from colour to brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrontEnd {
     /// Weights of the channels.
     pub luminance: Luminance,
-    /// What becomes of a channel before it is weighed.
+    /// Decoding of a channel before it is weighted.
     pub decode: Decode,
     /// Factor on the brightness, above 0.
     pub exposure: f64,
-    /// What brightness is held within.
+    /// Bounds of the brightness.
     pub range: Range,
 }
 
 impl Default for FrontEnd {
-    /// The encoded luminance of BT.601 as it stands.
+    /// The encoded luminance of BT.601, unchanged.
     fn default() -> Self {
         Self {
             luminance: Luminance::default(),
@@ -57,65 +60,65 @@ impl Default for FrontEnd {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Luminance {
-    /// 0.299, 0.587, 0.114, of ITU-R BT.601: what the published simulators read of their frames.
+    /// 0.299, 0.587, 0.114 of ITU-R BT.601: the published simulators read their frames with them.
     #[default]
     Rec601,
-    /// 0.2126, 0.7152, 0.0722, of ITU-R BT.709: the luminance of sRGB's light.
+    /// 0.2126, 0.7152, 0.0722 of ITU-R BT.709: the luminance of sRGB light.
     Rec709,
-    /// Others.
+    /// Weights given as numbers.
     Weights(Weights),
 }
 
-/// Three finite numbers of at least 0 whose sum is 1.
+/// Three finite numbers of at least 0 with a sum of 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Weights([f64; 3]);
 
-/// What becomes of a channel before it is weighed.
+/// Decoding of a channel before it is weighted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decode {
-    /// Nothing: brightness is display-encoded.
+    /// None: brightness is display-encoded.
     #[default]
     None,
-    /// It becomes linear light by the curve of sRGB.
+    /// To linear light, by the sRGB curve.
     Srgb,
 }
 
-/// What brightness is held within, in grey.
+/// Bounds of the brightness, in grey.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Range {
-    /// At least 0.
+    /// Lower bound, at least 0.
     pub min: f64,
-    /// Above `min`; without bound where there is none.
+    /// Upper bound, above `min`; none if absent.
     #[serde(default, skip_serializing_if = "is_default")]
     pub max: Option<f64>,
 }
 
-/// Why numbers are no front end.
+/// The reason why numbers are not a valid front end.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FrontEndError {
     /// A weight is negative, or the sum is not 1.
     #[error("the weights {0:?} sum to {sum}, wanted three of at least 0 that sum to 1", sum = told_sum(.0))]
     Weights([f64; 3]),
-    /// An exposure.
+    /// The exposure is not a finite number above 0.
     #[error("the exposure is {0}, wanted a finite number above 0")]
     Exposure(f64),
-    /// A range.
+    /// The bounds are not in order.
     #[error("the range is {min} to {max}, wanted 0 <= min < max")]
     Range {
-        /// Lower end.
+        /// Lower bound.
         min: f64,
-        /// Upper end.
+        /// Upper bound.
         max: f64,
     },
 }
 
 impl Luminance {
-    /// These weights, by their name where they have one.
+    /// Weights from numbers; the named ones if the numbers are theirs.
     ///
     /// # Errors
-    /// When one is not finite or below 0, or they do not sum to 1 within 1e-6.
+    /// A weight is not finite or below 0, or they do not sum to 1 within 1e-6.
     pub fn of(weights: [f64; 3]) -> Result<Self, FrontEndError> {
         let bits = |weights: [f64; 3]| weights.map(f64::to_bits);
         let mut named = [Self::Rec601, Self::Rec709].into_iter();
@@ -123,7 +126,7 @@ impl Luminance {
         named.map_or_else(|| Weights::try_from(weights).map(Self::Weights), Ok)
     }
 
-    /// Of red, green and blue.
+    /// Weights of red, green and blue.
     #[must_use]
     pub fn weights(self) -> [f64; 3] {
         match self {
@@ -134,7 +137,7 @@ impl Luminance {
     }
 }
 
-/// The sum of weights to nine digits, as people are told it.
+/// The sum of weights with nine digits, for messages.
 pub(crate) fn told_sum(weights: &[f64; 3]) -> f64 {
     libm::round(weights.iter().sum::<f64>() * 1e9) / 1e9
 }
@@ -184,20 +187,20 @@ impl Decode {
 }
 
 impl Range {
-    /// A brightness held within.
+    /// Clamps a brightness to the bounds.
     fn hold(self, grey: f64) -> f64 {
         let least = if self.min > 0.0 { grey.max(self.min) } else { grey };
         self.max.map_or(least, |max| least.min(max))
     }
 
-    /// Whether that is another.
+    /// Whether clamping changes `grey`.
     fn holds(self, grey: f64) -> bool {
         self.min > 0.0 && grey < self.min || self.max.is_some_and(|max| grey > max)
     }
 }
 
 impl fmt::Display for FrontEnd {
-    /// As `0.299 R + 0.587 G + 0.114 B, display-encoded`, with what else is done.
+    /// The map as text, such as `0.299 R + 0.587 G + 0.114 B, display-encoded`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [r, g, b] = self.luminance.weights();
         let of = match self.decode {
@@ -217,10 +220,10 @@ impl fmt::Display for FrontEnd {
 }
 
 impl FrontEnd {
-    /// Whether its numbers are what they must be; those of weights always are.
+    /// Checks the numbers. Those of weights are valid by construction.
     ///
     /// # Errors
-    /// When one is not.
+    /// A number is outside its range.
     pub fn validate(&self) -> Result<(), FrontEndError> {
         if !(self.exposure.is_finite() && self.exposure > 0.0) {
             return Err(FrontEndError::Exposure(self.exposure));
@@ -233,19 +236,21 @@ impl FrontEnd {
         Ok(())
     }
 
-    /// Whether it passes the luminance of a frame on as it is.
+    /// Whether the luminance of a frame passes unchanged.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         is_default(self)
     }
 
-    /// Whether the luminance of a coloured frame does not say what it sees.
+    /// Whether the brightness needs the colours of a frame, because its luminance does not
+    /// determine it.
     #[must_use]
     pub fn needs_colour(&self) -> bool {
         self.luminance != Luminance::Rec601 || self.decode != Decode::None
     }
 
-    /// The frame as the pixels see it; `colour` is what its luminance was made of, on the same scale, where it is not grey.
+    /// The frame as the pixels see it. `colour` holds the channels from which the luminance was
+    /// made, on the same scale, unless the frame is grey.
     #[must_use]
     pub fn see(&self, frame: &Frame, colour: Option<&Image<[f32; 3]>>) -> Frame {
         let (luminance, rate) = match colour.filter(|_| self.needs_colour()) {
@@ -293,10 +298,10 @@ impl FrontEnd {
         Image::from_vec(luminance.size(), luminance.pixels().par_iter().map(seen).collect())
     }
 
-    /// What is seen of a grey where no range holds it.
+    /// The brightness of a grey, before clamping.
     fn free(&self, grey: f64) -> f64 {
         match self.decode {
-            // Not through 0..1: an exposure of 1 leaves every bit.
+            // Not scaled to 0..1 and back: an exposure of 1 must keep every bit.
             Decode::None => self.exposure * grey,
             decode => self.exposure * WHITE * decode.of(grey / WHITE),
         }
@@ -320,7 +325,7 @@ fn narrow(v: f64) -> f32 {
     v as f32
 }
 
-/// The front ends of these sensors, each once, in the order of their first.
+/// The distinct front ends of these sensors, in the order of their first use.
 pub fn distinct<'a>(sensors: impl IntoIterator<Item = &'a dyn Model>) -> Vec<FrontEnd> {
     let mut found: Vec<FrontEnd> = Vec::new();
     for front_end in sensors.into_iter().map(Model::front_end) {
@@ -331,7 +336,7 @@ pub fn distinct<'a>(sensors: impl IntoIterator<Item = &'a dyn Model>) -> Vec<Fro
     found
 }
 
-/// Frames as a sensor behind this front end sees them.
+/// Frames as seen through a front end.
 pub struct Seen<'a> {
     frames: &'a mut dyn Frames,
     front_end: FrontEnd,
@@ -344,7 +349,7 @@ impl fmt::Debug for Seen<'_> {
 }
 
 impl<'a> Seen<'a> {
-    /// The frames, of which none was taken yet, behind this front end.
+    /// Wraps frames from which none was taken yet.
     pub fn new(frames: &'a mut dyn Frames, front_end: FrontEnd) -> Self {
         if front_end.needs_colour() {
             frames.want_colour();

@@ -1,13 +1,14 @@
-//! Frames that a sensor can use: of one size, in order of time, and finite.
+//! Checks of frames: one size, ascending stamps, finite values.
 
 use super::SensorError;
 use crate::frames::Frame;
 use crate::image::Size;
 
-/// Stamps end here, so that the number of a cell of the clock fits the counter of the draws: 2.3 years.
+/// Latest stamp. Beyond it, the number of a clock cell would overflow the counter of the draws: 2.3
+/// years.
 const LAST_STAMP: i64 = 1 << 56;
 
-/// Whether a frame can come after the one stamped `before`; how many of its values are below zero.
+/// Checks that a frame may follow the one stamped `before`, and counts its values below zero.
 pub(super) fn admit(before: Option<i64>, frame: &Frame, size: Size) -> Result<u64, SensorError> {
     follows(before, frame, size)?;
     match frame.luminance.pixels().iter().any(|l| !l.is_finite()) {
@@ -16,7 +17,7 @@ pub(super) fn admit(before: Option<i64>, frame: &Frame, size: Size) -> Result<u6
     }
 }
 
-/// Whether a frame's size and stamp let it come after the one stamped `before`.
+/// Checks that the size and stamp of a frame allow it to follow the one stamped `before`.
 pub(super) fn follows(before: Option<i64>, frame: &Frame, size: Size) -> Result<(), SensorError> {
     let refuse = |because| Err(SensorError::Frame { frame: frame.index, because });
     let (found, t) = (frame.luminance.size(), frame.t.0);
@@ -31,7 +32,7 @@ pub(super) fn follows(before: Option<i64>, frame: &Frame, size: Size) -> Result<
     }
 }
 
-/// Names the first pixel of a frame whose luminance is not finite.
+/// Names the first pixel with a luminance that is not finite.
 pub(super) fn not_finite(frame: &Frame) -> SensorError {
     let (luminance, width) = (frame.luminance.pixels(), frame.luminance.size().width as usize);
     let bad = luminance.iter().position(|l| !l.is_finite()).unwrap_or_default();

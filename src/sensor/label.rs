@@ -1,19 +1,22 @@
-//! What makes an event signal, and what noise, where a recipe asks for labels.
+//! Labels of events, signal or noise, where a recipe asks for them.
 //!
-//! Noise is an event that the pixel's brightness did not make:
-//! - one of a hot pixel, or of shot noise: it has a source of its own;
-//! - one of whose threshold brightness has gone less than half, in the event's direction, since the pixel's level was
-//!   last set: by its event before, or at the first frame. The rest was noise of the voltage, or leak.
+//! An event is noise if the brightness of the pixel did not make it:
+//! - an event of a hot pixel, or of shot noise, which have their own processes;
+//! - an event for which brightness moved less than half the threshold, in the direction of the
+//! event, since the pixel's level was last set by the previous event or the first frame. Noise of
+//! the voltage, or leak, made up the rest.
 //!
-//! What a hot pixel makes by itself sets no level, so the next event goes by the one before. A threshold that is passed in
-//! a dead time, or beyond a cap, does, though there is no event.
+//! An event of a hot pixel's own process sets no level, so the next event counts from the one
+//! before it. A threshold that is crossed in a dead time or beyond a cap sets the level, although
+//! there is no event.
 //!
-//! Of the voltmeter, brightness is `k1 ln(L + k2)`, between frames as the recipe says; of `esim` and `v2e`, what the
-//! detector sees without its leak, which for `v2e` is what comes out of the filter. Thresholds are the pixel's own.
+//! For the voltmeter, brightness is `k1 ln(L + k2)`, interpolated between frames as in the recipe.
+//! For `esim` and `v2e`, it is the input of the detector without leak; for `v2e` that is the output
+//! of the filter. Thresholds are the pixel's own.
 
 use crate::event::Label;
 
-/// The label of an event on whose way of a whole `threshold` brightness has gone this much.
+/// `Signal` if brightness moved by at least half of `threshold` since the level was last set.
 pub(super) fn of(gone: f64, threshold: f64) -> Label {
     if gone < 0.5 * threshold { Label::Noise } else { Label::Signal }
 }

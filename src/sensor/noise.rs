@@ -1,5 +1,6 @@
-//! What makes a pixel imperfect, in parts that several sensor models share. Each draw belongs to the pixel's place on
-//! the sensor and to a number that counts frames or events, so crops and threads cannot change it.
+//! Imperfections of pixels that several sensor models share. Each draw belongs to the pixel's
+//! position on the sensor and to the index of a frame or event, so crops and threads do not change
+//! it.
 
 pub mod hot_pixels;
 pub mod mismatch;
@@ -12,7 +13,7 @@ pub use refractory::{Reference, Refractory};
 
 use crate::seed::{Cell, Draws, Seed, Space};
 
-/// A pixel's place on the sensor, and the seed of the sensor's noise.
+/// A pixel's position on the sensor, and the seed of the sensor's noise.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Site {
     pub(super) seed: Seed,
@@ -21,7 +22,7 @@ pub(super) struct Site {
 }
 
 impl Site {
-    /// The pixel's draws for this purpose and number.
+    /// The pixel's draws for this purpose and index.
     pub(super) fn draws(self, space: Space, index: u64) -> Draws {
         self.seed.draws(Cell { x: self.x, y: self.y, level: 0, index }, space)
     }

@@ -1,6 +1,6 @@
-//! Events that hot pixels make by themselves, merged into the stream of a law that knows nothing of them.
+//! Events of hot pixels, merged into the stream of a law that does not model them.
 //!
-//! The two do not meet in the pixel: its voltage goes on as if the own event were not there.
+//! The two processes do not interact: an own event does not change the pixel's voltage.
 
 use super::noise::poisson::Train;
 use super::noise::{HotPixels, Site};
@@ -13,15 +13,15 @@ use crate::units::Timestamp;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Pixels some of which fire by themselves.
+/// Pixels with hot ones among them.
 pub(super) struct WithHot {
     pixels: Box<dyn Pixels>,
     hot: Hot,
 }
 
 impl WithHot {
-    /// `pixels` with the hot ones among them, whose top-left one is at `origin` on the sensor; what these make by
-    /// themselves has this label.
+    /// Adds hot pixels to `pixels`, with the top-left pixel at `origin` on the sensor. Their own
+    /// events get this label.
     pub(super) fn new(
         pixels: Box<dyn Pixels>,
         hot: &HotPixels,
@@ -55,17 +55,17 @@ impl Pixels for WithHot {
     }
 }
 
-/// Whether a pixel fired, and why.
+/// Whether a pixel fired, and the cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Fired {
     by_law: bool,
     by_itself: bool,
 }
 
-/// The next event of a hot pixel; ordered as files are.
+/// The next event of a hot pixel, ordered as in files.
 struct Next {
     event: Event,
-    /// When, ns.
+    /// Time of the event, ns.
     at: f64,
     site: Site,
     train: Train,
@@ -92,7 +92,7 @@ impl Ord for Next {
     }
 }
 
-/// Events of one pixel in one microsecond, the last that were handed on.
+/// Events of one pixel in one microsecond, the latest that were passed on.
 #[derive(Default)]
 struct Together {
     place: Option<(i64, u16, u16)>,
@@ -100,11 +100,11 @@ struct Together {
     own: u64,
 }
 
-/// The hot pixels.
+/// The hot pixels, in order of their next events.
 struct Hot {
-    /// Events per ns of each.
+    /// Rate of each hot pixel, events per ns.
     rate: f64,
-    /// Of their own events.
+    /// Label of their own events.
     label: Label,
     waiting: BinaryHeap<Reverse<Next>>,
     width: usize,
@@ -113,7 +113,7 @@ struct Hot {
     last: Timestamp,
     made: u64,
     together: Together,
-    /// Pairs in the same pixel and microsecond of which one at least is its own.
+    /// Number of pairs in one pixel and microsecond with at least one own event.
     pairs: u64,
     out: Vec<Event>,
 }
@@ -141,7 +141,7 @@ impl Hot {
         all
     }
 
-    /// Lets a pixel wait for its next event after `from`.
+    /// Schedules the next event of a pixel after `from`.
     fn wait(&mut self, x: u16, y: u16, from: f64, site: Site, train: Train) {
         let Some(gap) = train.gap(self.rate) else { return };
         let at = from + gap;
@@ -153,7 +153,7 @@ impl Hot {
         self.waiting.push(Reverse(Next { event, at, site, train }));
     }
 
-    /// Adds the own events up to this place in the file's order to what goes out.
+    /// Adds the own events up to this place in file order to the output.
     fn take_until(&mut self, holds: impl Fn(&Event) -> bool) {
         while let Some(Reverse(next)) = self.waiting.peek() {
             if !holds(&next.event) {
@@ -181,7 +181,7 @@ impl Hot {
         self.out.push(event);
     }
 
-    /// Hands on what is left up to the last stamp.
+    /// Passes on the remaining own events up to the last stamp.
     fn append_rest(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
         let last = self.last;
         self.out.clear();
@@ -190,7 +190,7 @@ impl Hot {
     }
 }
 
-/// Merges the own events into what a law hands on.
+/// A sink that merges own events into the stream of a law.
 struct Merged<'a> {
     sink: &'a mut dyn EventSink,
     hot: &'a mut Hot,
@@ -244,7 +244,8 @@ mod tests {
     fn in_constant_light_only_hot_pixels_fire_as_often_as_stated() {
         let hot = HotPixels { share: 0.2, rate: 5000.0 };
         let (events, account) = run(&quiet(hot), |_, _| 90.0);
-        // 1200 pixels, 49 ms: the share's binomial spread times 245 events each, and Poisson's.
+        // 1200 pixels, 49 ms: the binomial spread of the share times 245 events each, and the
+        // Poisson spread.
         let (pixels, each) = (0.2 * SIZE.pixels() as f64, 5000.0 * 0.049);
         let spread = (pixels * 0.8 * each * each + pixels * each).sqrt();
         let z = (events.len() as f64 - pixels * each) / spread;
@@ -269,7 +270,7 @@ mod tests {
         assert!(merged.is_sorted_by_key(Event::file_order));
         assert!(with.events > without.events && with.events == merged.len() as u64);
         assert_eq!((with.off, with.drift_violations), (without.off, 0));
-        // What the law makes is all there: taking its events out of the merged ones leaves the own ones.
+        // All events of the law are present: without them, the merged stream is the own events.
         let key = |e: &Event| (e.file_order(), e.t);
         let mut own = merged.clone();
         own.sort_by_key(key);
@@ -279,7 +280,7 @@ mod tests {
         }
         assert_eq!(own.len() as u64, with.events - without.events);
         assert!(own.iter().all(|e| e.polarity == Polarity::On));
-        // They are the same that fire in constant light.
+        // The same own events happen in constant light.
         let (mut dark, _) = run(&quiet(hot), |_, _| 90.0);
         dark.sort_by_key(key);
         assert_eq!(own, dark);

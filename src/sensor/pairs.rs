@@ -1,7 +1,9 @@
-//! Sensors that go from frame to frame: two frames are what a pixel knows when it crosses the time between them.
+//! Sensors that work from frame to frame: a pixel knows two frames when it crosses the time between
+//! them.
 //!
-//! The pixels are crossed by bands of rows in parallel. A pixel's events depend on nothing but its own luminance, its
-//! place on the sensor, the seed and the number of the frame, so neither bands nor threads nor crops can show.
+//! The pixels are crossed by bands of rows in parallel. The events of a pixel depend on its own
+//! luminance, its position on the sensor, the seed and the frame index only. Bands, threads and
+//! crops therefore do not change them.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "pixel coordinates are below 2^16; times between two frames are below 2^56 ns"
@@ -18,7 +20,7 @@ use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::ControlFlow;
 
-/// Pixels that one thread takes at a time, about.
+/// Approximate number of pixels that one thread takes at a time.
 const BAND: usize = 4096;
 
 /// A sensor's law between two frames.
@@ -26,17 +28,18 @@ pub(super) trait Law: Debug + Send + Sync {
     /// State of one pixel.
     type Pixel: Debug + Send + Sync;
 
-    /// The pixel when it sees its first frame.
+    /// The pixel at its first frame.
     fn begin(&self, site: Site, luminance: f64) -> Self::Pixel;
 
-    /// Moves a pixel from one frame to the next and notes its events in order of time. It breaks where the writer does.
+    /// Moves a pixel from one frame to the next, and notes its events in order of time. Breaks if
+    /// the writer breaks.
     fn cross(&self, pixel: &mut Self::Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()>;
 
-    /// Whether events are labelled; where they are not, whatever the writer is told is all signal.
+    /// Whether events are labelled. If not, the label given to the writer is ignored.
     fn labels(&self) -> bool;
 
-    /// How far the pixel's events are from the change of what it sees, as a share of what the law allows; `None` where
-    /// the law makes no such promise.
+    /// Difference between the pixel's event balance and the change of its brightness, relative to
+    /// what the law allows. `None` if the law makes no such promise.
     fn imbalance(&self, pixel: &Self::Pixel, on: u32, off: u32) -> Option<f64>;
 }
 
@@ -44,19 +47,19 @@ pub(super) trait Law: Debug + Send + Sync {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair {
     pub(super) site: Site,
-    /// Number of the earlier frame.
+    /// Index of the earlier frame.
     pub(super) frame: u64,
-    /// Time between the frames, ns; a whole number.
+    /// Time between the frames, ns, as a whole number.
     pub(super) length: f64,
-    /// Luminance at the two, 0..255, at least 0.
+    /// Luminance at both frames, 0..255.
     pub(super) luminance: [f64; 2],
 }
 
-/// How many events a pixel may make between two frames.
+/// Limit on the events of a pixel between two frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cap {
     pub(super) most: u32,
-    /// Whether the events beyond are left out and counted; otherwise they fail the run.
+    /// Whether further events are dropped and counted. Otherwise they fail the run.
     pub(super) leave_out: bool,
 }
 
@@ -70,7 +73,7 @@ pub(super) struct Noted {
     label: Label,
 }
 
-/// A pixel's events so far.
+/// A pixel's event counts so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Tally {
     on: u32,
@@ -93,13 +96,14 @@ impl<'a> Writer<'a> {
         Self { events, tally, cap, at, made: 0, left_out: 0 }
     }
 
-    /// The whole nanosecond of an event `t` ns after the earlier frame: the one that `t` lies in, but the first where
-    /// that is the frame's own.
+    /// The whole nanosecond of an event `t` ns after the earlier frame. An event at the earlier
+    /// frame's own time gets the first nanosecond after it.
     pub(super) fn nanosecond(t: f64) -> i64 {
         (t as i64).max(1)
     }
 
-    /// Notes an event `t` ns after the earlier frame; its nanosecond. Breaks at the cap.
+    /// Notes an event `t` ns after the earlier frame, and returns its nanosecond. Breaks at the
+    /// cap.
     pub(super) fn event(&mut self, t: f64, polarity: Polarity, label: Label) -> ControlFlow<(), i64> {
         let ns = Self::nanosecond(t);
         if self.made == self.cap.most {
@@ -119,7 +123,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// State of a sensor of such a law.
+/// State of a sensor with a frame-to-frame law.
 #[derive(Debug)]
 pub(super) struct Pairs<L: Law> {
     law: L,
@@ -143,19 +147,19 @@ struct Stored {
     luminance: Vec<f32>,
 }
 
-/// What a thread needs, and what it counts.
+/// Working memory of one thread, and its results.
 #[derive(Debug, Default)]
 struct Band {
     events: Vec<Noted>,
     most: u32,
     left_out: u64,
-    /// The first pixel over the cap.
+    /// The first pixel above the cap.
     over: Option<usize>,
 }
 
-/// Neighbouring pixels.
+/// A run of neighbouring pixels.
 struct Slice<'a, P> {
-    /// Number of the first.
+    /// Index of the first pixel.
     first: usize,
     pixels: &'a mut [P],
     tally: &'a mut [Tally],
@@ -180,7 +184,7 @@ impl<L: Law> Pairs<L> {
         }
     }
 
-    /// Coordinates of a pixel in the frame.
+    /// Column and row of a pixel in the frame.
     fn at(&self, pixel: usize) -> [u16; 2] {
         let width = self.size.width as usize;
         [(pixel % width) as u16, (pixel / width) as u16]
@@ -237,7 +241,7 @@ impl<L: Law> Pairs<L> {
         }
     }
 
-    /// Hands over the events between two frames, up to the microsecond that the later one lies in.
+    /// Passes on the events between two frames, up to the microsecond of the later one.
     fn hand_over(&mut self, from: i64, to: i64, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         let mut noted: Vec<Noted> = Vec::new();
         self.bands.iter_mut().for_each(|band| noted.append(&mut band.events));
@@ -250,7 +254,7 @@ impl<L: Law> Pairs<L> {
         let (mut rest, mut start) = (&noted[..], from);
         while start < to {
             let end = to.min(start + LONGEST);
-            // With a single window there is nothing to look for, and nothing is sorted.
+            // A single window has nothing to merge with, so sorting is left to the sink.
             let count = if end == to { rest.len() } else { rest.partition_point(|e| from + e.ns <= end) };
             let (now, later) = rest.split_at(count);
             let since = start.div_euclid(1000) * 1000;
@@ -267,7 +271,7 @@ impl<L: Law> Pairs<L> {
         Ok(())
     }
 
-    /// The account of the run.
+    /// The counts of the run.
     fn settle(&self) -> Account {
         let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
         for (tally, pixel) in self.tally.iter().zip(&self.pixels) {

@@ -1,64 +1,64 @@
-//! What a sensor will do, said before anything runs: contrast, leak and noise at a few greys; and the refusal of sensors
-//! that make no usable stream (numerics.md 1.1).
+//! Prediction of a sensor's behaviour before anything runs: contrast, leak and noise at a few
+//! greys. Sensors that make no usable stream are refused.
 
 use crate::units::Hertz;
 use serde::Serialize;
 use std::fmt;
 
-/// The grey whose noise is worth a word.
+/// The grey at which noise may cause a warning.
 const MIDDLE: f64 = 128.0;
 /// Greys of the table.
 const GREYS: [f64; 5] = [0.0, 16.0, 64.0, 128.0, 255.0];
-/// The darkest grey above black, where noise that goes as `1/sqrt(L)` is worst.
+/// The darkest grey above black, where noise proportional to `1/sqrt(L)` is largest.
 const DARKEST: f64 = 1.0;
-/// Events a pixel may make from noise alone in one frame interval.
+/// Maximum number of noise events of a pixel in one frame interval.
 const LIMIT_PER_FRAME: f64 = 50.0;
-/// Noise at grey 128 above this many Hz is worth a word.
+/// Noise at grey 128, Hz, above which there is a warning.
 const NOISY_HZ: f64 = 20.0;
-/// A brightness change by more than this factor's logarithm for one event is worth a word.
+/// Change of brightness per event, as a factor, above which there is a warning.
 const INSENSITIVE: f64 = 1.0;
 
-/// What a pixel of constant brightness does.
+/// Noise of a pixel at constant brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Noise {
     /// Grey, 0..255.
     pub grey: f64,
-    /// Events per second that the drift alone would make; negative where they are OFF.
+    /// Events per second from drift alone; negative for OFF.
     pub leak_hz: f64,
-    /// Events per second, of drift and noise together.
+    /// Events per second from drift and noise together.
     pub total_hz: f64,
-    /// Share of ON events; `None` where there are no events.
+    /// Share of ON events; `None` without events.
     pub on_share: Option<f64>,
 }
 
 /// The table that every build prints.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Screening {
-    /// What the sensor compares, as a function of the grey `L`.
+    /// The quantity that the sensor compares, as a function of the grey `L`.
     pub quantity: &'static str,
-    /// Its change for one ON and one OFF event.
+    /// Change of that quantity for one ON and one OFF event.
     pub contrast: [f64; 2],
     /// Noise at greys 0, 16, 64, 128 and 255.
     pub noise: [Noise; 5],
-    /// What a user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
 }
 
-/// Something unusual that stops nothing.
+/// A remark that does not stop the build.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Warning {
-    /// One event takes a large change of brightness.
+    /// One event needs a large change of brightness.
     Insensitive {
-        /// Change of the logarithm for one event, the larger of the two.
+        /// Change of the logarithm for one event, the larger of ON and OFF.
         contrast: f64,
     },
-    /// A grey pixel makes many events by itself.
+    /// A pixel of constant grey makes many events.
     Noisy {
         /// Events per second at grey 128.
         hz: f64,
     },
-    /// The set printed in the GS2E paper, whose units are a guess.
+    /// The set printed in the GS2E paper, with units that are a guess.
     UncertainUnits,
 }
 
@@ -80,23 +80,23 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Why a parameter set cannot be used.
+/// The reason why a parameter set is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ScreenError {
-    /// A parameter outside its range.
+    /// A parameter is outside its range.
     #[error("{name} is {found}, not {wanted}")]
     Parameter {
-        /// Which.
+        /// Name of the parameter.
         name: &'static str,
         /// Its value.
         found: f64,
-        /// What it may be.
+        /// Values that it may have.
         wanted: &'static str,
     },
-    /// Choices that exclude each other.
+    /// Settings that exclude each other.
     #[error("{0}")]
     Combination(&'static str),
-    /// More noise than any stream can use.
+    /// More noise than any stream can carry.
     #[error(
         "a static pixel of grey {grey} would make {hz:.4} events per second from noise alone, {per_frame:.4} in a \
          frame interval at {frames_per_second} Hz, where {LIMIT_PER_FRAME} is the most that is accepted: are the units \
@@ -114,7 +114,7 @@ pub enum ScreenError {
     },
 }
 
-/// Refuses a parameter that is not a finite number of at least 0.
+/// Checks that a parameter is a finite number of at least 0.
 pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), ScreenError> {
     if found >= 0.0 && found.is_finite() {
         return Ok(());
@@ -123,10 +123,11 @@ pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), Screen
 }
 
 impl Screening {
-    /// The table of a sensor that does `noise` at each grey, with frames at this rate.
+    /// The table of a sensor with `noise` at each grey, for frames at this rate.
     ///
     /// # Errors
-    /// When noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16, 64, 128 or 255.
+    /// Noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16,
+    /// 64, 128 or 255.
     pub(super) fn new(
         quantity: &'static str,
         contrast: [f64; 2],
@@ -151,7 +152,7 @@ impl Screening {
     }
 }
 
-/// One line of contrast, then a table of leak, noise and ON share by grey.
+/// One line on contrast, then a table of leak, noise and ON share by grey.
 impl fmt::Display for Screening {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let factor = self.contrast.map(libm::exp);

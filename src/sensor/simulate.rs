@@ -1,4 +1,5 @@
-//! Sensors at work: a sequence of frames goes past them once, and their events go where they belong.
+//! Simulation of several sensors: a sequence of frames is read once, and each sensor's events go to
+//! its own sink.
 
 use super::front_end::FrontEnd;
 use super::{Account, Model, Pixels, SensorError};
@@ -7,21 +8,21 @@ use crate::frames::{Frame, FrameError, Frames};
 use crate::seed::Seed;
 use std::ops::ControlFlow;
 
-/// Why a simulation over a sequence of frames ended early.
+/// The reason why a simulation ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulateError {
-    /// The next frame could not be had.
+    /// The next frame could not be read or rendered.
     #[error(transparent)]
     Frames(#[from] FrameError),
-    /// The sensor could not go on.
+    /// The sensor failed.
     #[error(transparent)]
     Sensor(#[from] SensorError),
-    /// The caller asked for the end.
+    /// The caller stopped the simulation.
     #[error("interrupted")]
     Interrupted,
 }
 
-/// A sensor at work, and where its events go.
+/// A sensor during a simulation, and the sink of its events.
 pub struct Channel<'a> {
     pixels: Box<dyn Pixels>,
     sink: &'a mut dyn EventSink,
@@ -30,7 +31,7 @@ pub struct Channel<'a> {
 }
 
 impl<'a> Channel<'a> {
-    /// Pixels at rest whose events will go to `sink`; they see the frames as they are.
+    /// Pixels at rest that see the frames as they are and write to `sink`.
     pub fn new(pixels: Box<dyn Pixels>, sink: &'a mut dyn EventSink) -> Self {
         Self { pixels, sink, front_end: FrontEnd::default(), watch: None }
     }
@@ -41,7 +42,7 @@ impl<'a> Channel<'a> {
         Self { front_end, ..self }
     }
 
-    /// The same with somebody who is shown each frame as the pixels see it.
+    /// The same with an observer of each frame as the pixels see it.
     #[must_use]
     pub fn watched(self, watch: &'a mut dyn FnMut(&Frame)) -> Self {
         Self { watch: Some(watch), ..self }
@@ -60,12 +61,12 @@ impl std::fmt::Debug for Channel<'_> {
     }
 }
 
-/// Shows a whole sequence of frames to sensors, all in one pass, and gives the account of each. Every front end sees a
-/// frame once, however many sensors are behind it. `tap` is shown each frame itself after the sensors; it may break the
-/// run off.
+/// Passes a whole sequence of frames to sensors, once, and returns the counts of each. Each front
+/// end converts a frame once, for all sensors behind it. `tap` gets each frame after the sensors,
+/// and may stop the simulation.
 ///
 /// # Errors
-/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+/// A frame cannot be read, a sensor fails, or `tap` stops.
 pub fn simulate_all(
     frames: &mut dyn Frames,
     channels: &mut [Channel<'_>],
@@ -96,7 +97,7 @@ pub fn simulate_all(
     channels.iter_mut().map(|Channel { pixels, sink, .. }| Ok(pixels.finish(*sink)?)).collect()
 }
 
-/// Shows a whole sequence of frames to one sensor, as [`simulate_all`].
+/// Passes a whole sequence of frames to one sensor. See [`simulate_all`].
 ///
 /// # Errors
 /// As [`simulate_all`].
@@ -121,7 +122,7 @@ mod tests {
     use crate::frames::array::{ArrayFrames, FullScale, Samples};
     use crate::image::{Image, Size};
 
-    /// Every member of the family, without noise.
+    /// All members of the family, without noise.
     fn quiet() -> Vec<Sensor> {
         let [k1, k2, ..] = voltmeter::Preset::Dvs346.k();
         let voltmeter = voltmeter::Voltmeter::new([k1, k2, 0.0, 0.0, 0.0, 0.0]);
@@ -134,7 +135,7 @@ mod tests {
         ]
     }
 
-    /// Every member as it is.
+    /// All members of the family, with noise.
     fn usual() -> Vec<Sensor> {
         let presets = voltmeter::Preset::ALL.map(|preset| voltmeter::Voltmeter::new(preset.k()));
         let official = voltmeter::Voltmeter { law: voltmeter::Law::Official, ..presets[0].clone() };
@@ -211,7 +212,7 @@ mod tests {
         }
     }
 
-    /// Frames of three colours that change, and the encoded luminance of them.
+    /// Coloured frames that change, with their encoded luminance.
     struct Coloured {
         greys: ArrayFrames,
         wanted: bool,
@@ -271,7 +272,7 @@ mod tests {
         simulate_all(&mut frames, &mut channels, &mut go_on).unwrap();
         drop(channels);
         drop(watchers);
-        // Red is what the greys are, blue its negative.
+        // Red equals the grey value, blue is its negative.
         let wanted = run(sensor, moving()).0;
         assert!(streams[0] == wanted && streams[1] == wanted && streams[3] == wanted);
         let negative = clip(|i, p| 255.0 - (128.0 + 120.0 * ((p % 16 + 3 * i) as f32).sin()));

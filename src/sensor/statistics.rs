@@ -1,8 +1,9 @@
-//! Closed forms for a pixel of constant brightness: a Brownian motion with drift between two barriers that starts at 0
-//! after each event (numerics.md 8.1; the two-barrier exit problem as in Darling, Siegert, Annals of Mathematical
-//! Statistics 24, 1953).
+//! Closed forms for a pixel of constant brightness: a Brownian motion with drift between two
+//! barriers that restarts at 0 after each event. The two-barrier exit problem is treated in Darling
+//! and Siegert, Annals of Mathematical Statistics 24, 1953.
 
-/// The voltage of a pixel of constant brightness: drift and variance per unit time, and the two thresholds.
+/// The voltage of a pixel at constant brightness: drift and variance per unit time, and both
+/// thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Renewal {
     /// Drift, thresholds per unit time.
@@ -16,7 +17,7 @@ pub struct Renewal {
 }
 
 impl Renewal {
-    /// Probability that an event is ON; NaN where there are no events at all.
+    /// Probability that an event is ON; NaN if there are no events.
     #[must_use]
     pub fn on_share(self) -> f64 {
         let Self { drift, variance, up, down } = self;
@@ -34,13 +35,14 @@ impl Renewal {
         if drift > 0.0 { share } else { libm::exp(-pa) * share }
     }
 
-    /// Mean time between events; infinite where there are none.
+    /// Mean time between events; infinite if there are no events.
     #[must_use]
     pub fn mean_interval(self) -> f64 {
         let Self { drift, variance, up, down } = self;
         let skew = 2.0 * drift / variance;
         if skew.abs() * (up + down) < 1e-4 {
-            // The closed form cancels here. Its expansion: the next term is of order (skew W)^2, below 1e-8.
+            // The closed form cancels here, so its expansion is used. The next term is of order
+            // (skew W)^2, below 1e-8.
             return up * down / variance * (1.0 + skew * (up - down) / 6.0);
         }
         if drift == 0.0 {
@@ -49,16 +51,16 @@ impl Renewal {
         (self.on_share() * (up + down) - down) / drift
     }
 
-    /// Events of either polarity per unit time.
+    /// Events of both polarities per unit time.
     #[must_use]
     pub fn rate(self) -> f64 {
         1.0 / self.mean_interval()
     }
 
-    /// Variance of the time between events, where the two thresholds are equal.
+    /// Variance of the time between events, for equal thresholds.
     ///
     /// # Panics
-    /// Where they are not: there the form does not hold.
+    /// The thresholds differ; the form does not hold for them.
     #[must_use]
     #[expect(clippy::float_cmp, reason = "the form holds for equal thresholds only")]
     pub fn symmetric_interval_variance(self) -> f64 {
@@ -66,15 +68,16 @@ impl Renewal {
         let Self { drift, variance, up, .. } = self;
         let (nu, time) = (drift.abs() * up / variance, up / drift);
         if nu < 1e-3 {
-            // The closed form cancels here; its limit is off by a share of order nu^2.
+            // The closed form cancels here. The relative error of its limit is of order nu^2.
             return 2.0 / 3.0 * (up * up / variance) * (up * up / variance);
         }
         let sech = 1.0 / libm::cosh(nu);
         time * time * (libm::tanh(nu) / nu - sech * sech)
     }
 
-    /// The voltage of a pixel watched at a random time long after its first event, at the share `u` of its
-    /// distribution: the renewal process's time spent at each voltage (numerics.md 8.3), inverted.
+    /// The voltage of a pixel observed at a random time long after its first event, as the quantile
+    /// `u` of its distribution. The density is the mean time that the renewal process spends at
+    /// each voltage.
     #[must_use]
     pub fn residual(self, u: f64) -> f64 {
         let Self { drift, variance, up, down } = self;
@@ -101,8 +104,9 @@ impl Renewal {
     }
 }
 
-/// `(e^y - 1 - y) / skew^2` with `y = skew depth`: what the occupation density on one side integrates to within `depth`
-/// of its barrier. Where that overflows, the probability that it is multiplied with is zero to all digits: 0.
+/// `(e^y - 1 - y) / skew^2` with `y = skew depth`: the integral of the occupation density on one
+/// side from its barrier to `depth`. Where it overflows, the probability by which it is multiplied
+/// is zero to all digits, and the result is 0.
 fn tail(skew: f64, depth: f64) -> f64 {
     let y = skew * depth;
     if y > 500.0 {
@@ -120,7 +124,7 @@ fn tail(skew: f64, depth: f64) -> f64 {
     share * depth * depth
 }
 
-/// The number below `limit` up to which `holds` does, to the last bits.
+/// The largest number below `limit` for which `holds` is true, to the last bits.
 fn bisect(limit: f64, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, limit);
     for _ in 0..53 {
@@ -144,7 +148,7 @@ mod tests {
 
     #[test]
     fn anchors() {
-        // numerics.md 8.2, computed there from the series of the interval law.
+        // From the series of the interval law, computed independently.
         let r = renewal(0.5, 1.0);
         near(r.mean_interval(), 0.924_234_315, 1e-9);
         near(r.symmetric_interval_variance(), 0.551_146_326, 1e-8);
@@ -167,7 +171,7 @@ mod tests {
 
     #[test]
     fn net_rate_is_the_drift() {
-        // Wald: E x(tau) = drift E tau, whatever the thresholds.
+        // Wald's identity: E x(tau) = drift E tau, for any thresholds.
         for drift in [-30.0, -1.0, -1e-5, 1e-5, 0.3, 4.0] {
             let r = Renewal { drift, variance: 0.7, up: 1.2, down: 0.7 };
             let net = (r.on_share() * r.up - (1.0 - r.on_share()) * r.down) * r.rate();
@@ -184,7 +188,7 @@ mod tests {
         assert_eq!(clock.on_share().to_bits(), 0.0f64.to_bits());
     }
 
-    /// Mean of a function over the residual law, by the midpoint rule over its shares.
+    /// Mean of a function over the residual law, by the midpoint rule over its quantiles.
     fn residual_mean(process: Renewal, f: impl Fn(f64) -> f64) -> f64 {
         let n = 10_000;
         (0..n).map(|i| f(process.residual((f64::from(i) + 0.5) / f64::from(n)))).sum::<f64>() / f64::from(n)
@@ -192,9 +196,9 @@ mod tests {
 
     #[test]
     fn residuals_stay_where_a_stationary_pixel_is() {
-        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0 at each, has mean 0
-        // under the stationary law: `mean(drift) = rate (on A - off B)` for f = v, and for f = v^2
-        // `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
+        // The generator of the process, `f''/2 variance + f' drift` between events and a jump to 0 at each,
+        // has mean 0 under the stationary law: `mean(drift) = rate (on A - off B)` for f = v, and for f =
+        // v^2 `mean(variance + 2 drift v) = rate (on A^2 + off B^2)`.
         for (drift, variance) in
             [(0.0, 1.0), (1e-9, 1.0), (0.01, 1.0), (0.3, 1.0), (-2.0, 1.0), (40.0, 1.0), (-1.0, 1e-4)]
         {

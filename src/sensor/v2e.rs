@@ -1,29 +1,33 @@
 //! The sensor of v2e (Hu, Liu, Delbruck, CVPRW 2021; SensorsINI/v2e, `emulator.py`, `emulator_utils.py`).
 //!
-//! A pixel maps the grey `L` by `f(L) = L ln(20)/20` up to 20 and `ln L` above, and sees it through a first-order low-pass
-//! filter whose rate is `2 pi cutoff (L + 20)/275`: slower in the dark. It remembers a level of what it sees; an ON event
-//! is a rise by its `C+` from there, an OFF event a fall by its `C-`. Leak lowers that level by `rate rho (1 - jitter z)
-//! C+` a second, `rho = 10^(cov z0)` for the pixel and `z` normal for the pixel and frame, which makes ON events. Shot
-//! noise is ON with rate `q C+nominal/C+` and OFF with `q C-nominal/C-`, `q = rate/2 (1 - 0.75 (L + 20)/275)`; the pixel
-//! then remembers what it sees. Within the refractory period after an event there is no other.
+//! A pixel maps the grey `L` by `f(L) = L ln(20)/20` up to 20 and `ln L` above. The result passes a
+//! first-order low-pass filter with rate `2 pi cutoff (L + 20)/275`, so it is slower in the dark.
+//! The pixel stores a reference level of the filter's output: a rise by its `C+` makes an ON event,
+//! a fall by its `C-` an OFF event. Leak lowers the reference by `rate rho (1 - jitter z) C+` per
+//! second, which makes ON events; `rho = 10^(cov z0)` belongs to the pixel, and `z` is normal for
+//! each pixel and frame. Shot noise is ON with rate `q C+nominal/C+` and OFF with `q C-nominal/C-`,
+//! where `q = rate/2 (1 - 0.75 (L + 20)/275)`; it sets the reference to the present output. Within
+//! the refractory period after an event there is no other event.
 //!
-//! What differs from that program:
-//! - events lie where the pixel's own brightness crosses its threshold, not on the grid of as many instants as the
-//!   frame's busiest pixel has events;
-//! - `filter: exact` (the default) is the filter's true answer to an input that is straight between two frames, with the
-//!   rate of their mean; `filter: euler` is the program's step `min(1, 2 pi cutoff dt (L + 20)/275)` towards the later
-//!   frame, straight in between, without the frame of delay that some of its versions have;
-//! - shot noise is a Poisson process with exponential gaps, not a trial per step; its rate does not fall below that of
-//!   white for brighter greys;
-//! - thresholds of ON and OFF are drawn apart; `f` is not rounded, and kept to 64 bits;
-//! - after the refractory period, what has passed a threshold makes an event at its very end (`reference: at-event`), not at
-//!   the next instant of the grid;
-//! - hot pixels are stated (their share and rate) beside the tail of `rho`;
-//! - the fit of photoreceptor noise and the surround of its later versions are not here.
+//! Differences from that program:
+//! - events lie where the pixel's own brightness crosses its threshold, not on a grid with as many
+//! instants as the busiest pixel of the frame has events;
+//! - `filter: exact` (the default) is the exact response of the filter to an input that is linear
+//! between two frames, with the rate of their mean. `filter: euler` is the program's step `min(1, 2
+//! pi cutoff dt (L + 20)/275)` towards the later frame, linear in between, without the delay of one
+//! frame that some of its versions have;
+//! - shot noise is a Poisson process with exponential gaps, not one trial per step. For greys above
+//! white, its rate stays that of white;
+//! - thresholds of ON and OFF are drawn separately; `f` is not rounded and has 64 bits;
+//! - at the end of the refractory period, a crossed threshold makes an event immediately
+//! (`reference: at-event`), not at the next instant of the grid;
+//! - hot pixels are a setting (share and rate), in addition to the tail of `rho`;
+//! - the photoreceptor noise and the surround of later versions are not implemented.
 //!
-//! Crossings of a signal that is straight in `f`, shot noise of constant light and a leak without jitter do not depend on
-//! the frame rate, if the filter is off; the filter depends on it by the change of its rate between two frames, `euler` by
-//! more, and the jitter of the leak is drawn for each frame.
+//! Without the filter, crossings of a signal that is linear in `f`, shot noise of constant light
+//! and leak without jitter do not depend on the frame rate. With the filter, they depend on it
+//! through the change of its rate between two frames (more with `euler`), and the jitter of the
+//! leak is drawn per frame.
 
 mod presets;
 
@@ -44,31 +48,31 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{LN_10, TAU};
 use std::ops::ControlFlow;
 
-/// Version of the law: raised when a draw or a formula changes.
+/// Version of the law. Raise it when a draw or a formula changes.
 const VERSION: u32 = 1;
 
 /// Parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct V2e {
-    /// `C+` and `C-`, differences of natural logarithms, and their spread.
+    /// `C+` and `C-` as differences of natural logarithms, and their spread.
     pub threshold: Threshold,
-    /// Cutoff of the low-pass filter at white, Hz; 0 for no filter.
+    /// Cutoff of the low-pass filter at white, Hz; 0 means no filter.
     pub cutoff: f64,
-    /// How the filter goes from frame to frame.
+    /// The filter's step from frame to frame.
     pub filter: Filter,
-    /// Leak of the remembered level.
+    /// Leak of the reference level.
     pub leak: Leak,
-    /// Shot noise of both polarities together where there is no light, Hz.
+    /// Shot noise of both polarities together in the dark, Hz.
     pub shot: f64,
     /// The dead time after an event.
     pub refractory: Refractory,
-    /// Pixels that fire by themselves.
+    /// Pixels with an event process of their own.
     pub hot_pixels: HotPixels,
-    /// More events of one pixel between two frames than this fail the step.
+    /// Maximum number of events of one pixel between two frames. More fail the step.
     pub max_events_per_pixel_frame: u32,
-    /// Whether events beyond that are left out and counted instead.
+    /// Whether further events are dropped and counted, and the step goes on.
     pub allow_cap: bool,
-    /// What stands before the pixels.
+    /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
     /// Whether events are labelled as signal or noise.
@@ -76,18 +80,18 @@ pub struct V2e {
     pub labels: bool,
 }
 
-/// How the filter goes from frame to frame.
+/// The filter's step from frame to frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Filter {
-    /// The answer to an input that is straight between frames.
+    /// The exact response to an input that is linear between frames.
     #[default]
     Exact,
     /// The program's step towards the later frame.
     Euler,
 }
 
-/// Leak of the remembered level, which makes ON events.
+/// Leak of the reference level, which makes ON events.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Leak {
     /// ON events per second.
@@ -98,35 +102,37 @@ pub struct Leak {
     pub cov: f64,
 }
 
-/// Up to this grey the mapping is linear.
+/// Largest grey with a linear mapping.
 const LINEAR: f64 = 20.0;
-/// White.
+/// White, on the grey scale.
 const WHITE: f64 = 255.0;
-/// How much rarer shot noise is at full intensity than at none.
+/// Relative reduction of shot noise at full intensity.
 const SHOT_FALL: f64 = 0.75;
 /// Nanoseconds in a second.
 const NS: f64 = 1e9;
 
-/// The mapping of a grey.
+/// The mapping of a grey to brightness.
 fn lin_log(luminance: f64) -> f64 {
     if luminance <= LINEAR { luminance * (libm::log(LINEAR) / LINEAR) } else { libm::log(luminance) }
 }
 
-/// Intensity that rates go by, never 0.
+/// Intensity on which rates depend; never 0.
 fn intensity(luminance: f64) -> f64 {
     (luminance + LINEAR) / (WHITE + LINEAR)
 }
 
 impl V2e {
-    /// Whether the balance of a pixel's events must be the change of what it sees, to less than a threshold.
+    /// Whether the event balance of a pixel must equal the change of its brightness to less than a
+    /// threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
         let quiet = self.leak.rate == 0.0 && self.shot == 0.0 && self.hot_pixels.is_absent();
         quiet && self.refractory.period_us == 0.0 && !self.allow_cap
     }
 
-    /// What a pixel of nominal thresholds does at this constant grey. Leak needs the whole time from one shot to the
-    /// next, so with shots at rate `s` every leak of period `T` that counts comes at rate `s/(e^(sT) - 1)`.
+    /// Noise of a pixel with nominal thresholds at this constant grey. A leak event needs an
+    /// undisturbed interval since the last shot. With shots at rate `s`, a leak of period `T`
+    /// therefore has the rate `s/(e^(sT) - 1)`.
     #[must_use]
     pub fn noise(&self, grey: f64) -> Noise {
         let shots = self.shots_per_second(grey);
@@ -137,11 +143,11 @@ impl V2e {
         Noise { grey, leak_hz: leak, total_hz: total, on_share: (total > 0.0).then_some(share) }
     }
 
-    /// What this sensor will do with frames at this rate, hot pixels apart.
+    /// Predicts this sensor's behaviour with frames at this rate, without hot pixels.
     ///
     /// # Errors
-    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and frame
-    /// interval.
+    /// A parameter is outside its range, or noise alone would make more than 50 events per pixel
+    /// and frame interval.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         Screening::new("ln L (above grey 20)", self.threshold.sides(), rate, |grey| self.noise(grey))
@@ -169,7 +175,7 @@ impl V2e {
         self.shot * (1.0 - SHOT_FALL * intensity(luminance.min(WHITE)))
     }
 
-    /// What a pixel sees from frame to frame, without leak.
+    /// The brightness of a pixel between two frames, without leak.
     fn course(&self, pixel: &Pixel, input: f64, pair: &Pair) -> Course {
         let Pair { length, luminance: [before, after], .. } = *pair;
         if self.cutoff == 0.0 {
@@ -189,7 +195,7 @@ impl V2e {
         }
     }
 
-    /// How far the remembered level of a pixel falls between two frames.
+    /// The fall of a pixel's reference level between two frames.
     fn leaked(&self, pixel: &Pixel, pair: &Pair) -> f64 {
         let Leak { rate, jitter, .. } = self.leak;
         if rate == 0.0 {
@@ -213,7 +219,7 @@ impl Model for V2e {
         self.labels
     }
 
-    /// The thresholds, above grey 20.
+    /// The thresholds as contrast, above grey 20.
     fn contrast(&self) -> (f64, f64) {
         (self.threshold.on, self.threshold.off)
     }
@@ -230,13 +236,13 @@ impl Model for V2e {
 #[derive(Debug)]
 pub(super) struct Pixel {
     detector: Detector,
-    /// What it saw at the first frame.
+    /// Output of the filter at the first frame.
     first: f64,
-    /// What it sees: the filter's output.
+    /// Present output of the filter.
     seen: f64,
-    /// The filter's input at the frame before.
+    /// Input of the filter at the previous frame.
     input: f64,
-    /// Its leak, as a share of the nominal one.
+    /// The pixel's leak, relative to the nominal leak.
     leakiness: f64,
     shot: Train,
     own: Train,
@@ -291,7 +297,7 @@ impl Law for V2e {
         ];
         let course = plain.tilted(leaked);
         let flow = pixel.detector.cross(&course, &self.refractory, &mut sources, writer);
-        // The brightness was tilted in the level's stead.
+        // Tilting the brightness has the same effect as moving the level.
         pixel.detector.reference -= leaked;
         (pixel.seen, pixel.input) = (plain.at(length), input);
         flow

@@ -6,11 +6,14 @@
 //! dx = dD + sigma(L) dW,    D(t) = k1 ln(L + k2) + integral of (k4 + k5 L),    sigma(L) = k3 sqrt(L)/(L + k2) + k6
 //! ```
 //!
-//! It reaches `threshold_on`: an ON event; it reaches `-threshold_off`: an OFF event; then it is 0 again. No refractory
-//! time, no bandwidth; thresholds may differ between pixels (`thresholds.rs`). The published program takes the drift at the midpoint of two frames
-//! (`gain: midpoint`) and draws times as if there were one threshold (law `official`, `official.rs`); the law `exact`
-//! draws first passages of this process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). Both terms of sigma add
-//! as standard deviations, as published.
+//! When it reaches `threshold_on`, an ON event happens; when it reaches `-threshold_off`, an OFF
+//! event. It then returns to 0. There is no refractory time and no bandwidth limit. Thresholds may
+//! differ between pixels (`thresholds.rs`).
+//!
+//! The published program takes the drift at the midpoint of two frames (`gain: midpoint`) and draws
+//! times as if there were one threshold (law `official`, `official.rs`). The law `exact` draws the
+//! first passages of this process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). As
+//! published, both terms of sigma add as standard deviations.
 
 mod band;
 mod bridge;
@@ -47,8 +50,8 @@ use crate::image::Size;
 use crate::seed::Seed;
 use serde::{Deserialize, Serialize};
 
-/// Parameters, in the official unit system: microseconds, grey 0..255, voltages in thresholds of the preset. k1, k2 and
-/// the thresholds are above 0, k3 and k6 at least 0.
+/// Parameters in the official unit system: microseconds, grey 0..255, and voltages in thresholds of
+/// the preset. k1, k2 and the thresholds are above 0; k3 and k6 are at least 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Voltmeter {
     /// k1 to k6: pure number, grey, grey^.5/us^.5, 1/us, 1/(grey us), 1/us^.5.
@@ -57,26 +60,26 @@ pub struct Voltmeter {
     pub threshold_on: f64,
     /// Threshold of OFF events.
     pub threshold_off: f64,
-    /// Which sampler.
+    /// The sampler.
     pub law: Law,
-    /// How brightness turns into drift.
+    /// The map from brightness to drift.
     pub gain: Gain,
     /// Voltages at the first frame.
     pub initial: Initial,
-    /// Brightness between frames.
+    /// Interpolation of brightness between frames.
     pub between: Between,
-    /// More events of one pixel between two frames than this fail the step.
+    /// Maximum number of events of one pixel between two frames. More fail the step.
     pub max_events_per_pixel_frame: u32,
-    /// Whether events beyond that are left out and counted instead.
+    /// Whether further events are dropped and counted, and the step goes on.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub allow_cap: bool,
     /// Standard deviation of the thresholds over the pixels.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub threshold_spread: f64,
-    /// Pixels that fire by themselves.
+    /// Pixels with an event process of their own.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub hot_pixels: HotPixels,
-    /// What stands before the pixels.
+    /// The front end.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub front_end: FrontEnd,
     /// Whether events are labelled as signal or noise.
@@ -84,17 +87,17 @@ pub struct Voltmeter {
     pub labels: bool,
 }
 
-/// Which sampler draws the events.
+/// The sampler of the process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Law {
-    /// First passages of the process, whatever the frame rate.
+    /// First passages of the process, independent of the frame rate.
     Exact,
-    /// The published program's sampler, for comparisons: its noise depends on the frame rate.
+    /// The published program's sampler, for comparisons. Its noise depends on the frame rate.
     Official,
 }
 
-/// How brightness turns into drift.
+/// The map from brightness to drift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Gain {
@@ -108,9 +111,9 @@ pub enum Gain {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Initial {
-    /// All zero, as published: equal pixels leak in step.
+    /// All zero, as published. Equal pixels then leak in step.
     Zero,
-    /// As if every pixel had seen the first frame for long.
+    /// The stationary state: every pixel has seen the first frame for a long time.
     Stationary,
 }
 
@@ -127,7 +130,7 @@ pub enum Between {
 }
 
 impl Between {
-    /// As recipes call it.
+    /// The name in recipes.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -161,9 +164,10 @@ impl Voltmeter {
 }
 
 impl Voltmeter {
-    /// Cells of the pixels' clocks, each as long as the longest leaf, that the law `exact` did not look into, because no
-    /// threshold was within reach there, and all of them over a clip of this length; `None` of sensors without such a
-    /// clock. At least so many: where a leaf is shorter, more than one is counted for its cell.
+    /// The number of clock cells that the law `exact` did not look into because no threshold was
+    /// within reach, and the number of all cells over a clip of this length. Cells are as long as
+    /// the longest leaf. `None` for sensors without such a clock. The first number is a lower
+    /// bound: where leaves are shorter, more than one is counted per cell.
     #[must_use]
     pub fn quiet_cells(&self, account: &Account, size: Size, span_us: i64) -> Option<[u64; 2]> {
         let cells = u64::try_from(span_us).ok()? * 1000 / u64::from(tree::LEAF);
@@ -172,10 +176,11 @@ impl Voltmeter {
         has_clock.then(|| [all.saturating_sub(account.leaves), all])
     }
 
-    /// A threshold is touched in a cell that is not looked into with a probability below `e` to the minus this.
+    /// In a cell that is not looked into, a threshold is touched with a probability below `e` to
+    /// the minus this.
     pub const MISSED_LN: f64 = bridge::NEGLIGIBLE;
 
-    /// Pixels by the law `exact`, the hot ones and the cap around it.
+    /// Pixels of the law `exact`, with the hot pixels and the cap around them.
     fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn Pixels> {
         let cap = self.max_events_per_pixel_frame;
         let mut pixels: Box<dyn Pixels> = if self.allow_cap {
@@ -208,7 +213,7 @@ impl Model for Voltmeter {
         self.labels
     }
 
-    /// `threshold / k1`: what users of event cameras call C.
+    /// `threshold / k1`: the contrast C of event cameras.
     fn contrast(&self) -> (f64, f64) {
         (self.threshold_on / self.k[0], self.threshold_off / self.k[0])
     }
@@ -243,7 +248,7 @@ mod tests {
         assert_eq!(quiet.quiet_cells(&account, size, 8192), None);
     }
 
-    /// What entered a key before there were options beside these still says the same.
+    /// A key from before these options existed stays the same.
     #[test]
     fn options_that_are_not_used_are_in_no_record() {
         let described = |sensor: &Voltmeter| serde_json::to_string(sensor).unwrap();

@@ -1,32 +1,33 @@
-//! Puts the events of one window of time after another into file order.
+//! Sorts the events of consecutive windows of time into file order.
 //!
-//! Windows end between microseconds, and files are sorted within a microsecond too: what falls into a window's last,
-//! unfinished microsecond waits for the next window.
+//! Windows may end inside a microsecond, and files are also sorted within a microsecond. Events in
+//! the last, incomplete microsecond of a window therefore wait for the next window.
 
 use crate::event::{Event, EventSink, Label, Polarity};
 use crate::units::Timestamp;
 
-/// An event as one number whose order is the file order, then nanoseconds: microseconds since the window's first
-/// (above all), row (16 bits), column (16), and a number below [`REST`] of polarity, nanoseconds in the microsecond and
-/// label. The label is last, so that it moves no event.
+/// An event as one number that sorts in file order and then by nanoseconds: microseconds since the
+/// window's first (highest bits), row (16 bits), column (16 bits), then a number below [`REST`]
+/// made of polarity, nanoseconds in the microsecond, and label. The label is last, so it does not
+/// change the order of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Packed(u64);
 
-/// Longest window, ns: its events fit [`Packed`], with the microseconds that it begins and ends in.
+/// Longest window, ns. Its events fit [`Packed`], including the partial microseconds at both ends.
 pub(super) const LONGEST: i64 = 1000 << 20;
 
 /// Two polarities, 1000 nanoseconds, two labels.
 const REST: u64 = 4000;
-/// Of an event's polarity in the rest, whose last bit is the label.
+/// Factor of the polarity in the rest. The last bit is the label.
 const POLARITY: u64 = 2000;
-/// A microsecond: rows, columns and the rest.
+/// Factor of a microsecond: rows, columns and the rest.
 const MICRO: u64 = REST << 32;
 
-// Where a window of the longest kind begins and ends within microseconds, it reaches into one more.
+// A window of the longest kind may begin and end inside microseconds, so it can touch one more.
 const _: () = assert!(u64::MAX / MICRO > LONGEST.cast_unsigned() / 1000 + 1);
 
 impl Packed {
-    /// An event `ns` after the start of the microsecond that its window begins in.
+    /// An event `ns` nanoseconds after the start of the window's first microsecond.
     pub(super) fn new(ns: u64, [x, y]: [u16; 2], polarity: Polarity, label: Label) -> Self {
         let (us, rest) = (ns / 1000, ns % 1000);
         debug_assert!(us < u64::MAX / MICRO, "an event {ns} ns after the window's start is within it");
@@ -38,7 +39,7 @@ impl Packed {
         (self.0 / MICRO).cast_signed()
     }
 
-    /// Microsecond, row and column.
+    /// Microsecond, row and column of the event.
     fn place(self) -> u64 {
         self.0 / REST
     }
@@ -56,27 +57,28 @@ impl Packed {
     }
 }
 
-/// The events of the window that is open, and those that wait.
+/// The events of the open window, and those that wait for it to end.
 #[derive(Debug, Default)]
 pub(super) struct Windows {
-    /// The microsecond that the open window begins in.
+    /// First microsecond of the open window.
     first_us: i64,
     events: Vec<Packed>,
     chunk: Vec<Event>,
     sorted: Vec<Packed>,
-    /// How many events each microsecond has, then where the next of each goes.
+    /// Number of events per microsecond; then the place of the next event of each.
     places: Vec<u32>,
-    /// Pairs of events of one pixel in one microsecond, so far.
+    /// Number of pairs of events of one pixel in one microsecond.
     pub(super) same_us_same_pixel: u64,
 }
 
 impl Windows {
-    /// Adds events of the open window, in any order, leaving `events` empty.
+    /// Adds events of the open window in any order, and leaves `events` empty.
     pub(super) fn add(&mut self, events: &mut Vec<Packed>) {
         self.events.append(events);
     }
 
-    /// Sorts by counting the events of each microsecond; within one there are few, and often in order.
+    /// Counting sort by microsecond. Within a microsecond there are few events, often already in
+    /// order.
     #[expect(clippy::cast_possible_truncation, reason = "an event's microsecond has 21 bits")]
     fn sort(&mut self) {
         let Self { events, sorted, places, .. } = self;
@@ -105,7 +107,7 @@ impl Windows {
         std::mem::swap(events, sorted);
     }
 
-    /// Hands over what lies before the microsecond `end_us`, where the next window begins.
+    /// Passes on the events before the microsecond `end_us`, at which the next window begins.
     pub(super) fn close(&mut self, end_us: i64, sink: &mut dyn EventSink) -> std::io::Result<()> {
         let finished = end_us - self.first_us;
         self.sort();
@@ -125,13 +127,13 @@ impl Windows {
     }
 }
 
-/// Longer windows are sorted without a count for each of their microseconds.
+/// Longer windows are sorted by comparison, without one counter per microsecond.
 const MOST_MICROS: usize = 4096;
 
-/// Events handed to a sink at once.
+/// Maximum number of events passed to a sink at once.
 const CHUNK: usize = 1 << 16;
 
-/// Pairs in the same microsecond and pixel: two events are one pair, three are three.
+/// Pairs in one microsecond and pixel: two events are one pair, three are three.
 fn pairs(sorted: &[Packed]) -> u64 {
     let same = |a: &Packed, b: &Packed| a.place() == b.place();
     sorted.chunk_by(same).map(|group| (group.len() * (group.len() - 1) / 2) as u64).sum()
@@ -145,7 +147,8 @@ mod tests {
         Event { t: Timestamp(ns), x, y, polarity, label: Label::Signal }
     }
 
-    /// Closes windows that end at those times, each with its events, and returns what came out at once.
+    /// Closes windows at these times, each with its events, and returns the events that were passed
+    /// on.
     fn run(windows: &[(i64, &[Event])], end_us: i64) -> (Vec<Vec<Event>>, u64) {
         let mut state = Windows::default();
         let mut outputs = Vec::new();
@@ -185,7 +188,8 @@ mod tests {
 
     #[test]
     fn the_longest_window_holds_its_last_nanosecond() {
-        // It begins in the last nanosecond of a microsecond, where its end is farthest from that microsecond's start.
+        // The window begins in the last nanosecond of a microsecond, so its end is farthest from
+        // the start of that microsecond.
         let last = LONGEST.cast_unsigned() + 999;
         let event = Packed::new(last, [65_535; 2], Polarity::On, Label::Signal).event(0);
         assert_eq!(event.t, Timestamp(last.cast_signed()));

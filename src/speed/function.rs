@@ -7,8 +7,9 @@
 //! power   = atom (("^" | "**") sign)?
 //! atom    = number | "t" | "pi" | "e" | function "(" sum ("," sum)* ")" | "(" sum ")"
 //! ```
-//! Functions are `sin cos tan exp log sqrt abs` of one argument and `min max` of two or more; `log` is natural, angles
-//! are radians. Values are `f64`, transcendentals `libm`'s.
+//! The functions are `sin cos tan exp log sqrt abs` of one argument, and `min max` of two or more.
+//! `log` is natural, and angles are in radians. Values are `f64`; transcendental functions are
+//! `libm`'s.
 
 mod interval;
 mod parse;
@@ -20,7 +21,8 @@ use crate::se3::spline::Place;
 use crate::se3::sum::Sum;
 use serde::Serialize;
 
-/// An expression in `t`, kept as its syntax tree: spaces do not change a key, an order of operations does.
+/// An expression in `t`, stored as its syntax tree: spaces do not change a key, the order of
+/// operations does.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Expression {
@@ -40,7 +42,7 @@ enum Node {
     Call(Function, Box<Node>),
 }
 
-/// An operation on two values.
+/// A binary operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Binary {
@@ -53,7 +55,7 @@ enum Binary {
     Max,
 }
 
-/// A function of one value.
+/// A unary function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Function {
@@ -66,7 +68,7 @@ enum Function {
     Abs,
 }
 
-/// Why a text is no law.
+/// The reason why a text is not a speed law.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ExpressionError {
     /// The text does not follow the grammar.
@@ -74,12 +76,12 @@ pub enum ExpressionError {
     Syntax {
         /// Byte offset in the text.
         at: usize,
-        /// What may stand there.
+        /// The tokens that may stand there.
         expected: &'static str,
-        /// What stands there.
+        /// The token found.
         found: String,
     },
-    /// A name that is not of the grammar.
+    /// A name that the grammar does not have.
     #[error(
         "`{name}` at byte {at} is not known; there are t, pi, e, sin, cos, tan, exp, log, sqrt, abs, min and max"
     )]
@@ -136,13 +138,13 @@ pub enum ExpressionError {
         from: f64,
         /// End of the interval.
         to: f64,
-        /// What is known of it there.
+        /// The known bounds of the value there.
         bounds: String,
     },
 }
 
 impl ExpressionError {
-    /// The byte of the text that the error is about, where it is about one.
+    /// The byte offset of the error in the text, if it has one.
     #[must_use]
     pub fn position(&self) -> Option<usize> {
         match self {
@@ -153,10 +155,11 @@ impl ExpressionError {
 }
 
 impl Expression {
-    /// Parses `text` and proves the value positive and finite over [0, 1].
+    /// Parses `text`, and proves that the value is positive and finite over [0, 1].
     ///
     /// # Errors
-    /// When the text does not parse, or the value is not positive somewhere, with the place or the `t`.
+    /// The text does not parse, or the value is not positive somewhere; the error has the place or
+    /// the `t`.
     pub fn parse(text: &str) -> Result<Self, ExpressionError> {
         let root = parse::parse(text)?;
         proof::prove_positive(&root)?;
@@ -380,7 +383,7 @@ mod tests {
         t("-1", 0.5, not_positive);
         t("1 - t", 1.0, not_positive);
         t("cos(pi*t) + 0.5", 0.66667, not_positive);
-        // A dip that 150 samples would miss: negative only within 1e-4 of 0.3141.
+        // A dip that 150 samples would miss: the value is negative only within 1e-4 of 0.3141.
         t("1e6*(t-0.3141)^2 - 0.01", 0.314, not_positive);
         t("1/t", 0.0, not_finite);
         t("1/(t - 0.25)^2", 0.25, not_finite);

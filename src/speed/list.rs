@@ -1,13 +1,14 @@
-//! Speed as a list of levels over equal parts of the path's time, blended so that it is twice differentiable.
+//! Speed as a list of levels over equal parts of time, blended so that it is twice differentiable.
 //!
 //! With `L` levels `r`, segments of length `1/L` and `tau = blend / L`:
 //!
 //! ```text
 //! v(t) = r_0 + sum over k = 1..L-1 of (r_k - r_(k-1)) H((t - k/L) / tau)
 //! ```
-//! `H` is the integral of the quadratic B-spline with knots -1, -1/3, 1/3, 1: a step of class C2 with slope 9/8 at 0.
-//! Each window is `2 tau` wide and centred on its boundary; with `blend <= 1/2` no two overlap, so that `v` lies between
-//! neighbouring levels, and its integral over [0, 1] is the mean of the levels.
+//! `H` is the integral of the quadratic B-spline with knots -1, -1/3, 1/3, 1: a C2 step with slope
+//! 9/8 at 0. Each window is `2 tau` wide and centred on its boundary. With `blend <= 1/2` no two
+//! windows overlap, so `v` lies between neighbouring levels, and its integral over [0, 1] is the
+//! mean of the levels.
 
 use super::{Law, Meaning};
 use crate::se3::sum::Sum;
@@ -21,7 +22,7 @@ pub struct List {
     meaning: Meaning,
 }
 
-/// Why levels are no law.
+/// The reason why levels are not a speed law.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ListError {
     /// There are no levels.
@@ -30,7 +31,7 @@ pub enum ListError {
     /// A level is not positive and finite.
     #[error("multiplier {index} (from 0) is {value}, a positive finite number was wanted")]
     Level {
-        /// Its place in the list, from 0.
+        /// Its index in the list, from 0.
         index: usize,
         /// Its value.
         value: f64,
@@ -44,10 +45,11 @@ pub enum ListError {
 }
 
 impl List {
-    /// The law of `multipliers`, each window `blend` of a segment wide on either side of its boundary.
+    /// The law of `multipliers`. Each window extends over `blend` of a segment on both sides of its
+    /// boundary.
     ///
     /// # Errors
-    /// Where there are no levels, one is not positive and finite, or `blend` is not in [0, 0.5].
+    /// There are no levels, one is not positive and finite, or `blend` is not in [0, 0.5].
     pub fn new(multipliers: Vec<f64>, blend: f64, meaning: Meaning) -> Result<Self, ListError> {
         if multipliers.is_empty() {
             return Err(ListError::Empty);
@@ -63,20 +65,21 @@ impl List {
         Ok(Self { multipliers, blend, meaning })
     }
 
-    /// What large multipliers mean.
+    /// The effect of large multipliers.
     #[must_use]
     pub fn meaning(&self) -> Meaning {
         self.meaning
     }
 
-    /// The integral of the speed over [0, t], in closed form; `t` outside [0, 1] is taken to its nearer end.
+    /// The integral of the speed over [0, t], in closed form. `t` is clamped to [0, 1].
     #[must_use]
     pub fn distance(&self, t: f64) -> f64 {
         let t = t.clamp(0.0, 1.0);
         let segments = self.multipliers.len() as f64;
         let Some(k) = self.boundary(t) else { return self.multipliers[0] * t };
         let (before, after) = (self.multipliers[k - 1], self.multipliers[k]);
-        // Up to the middle of the segment before, the windows passed are whole and count as plain steps.
+        // Before the middle of the previous segment, all windows are complete and count as plain
+        // steps.
         let whole = Sum::of(self.multipliers[..k - 1].iter().copied()) + before / 2.0;
         let from_boundary = t - k as f64 / segments;
         let tau = self.blend / segments;
@@ -84,7 +87,7 @@ impl List {
         whole / segments + before * (from_boundary + 0.5 / segments) + (after - before) * blended
     }
 
-    /// The number of the boundary nearest to `t`, 1 to L-1; `None` for a single level.
+    /// Index of the boundary nearest to `t`, 1 to L-1; `None` for a single level.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -103,7 +106,7 @@ impl Law for List {
         let from_boundary = t - k as f64 / segments;
         let tau = self.blend / segments;
         let h = if tau > 0.0 { step(from_boundary / tau) } else { f64::from(from_boundary >= 0.0) };
-        // A mean of two positive levels: positive however far apart they are.
+        // A mean of two positive levels is positive for any ratio between them.
         self.multipliers[k - 1] * (1.0 - h) + self.multipliers[k] * h
     }
 
@@ -130,7 +133,7 @@ fn step(x: f64) -> f64 {
     }
 }
 
-/// The integral of [`step`] from -1 to `x`; beyond 1, where the step is 1, that is `x`.
+/// The integral of [`step`] from -1 to `x`; for `x` beyond 1 it is `x`.
 fn integral(x: f64) -> f64 {
     let w = (1.5 * (x + 1.0)).max(0.0);
     let in_w = if w < 1.0 {
@@ -157,7 +160,7 @@ mod tests {
     #[test]
     fn levels_are_reached_and_boundaries_are_half_way() {
         let law = list(&[1.0, 0.5, 2.0], 0.1);
-        // 0.1 of a segment around 1/3 and 2/3 is blended, all else is a level.
+        // 0.1 of a segment around 1/3 and 2/3 is blended; everything else is a level.
         for (t, want) in [(0.0, 1.0), (0.29, 1.0), (0.5, 0.5), (0.6, 0.5), (0.75, 2.0), (1.0, 2.0)] {
             assert!((law.speed(t) - want).abs() < 1e-15, "{t}");
         }
@@ -176,7 +179,8 @@ mod tests {
         for (x, want) in
             [(-1.0, 0.0), (-1.0 / 3.0, 2.25), (0.0, 0.0), (1.0 / 3.0, -2.25), (1.0, 0.0), (-0.5, 1.6875)]
         {
-            // Differences of a function with third derivative up to 27/4 over 1e-4, and roundings of 1e-16 over 1e-8.
+            // Differences of a function with a third derivative up to 27/4 over 1e-4, and rounding
+            // of 1e-16 over 1e-8.
             assert!((bend(x) - want).abs() < 2e-3, "{x}: {}", bend(x));
         }
         for x in [-1.0f64, -1.0 / 3.0, 1.0 / 3.0, 1.0] {
@@ -184,7 +188,8 @@ mod tests {
             assert!((integral(x.next_up()) - integral(x.next_down())).abs() < 1e-15);
         }
         assert!((integral(1.0) - 1.0).abs() < 1e-15 && (integral(2.5) - 2.5).abs() < 1e-15);
-        // Half the mean distance from 0 of a sum of three uniform draws of width 2/3: 13/32 of that width, halved.
+        // Half the mean absolute value of a sum of three uniform draws of width 2/3: 13/32 of that
+        // width, halved.
         assert!(integral(-1.0).abs() < 1e-300 && (integral(0.0) - 13.0 / 96.0).abs() < 1e-15);
     }
 
@@ -223,8 +228,8 @@ mod tests {
             let largest = levels.iter().copied().fold(0.0, f64::max);
             let smallest = levels.iter().copied().fold(f64::INFINITY, f64::min);
             prop_assert!(law.speed(t) >= smallest * (1.0 - 1e-15) && law.speed(t) <= largest * (1.0 + 1e-15));
-            // The midpoint rule on 20,000 cells is off by h^2/24 of the change of slope, at most 2 * 9/8 * L/blend
-            // times the jumps: under 2e-6 of the largest level.
+            // The midpoint rule on 20,000 cells has an error of h^2/24 of the change of slope, at
+            // most 2 * 9/8 * L/blend times the jumps: under 2e-6 of the largest level.
             let cells = 20_000;
             let width = t / f64::from(cells);
             let sum: f64 = (0..cells).map(|k| law.speed((f64::from(k) + 0.5) * width) * width).sum();

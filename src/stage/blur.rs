@@ -1,4 +1,4 @@
-//! Stage `blur`: what a shutter sees that stays open for a while, one PNG an exposure.
+//! Stage `blur`: blurred frames, one PNG per exposure.
 
 use super::shot::{Ready, Shot, record};
 use super::{Context, Need, Stage, StageError, Target};
@@ -22,7 +22,8 @@ pub struct Exposing {
     pub shutter: Shutter,
 }
 
-/// Sums of three colours in 64 bits, a picture in 32, its flow, and what the encoder holds.
+/// Bytes per pixel: sums of three colours in 64 bits, a picture in 32 bits, its flow, and the
+/// encoder.
 const BYTES_A_PIXEL: u64 = 72;
 
 impl Stage for Exposing {

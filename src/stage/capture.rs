@@ -1,4 +1,4 @@
-//! Stage `capture`: reads a source and normalises it.
+//! Stage `capture`: reads and normalises a source.
 
 use super::{Context, SourceFile, Stage, StageError};
 use crate::artifact::write_json;
@@ -8,11 +8,11 @@ use crate::source::{Capture, Captured};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Parameters: which source. Paths stay out of the key, the content of the files goes in.
+/// Parameters: the source. Paths stay out of the key; the content of the files enters it.
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Capturing {
-    /// The capture of the embedded scene, whatever the number of its Gaussians.
+    /// The capture of the embedded scene, for any number of Gaussians.
     Procedural {
         /// Number of key views.
         views: u32,
@@ -23,7 +23,7 @@ pub enum Capturing {
     },
     /// No source: a capture without views.
     None,
-    /// A capture on disk: its kind and selection, and by digest the content of its files.
+    /// A capture on disk: its kind and selection. The content of its files enters by digest.
     #[serde(untagged)]
     Captured(Captured),
 }
@@ -37,14 +37,14 @@ impl Capturing {
     }
 }
 
-/// Endings of the files of a source that are no photos.
+/// Endings of files that are not photos.
 const NO_PHOTOS: [&str; 3] = ["bin", "txt", "json"];
 
 impl Capturing {
-    /// Those of its files that are photos.
+    /// The photos among its files.
     ///
     /// # Errors
-    /// When the source cannot be listed.
+    /// The source cannot be listed.
     pub(super) fn photos(&self) -> Result<Vec<SourceFile>, StageError> {
         let mut files = self.sources()?;
         files.retain(|f| !f.path.extension().is_some_and(|ending| NO_PHOTOS.iter().any(|no| ending == *no)));
@@ -53,7 +53,7 @@ impl Capturing {
 }
 
 impl Capturing {
-    /// The COLMAP model that its poses are from, if they are from one.
+    /// The COLMAP model from which its poses come, if there is one.
     pub(super) fn model(&self) -> Option<Model> {
         match self {
             Self::Captured(captured) => captured.model(),

@@ -1,8 +1,8 @@
-//! Stage `checks`: hands what was made of a trajectory to the validation passes.
+//! Stage `checks`: runs the validation passes over a trajectory and its streams.
 //!
-//! Neither the scene's id nor the trajectory's name is part of what is checked, so findings are stored with an empty
-//! subject; whoever shows them says whose they are. Beside them lie pictures of what some passes saw, `<check>.png`, or
-//! `<sensor>.<check>.png` where there are several sensors.
+//! The scene id and the name of the trajectory are not part of the input, so findings are stored
+//! with an empty subject, which is added for display. Pictures of some passes lie next to them as
+//! `<check>.png`, or `<sensor>.<check>.png` for several sensors.
 
 mod pictures;
 
@@ -24,7 +24,7 @@ use std::path::PathBuf;
 /// Name of the stage.
 pub const NAME: &str = "checks";
 
-/// Parameters: the recipe's limits and waivers.
+/// Parameters: limits and waivers of the recipe.
 #[derive(Debug, Serialize)]
 pub struct Checking {
     /// Limits and waivers.
@@ -38,13 +38,14 @@ impl Stage for Checking {
     type Output = Verdicts;
 
     fn need(&self, files: &[Files]) -> Need {
-        // The stream passes by in chunks; what the sensor saw at some frames is held, with the counts of each pixel.
+        // The stream is read in chunks. Some frames as the sensor saw them, and the counts of each
+        // pixel, are in memory.
         let brightness = |files: &Files| -> u64 {
             let held = |name: &str| name.starts_with("brightness") || name == EventStreams::DEPTH;
             let images = files.iter().filter(|(name, _)| held(name));
             images.map(|(name, _)| files.size(name)).sum()
         };
-        // The flow that a depth is made into takes two numbers a pixel.
+        // The flow computed from a depth takes two numbers per pixel.
         let flows = files.iter().map(|files| 2 * files.size(EventStreams::DEPTH)).sum::<u64>();
         let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>() + flows;
         Need::memory([held, held, held])
@@ -102,13 +103,13 @@ impl Stage for Checking {
     }
 }
 
-/// What a stream of this name adds to the subject of findings.
+/// The part of a finding's subject for the stream of this name.
 fn suffix(name: Option<&str>) -> String {
     name.map_or_else(String::new, |name| format!("/{name}"))
 }
 
-/// How the picture moves where its depth is known, by the poses and stamps of the trajectory: the pose whose stamp is
-/// nearest, which is off by no more than half a frame.
+/// The image motion at the instants with a known depth, from the poses and stamps of the
+/// trajectory. The pose is the one with the nearest stamp, which is within half a frame.
 fn flows(streams: &EventStreams, motion: &Motion) -> Vec<FlowAt> {
     let (stamps, velocities) = (&motion.trajectory.stamps_us, motion.velocities());
     let at = |(t_us, depth): (&i64, &Image<f32>)| {

@@ -1,5 +1,5 @@
-//! Stage `events`: renders the luminance of every pose, and its colours where a sensor wants them, and shows it to the
-//! sensors.
+//! Stage `events`: renders the luminance of every pose, and its colours if a sensor needs them, and
+//! simulates the sensors.
 
 mod resample;
 mod sampling;
@@ -35,37 +35,40 @@ use std::sync::Arc;
 /// Parameters: camera, rendering, sensors, and the seed of their noise.
 #[derive(Debug, Serialize)]
 pub struct Simulating {
-    /// The camera, where it differs from the source's own.
+    /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
     /// The rendering.
     pub render: RenderChoice,
-    /// The sensor, where there is one.
+    /// The sensor, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor: Option<Sensor>,
-    /// The sensors by name, where there are several.
+    /// The sensors by name, if there are several.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub sensors: BTreeMap<String, Sensor>,
     /// Seed of the sensors' noise.
     pub seed: Seed,
-    /// The error between frames that the events may have; frames are then where that needs them, else at the poses.
+    /// Tolerance of the error between frames. If it is set, frames are where it requires them;
+    /// otherwise at the poses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<Tolerance>,
-    /// What is left out: the counts that a step writes down depend on it, its pictures and events do not.
+    /// Work that the renderer leaves out. The stored counts depend on it; pictures and events do
+    /// not.
     #[serde(skip_serializing_if = "Omit::is_needless")]
     pub omit: Omit,
-    /// What renders.
+    /// The back end.
     #[serde(skip)]
     pub backend: Backend,
 }
 
-/// State of a sensor, pictures between the renderer and it, those that are kept, and the sample of the flow, by measurement.
+/// Bytes per pixel, as measured: state of a sensor, frames on their way to it, kept frames, and the
+/// sample of the flow.
 const BYTES_A_PIXEL: u64 = 230;
-/// What a front end makes of a frame, and the colours that it makes it of: as the renderer blends them and as they are
-/// read, 32 bits each.
+/// Bytes per pixel of a front end: the frame that it makes, and the colours from which it is made,
+/// as blended and as read, 32 bits each.
 const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;
 
-/// Pairs of neighbouring poses at which the optical flow is measured.
+/// Maximum number of pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
 
 impl Stage for Simulating {
@@ -168,7 +171,7 @@ impl Simulating {
         Self { camera, render, sensor, sensors, seed, tolerance, omit, backend }
     }
 
-    /// Each sensor, with its name where there are several.
+    /// Each sensor, with its name if there are several.
     fn sensors(&self) -> impl Iterator<Item = (Option<&str>, &Sensor)> {
         let one = self.sensor.iter().map(|sensor| (None, sensor));
         one.chain(self.sensors.iter().map(|(name, sensor)| (Some(name.as_str()), sensor)))
@@ -178,12 +181,13 @@ impl Simulating {
         front_end::distinct(self.sensors().map(|(_, sensor)| sensor.as_model()))
     }
 
-    /// Whether colours are rendered: a sensor wants them, or nothing is left out.
+    /// Whether colours are rendered: a sensor needs them, or nothing is left out.
     fn sees_colour(&self) -> bool {
         self.omit == Omit::Nothing || self.front_ends().iter().any(FrontEnd::needs_colour)
     }
 
-    /// Streams the frames through the sensors into their files, and keeps some as each front end shows them.
+    /// Streams the frames through the sensors into their files, and keeps some frames as each front
+    /// end shows them.
     fn simulate(
         &self,
         frames: &mut RenderedFrames,
@@ -248,9 +252,9 @@ impl Simulating {
     }
 }
 
-/// What a sample of the path shows.
+/// The result of a sample of the path.
 struct Seen {
-    /// Way of the picture between neighbouring poses.
+    /// Image motion between neighbouring poses.
     flow_px: Option<Quantiles>,
     doubtful_share: Option<f64>,
     depth_unit: Option<[f32; 3]>,
@@ -258,14 +262,14 @@ struct Seen {
     stamps_us: Vec<i64>,
 }
 
-/// The trajectory as a continuous motion; `None` of a single pose.
+/// The trajectory as continuous motion; `None` for a single pose.
 fn path(motion: &Motion) -> Result<Option<Path>, StageError> {
     let poses = &motion.trajectory.world_from_camera;
     let path = || Path::through(poses, motion.seconds()).map_err(StageError::work("follow the path"));
     (poses.len() > 1).then(path).transpose()
 }
 
-/// Frames in which the picture moves by about a pixel, in the median.
+/// Number of frames in which the median image motion is about a pixel.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of frames, saturating")]
 fn apart(flow_px: Option<Quantiles>) -> usize {
     flow_px.map_or(1, |flow| (1.0 / flow.median).round() as usize)

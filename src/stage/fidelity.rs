@@ -1,5 +1,5 @@
-//! Stage `fidelity`: holds renderings of a scene against the photos of its capture. Where no photo is there it does
-//! nothing, and opens no renderer.
+//! Stage `fidelity`: compares renderings of a scene with the photos of its capture. Without photos,
+//! it does nothing and creates no renderer.
 
 use super::capture::Capturing;
 use super::{Context, Need, SourceFile, Stage, StageError, Target};
@@ -14,20 +14,21 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Parameters: the rendering. The camera is each photo's own.
+/// Parameters: the rendering. The camera is that of each photo.
 #[derive(Debug, Serialize)]
 pub struct Comparing {
     /// The rendering.
     pub render: RenderChoice,
-    /// Where the photos are.
+    /// The photos.
     #[serde(skip)]
     pub capturing: Capturing,
-    /// What renders.
+    /// The back end.
     #[serde(skip)]
     pub backend: Backend,
 }
 
-/// The photo as it was taken, without its lens and in 32 bits, the rendering, and the decoder's own picture.
+/// Bytes per pixel: the original photo, the undistorted photo in 32 bits, the rendering, and the
+/// decoder.
 const BYTES_A_PIXEL: u64 = 48;
 
 impl Stage for Comparing {
@@ -66,16 +67,16 @@ impl Stage for Comparing {
     }
 }
 
-/// A view with its number and its photo.
+/// A view with its index and its photo.
 pub(super) type Taken<'a> = (usize, &'a View, &'a SourceFile);
 
-/// The views whose photos are there.
+/// The views with a photo.
 pub(super) fn taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) -> Vec<Taken<'a>> {
     let views = capture.views.iter().enumerate();
     views.filter_map(|(i, view)| Some((i, view, photo_of(view, photos)?))).collect()
 }
 
-/// Holds a scene against these photos; without one no renderer is opened.
+/// Compares a scene with these photos. Without photos, no renderer is created.
 pub(super) fn measure(
     gaussians: &Arc<Gaussians>,
     (render, backend): (RenderChoice, &Backend),
@@ -103,7 +104,7 @@ pub(super) fn measure(
     Ok(fidelity)
 }
 
-/// The file of a view's photo: sources call it as the view, or by its place among `images`.
+/// The file of a view's photo: sources name it like the view, or by its place among `images`.
 fn photo_of<'a>(view: &View, photos: &'a [SourceFile]) -> Option<&'a SourceFile> {
     photos.iter().find(|photo| {
         let name = photo.name.strip_prefix("images/");
@@ -113,7 +114,7 @@ fn photo_of<'a>(view: &View, photos: &'a [SourceFile]) -> Option<&'a SourceFile>
 
 type Photo = crate::image::Image<[u8; 3]>;
 
-/// The photo of a view, or what is wrong with it.
+/// The photo of a view, or the problem with it.
 fn read(view: &View, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {
     let bytes = std::fs::read(&photo.path).map_err(StageError::io(&photo.path))?;
     let photo = match photo::read(&bytes) {

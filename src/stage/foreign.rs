@@ -1,5 +1,6 @@
-//! Stage `foreign`: asks other programs about a trajectory. It exists where a recipe asks for `pose_colmap`, `pose_opencv` or
-//! `readback`. Its class holds the versions of the programs, so a program that is installed later is asked.
+//! Stage `foreign`: asks other programs about a trajectory. It exists if a recipe requests
+//! `pose_colmap`, `pose_opencv` or `readback`. Its class holds the versions of the programs, so that
+//! one installed later is asked.
 
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{EventStreams, Files, Motion, Pictures, write_json};
@@ -12,18 +13,18 @@ use crate::source::Capture;
 use serde::Serialize;
 use std::path::Path;
 
-/// Parameters: who is asked.
+/// Parameters: the programs to ask.
 #[derive(Debug, Clone, Serialize)]
 pub struct Asking {
-    /// The camera, where it differs from the source's own.
+    /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
-    /// How many pictures COLMAP registers.
+    /// Number of pictures that COLMAP registers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colmap: Option<u32>,
     /// Whether OpenCV is asked about poses.
     pub opencv: bool,
-    /// Whether others read what was written.
+    /// Whether other programs read the released files.
     pub readback: bool,
     /// The versions of the programs, or the first program whose version is not known.
     #[serde(skip)]
@@ -31,8 +32,8 @@ pub struct Asking {
 }
 
 impl Asking {
-    /// The programs that a recipe with these checks asks; `None` if it asks none. `version` gives the version of a
-    /// program, if it is known.
+    /// The programs to ask for a recipe with these checks; `None` without any. `version` gives the
+    /// version of a program, if it is known.
     #[must_use]
     pub fn of(
         checks: &Limits,
@@ -49,9 +50,10 @@ impl Asking {
     }
 }
 
-/// What COLMAP takes with a picture that it looks at and the key points of the sample; an estimate.
+/// Memory of COLMAP with one picture and the key points of the sample, bytes; an estimate.
 const BYTES: u64 = 600 << 20;
-/// A compressed event takes about two bytes; its time and its place in the index are held whole.
+/// Memory per byte of a compressed event file: an event takes about two bytes, and its time and
+/// index are expanded.
 const BYTES_A_STORED_BYTE: u64 = 16;
 
 impl Stage for Asking {
@@ -108,12 +110,12 @@ impl Stage for Asking {
     }
 }
 
-/// Bytes of a file of events; 0 of any other.
+/// Bytes of an event file; 0 for other files.
 fn of_events(files: &Files, name: &str) -> u64 {
     if Path::new(name).extension().is_some_and(|e| e == "h5") { files.size(name) } else { 0 }
 }
 
-/// Pictures by the numbers that are their names.
+/// Pictures by the indices in their names.
 fn numbered(pictures: Pictures) -> Vec<Picture> {
     let picture = |(name, file): (String, _)| {
         let pose = name.strip_suffix(".png")?.parse().ok()?;
@@ -122,7 +124,7 @@ fn numbered(pictures: Pictures) -> Vec<Picture> {
     pictures.files.into_iter().filter_map(picture).collect()
 }
 
-/// Asks in a folder of its own, of which nothing is a part of the product.
+/// Runs the programs in a separate folder that is not part of the product.
 fn at_desk<T>(
     name: &str,
     cx: &Context<'_>,

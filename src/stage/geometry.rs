@@ -1,4 +1,4 @@
-//! Stages `depth` and `flow`: what the camera sees of the scene's geometry, one `.npy` a pose.
+//! Stages `depth` and `flow`: geometry of the scene as seen by the camera, one `.npy` per pose.
 
 use super::shot::Shot;
 use super::{Context, Need, Stage, StageError, Target};
@@ -13,44 +13,44 @@ use std::fmt::Debug;
 use std::io::{self, Write};
 use std::marker::PhantomData;
 
-/// Parameters: camera, rendering, and every how many poses there is an image.
+/// Parameters: camera, rendering, and the spacing of images.
 #[derive(Debug, Serialize)]
 pub struct Measuring<Q> {
     /// Camera and rendering.
     #[serde(flatten)]
     pub shot: Shot,
-    /// Every how many poses an image is kept.
+    /// Spacing of images, in poses.
     pub every: u32,
     #[serde(skip)]
     quantity: PhantomData<Q>,
 }
 
 impl<Q> Measuring<Q> {
-    /// An image of every so many poses.
+    /// Images at this spacing.
     #[must_use]
     pub fn new(shot: Shot, every: u32) -> Self {
         Self { shot, every, quantity: PhantomData }
     }
 }
 
-/// What is measured of each pixel.
+/// A quantity of each pixel.
 pub trait Quantity: Debug + Send + Sync {
     /// The stage's name.
     const NAME: &'static str;
     /// The stage's revision.
     const REVISION: u32;
-    /// A batch of images, with what renders them, by measurement.
+    /// Memory per pixel of a batch of images and their renderer, bytes, as measured.
     const BYTES_A_PIXEL: u64;
-    /// What is rendered.
+    /// The rendered channels.
     const CHANNELS: Channels;
 
-    /// How the camera moves at each pose, where that bears on it.
+    /// The velocity of the camera at each pose, if the quantity depends on it.
     fn velocities(motion: &Motion) -> Option<Vec<Velocity>>;
 
     /// Writes one image.
     ///
     /// # Errors
-    /// When `out` fails.
+    /// Writing to `out` fails.
     fn write(rendered: &Rendered, out: impl Write) -> io::Result<()>;
 }
 

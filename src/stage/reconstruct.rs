@@ -1,4 +1,5 @@
-//! Stage `reconstruct`: has the Gaussians, from a scene file, from the embedded scene or from a program that trains them.
+//! Stage `reconstruct`: obtains the Gaussians from a scene file, from the embedded scene, or from a
+//! training program.
 
 mod command;
 
@@ -17,11 +18,11 @@ use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// Parameters: where the Gaussians come from.
+/// Parameters: the origin of the Gaussians.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reconstructing {
-    /// The embedded scene, whatever its capture.
+    /// The embedded scene, for any capture of it.
     Procedural {
         /// Number of Gaussians.
         gaussians: u32,
@@ -30,23 +31,23 @@ pub enum Reconstructing {
     },
     /// A scene file, whose content enters the key by its digest.
     Given {
-        /// Its form, where only the file's name tells it.
+        /// Its format, if only the file name tells it.
         #[serde(skip_serializing_if = "Option::is_none")]
         form: Option<&'static str>,
-        /// Where it is.
+        /// Its location.
         #[serde(skip)]
         file: SceneFile,
     },
-    /// A program that is run on the capture.
+    /// A program that trains on the capture.
     Command(Box<Training>),
 }
 
-/// Where a scene file is.
+/// Location of a scene file.
 #[derive(Debug)]
 pub enum SceneFile {
-    /// There.
+    /// This path.
     At(PathBuf),
-    /// The newest of a 3DGS model folder.
+    /// The newest scene of a 3DGS model folder.
     NewestOf(PathBuf),
 }
 
@@ -68,7 +69,7 @@ impl Reconstructing {
         Self::Procedural { gaussians, seed }
     }
 
-    /// A scene file. A `.splat` has no magic number, so its name is part of what it is.
+    /// A scene file. A `.splat` file has no magic number, so its name is part of its identity.
     #[must_use]
     pub fn given(file: &Path) -> Self {
         let is_splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
@@ -81,7 +82,7 @@ impl Reconstructing {
         Self::Given { form: None, file: SceneFile::NewestOf(model.to_owned()) }
     }
 
-    /// What a program trains on the photos of a source.
+    /// The scene that a program trains on the photos of a source.
     #[must_use]
     pub fn command(command: &Command, source: Capturing, render: RenderChoice) -> Self {
         Self::Command(Box::new(Training::new(command, source, render)))
@@ -91,7 +92,7 @@ impl Reconstructing {
 impl Stage for Reconstructing {
     const NAME: &'static str = "reconstruct";
     const REVISION: u32 = 1;
-    /// The capture, for what is trained on it.
+    /// The capture, if the scene is trained on it.
     type Inputs = Option<Target<Capture>>;
     type Output = Gaussians;
 
@@ -114,7 +115,7 @@ impl Stage for Reconstructing {
     fn need(&self, files: &[Files]) -> Need {
         let capture = files.first().filter(|_| matches!(self, Self::Command(_)));
         match capture.and_then(|files| Capture::open(files).ok()) {
-            // Trainings take turns at the graphics processor.
+            // Trainings use the GPU one after another.
             Some(capture) => Need { gpu: true, ..Need::memory([reconstruct::memory(&capture)]) },
             None => Need::memory([copies(files)]),
         }

@@ -1,6 +1,6 @@
-//! Stage `scene_checks`: hands what is known of a scene's capture and photos to the validation passes over scenes.
+//! Stage `scene_checks`: runs the validation passes over a scene's capture and photos.
 //!
-//! The scene's id is no part of what is checked, so findings are stored with an empty subject, as those of
+//! The scene id is not part of the input, so findings are stored with an empty subject, as those of
 //! [`super::checks`].
 
 use super::capture::Capturing;
@@ -18,12 +18,12 @@ use std::path::PathBuf;
 /// Name of the stage.
 pub const NAME: &str = "scene_checks";
 
-/// Parameters: the recipe's limits and waivers for scenes.
+/// Parameters: limits and waivers of the recipe for scenes.
 #[derive(Debug, Serialize)]
 pub struct CheckingScene {
     /// Limits and waivers.
     pub limits: Limits,
-    /// Where the capture is.
+    /// Location of the capture.
     #[serde(skip)]
     pub capturing: Capturing,
 }
@@ -71,7 +71,7 @@ fn reprojection(model: Option<Model>) -> Result<Result<Reprojection, String>, St
     Ok(found.ok_or_else(|| "the model has no points that its images see".to_owned()))
 }
 
-/// Those that are left out by name count for nothing, those that were not picked as the others do.
+/// Photos excluded by name do not count; photos that were not selected count like the others.
 fn photos(capture: &Capture, model: Option<&Model>) -> Result<Photos, String> {
     model.ok_or(NO_MODEL)?;
     let unused = |why| capture.unused.iter().filter(move |photo| photo.why == why);

@@ -1,4 +1,4 @@
-//! Stage `sharp`: the frames that a release shows, one PNG a pose.
+//! Stage `sharp`: sharp frames of a release, one PNG per pose.
 
 use super::shot::Shot;
 use super::{Context, Need, Stage, StageError, Target};
@@ -10,20 +10,20 @@ use crate::scene::Gaussians;
 use crate::source::Capture;
 use serde::Serialize;
 
-/// Parameters: camera, rendering, and which poses have a frame.
+/// Parameters: camera, rendering, and the poses with a frame.
 #[derive(Debug, Serialize)]
 pub struct Photographing {
     /// Camera and rendering.
     #[serde(flatten)]
     pub shot: Shot,
-    /// Every how many poses a frame is kept.
+    /// Spacing of frames, in poses.
     pub every: u32,
-    /// Dense frames of an exposure, where frames in the middle of one are kept beside.
+    /// Dense frames per exposure, if frames in the middle of exposures are kept too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposed: Option<u32>,
 }
 
-/// A batch in 32-bit colour, and what the encoders hold, by measurement.
+/// Memory per pixel of a batch in 32-bit colour with its encoders, bytes, as measured.
 const BYTES_A_PIXEL: u64 = 104;
 
 impl Stage for Photographing {

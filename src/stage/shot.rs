@@ -1,4 +1,5 @@
-//! What every stage has that renders pictures for a release: camera, rules, and the loop over poses.
+//! Common part of the stages that render pictures for a release: camera, rules, and the loop over
+//! poses.
 
 use super::{Context, Need, StageError};
 use crate::artifact::{Files, Motion, write_json};
@@ -16,23 +17,23 @@ use std::sync::Arc;
 /// Parameters: the camera and the rendering.
 #[derive(Debug, Clone, Serialize)]
 pub struct Shot {
-    /// The camera, where it differs from the source's own.
+    /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
     /// The rendering.
     pub render: RenderChoice,
-    /// What is left out: the counts that a step writes down depend on it, its pictures and events do not.
+    /// Work that the renderer leaves out. The stored counts depend on it; pictures do not.
     #[serde(skip_serializing_if = "Omit::is_needless")]
     pub omit: Omit,
-    /// What renders.
+    /// The back end.
     #[serde(skip)]
     pub backend: Backend,
 }
 
-/// Pictures that are rendered before any of them is encoded: the encoder works on one core a picture.
+/// Number of pictures rendered before they are encoded: the encoder uses one core per picture.
 const BATCH: usize = 8;
 
-/// A camera and what renders for it.
+/// A camera and its renderer.
 pub(super) struct Ready {
     pub(super) camera: Camera,
     pub(super) renderer: Box<dyn Renderer>,
@@ -43,7 +44,7 @@ impl Shot {
         super::rendering_need(&self.backend, self.camera, files, bytes_a_pixel)
     }
 
-    /// A renderer that knows from where it will be asked.
+    /// A renderer that was promised the poses.
     pub(super) fn ready(
         &self,
         capture: &Capture,
@@ -62,7 +63,7 @@ impl Shot {
 }
 
 impl Ready {
-    /// The views from these poses, of a camera at rest or as it moves.
+    /// The views from these poses, of a camera at rest or in motion.
     pub(super) fn views(
         &self,
         motion: &Motion,
@@ -76,7 +77,8 @@ impl Ready {
         poses.iter().map(|j| (*j, view(*j))).collect()
     }
 
-    /// Renders what is wanted of these views, and has each written to the file of its number; and `work.json`.
+    /// Renders the requested channels of these views, and writes each to the file of its index, and
+    /// `work.json`.
     pub(super) fn take(
         &mut self,
         views: &[(usize, View)],
@@ -104,7 +106,7 @@ impl Ready {
     }
 }
 
-/// Writes down what was rendered and left out.
+/// Writes the counts of the rendering.
 pub(super) fn record(work: &Work, cx: &Context<'_>) -> Result<(), StageError> {
     let out = cx.out.join("work.json");
     write_json(&out, work).map_err(StageError::io(&out))

@@ -1,4 +1,5 @@
-//! Stage `trajectory`: from captured views, or from less, to a dense path at the prescribed speed.
+//! Stage `trajectory`: makes a dense path at the prescribed speed, from captured views or other
+//! inputs.
 
 use super::{Context, Need, Stage, StageError, Target};
 use crate::artifact::{Files, Motion, write_json};
@@ -21,31 +22,31 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::sync::Arc;
 
-/// Parameters: how the path is made, how fast it is followed, and how often it is sampled.
+/// Parameters: path, speed, and frame rate.
 #[derive(Debug, Serialize)]
 pub struct Moving {
     /// The path.
     pub path: Path,
     /// The speed.
     pub speed: Speed,
-    /// How the speed law is summed.
+    /// Summation of the speed law.
     pub law: Summation,
-    /// Poses a second.
+    /// Poses per second.
     pub rate: Hertz,
-    /// How the scene is seen, where the speed is how fast the picture moves.
+    /// Camera and rendering for a speed that is an image motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seeing: Option<Seeing>,
 }
 
-/// A camera and how it renders.
+/// A camera and its rendering.
 #[derive(Debug, Serialize)]
 pub struct Seeing {
-    /// The camera, where it differs from the source's own.
+    /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,
     /// The rendering.
     pub render: RenderChoice,
-    /// What renders.
+    /// The back end.
     #[serde(skip)]
     pub backend: Backend,
 }
@@ -53,8 +54,8 @@ pub struct Seeing {
 impl Stage for Moving {
     const NAME: &'static str = "trajectory";
     const REVISION: u32 = 2;
-    /// The capture, the trajectory that key poses are drawn from, and the scene: each where the path or the speed
-    /// needs it.
+    /// The capture, the base trajectory of key poses, and the scene: each if path or speed needs
+    /// it.
     type Inputs = (Option<Target<Capture>>, Option<Target<Motion>>, Option<Target<Gaussians>>);
     type Output = Motion;
 
@@ -63,7 +64,7 @@ impl Stage for Moving {
     }
 
     fn need(&self, files: &[Files]) -> Need {
-        /// The pictures that the flow is measured on are small, whatever the camera.
+        /// The images for the flow are small, whatever the camera.
         const SMALL: Size = Size { width: 160, height: 90 };
         match (&self.seeing, files) {
             (Some(seeing), [others @ .., scene]) => {
@@ -113,7 +114,7 @@ impl Stage for Moving {
 }
 
 impl Moving {
-    /// What measures the optical flow, where the speed is one.
+    /// The meter of optical flow, if the speed is an image motion.
     fn meter(
         &self,
         capture: Option<&Capture>,

@@ -13,12 +13,12 @@ pub struct Blobs {
     root: PathBuf,
     disk: Disk,
     next: AtomicU64,
-    /// Held while a name that is taken changes hands: between the look at its bytes and the move, nobody may put
-    /// the sound blob there.
+    /// Held while a taken name changes hands: between the check of its bytes and the move, no other
+    /// thread may put the sound blob there.
     replacing: Mutex<()>,
 }
 
-/// A finished file in a workspace, and what it will be.
+/// A finished file in a workspace, with its digest.
 pub(super) struct Finished {
     pub(super) output: Output,
     path: PathBuf,
@@ -34,13 +34,13 @@ impl Blobs {
         self.root.join("cas").join(&name[..2]).join(&name)
     }
 
-    /// A name in `tmp/` or `trash/` that nobody has.
+    /// A name in `tmp/` or `trash/` that is not in use.
     pub(super) fn fresh(&self, folder: &str) -> PathBuf {
         let number = self.next.fetch_add(1, Ordering::Relaxed);
         self.root.join(folder).join(format!("{}.{number}", std::process::id()))
     }
 
-    /// Moves a blob that is altered into `trash/`; a sound one stays.
+    /// Moves an altered blob into `trash/`. A sound one stays.
     pub(super) fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.path(digest);
         let _alone = self.replacing.lock().expect("no holder panics");
@@ -65,8 +65,9 @@ impl Blobs {
         Ok(Finished { output: Output { name, digest, size }, path })
     }
 
-    /// Publishes a finished file; first writer wins. Whether it is this file that lies there now. Its name in the
-    /// workspace goes then: a name that went later would move the blob's ctime, and the blob would be read again for it.
+    /// Publishes a finished file; the first writer wins. Returns whether this file now lies there.
+    /// Its name in the workspace is removed at once: removing it later would change the blob's
+    /// ctime, and the blob would be read again.
     pub(super) fn publish(&self, file: &Finished) -> Result<bool, StoreError> {
         let to = self.path(&file.output.digest);
         if let Some(folder) = to.parent() {
@@ -75,7 +76,7 @@ impl Blobs {
         if self.disk.link_new(&file.path, &to)? {
             return self.disk.remove(&file.path).map(|()| true);
         }
-        // Somebody had it first, or its bytes were altered since: only the bytes can tell.
+        // Another writer was first, or its bytes were altered since: only the bytes can decide.
         let _alone = self.replacing.lock().expect("no holder panics");
         let is_altered = self.disk.digest(&to).map_err(failed("reading", &to))? != file.output.digest;
         if is_altered {

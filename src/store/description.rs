@@ -1,11 +1,13 @@
-//! What a step is, as a value: the one walk that both its key and its explanation come from.
+//! The description of a step, from which both its key and its explanation are made.
 //!
-//! A stage's parameters implement [`serde::Serialize`]; [`describe`] turns them into a [`Value`]. The key hashes the
-//! value's encoding, `gs2e why` prints the value's lines, so an explanation cannot disagree with a key.
+//! The parameters of a stage implement [`serde::Serialize`]; [`describe`] turns them into a
+//! [`Value`]. The key hashes the encoding of the value, and `gs2e why` prints its lines, so an
+//! explanation cannot disagree with a key.
 //!
-//! The encoding is typed and length-prefixed: a tag byte, the payload's length as a little-endian `u64`, the
-//! payload. Fields of a record are sorted by name, so moving a struct's field changes no key; an absent `Option` is
-//! an absent field. Formats written by `Debug`, JSON or serde's derive order are never hashed.
+//! The encoding is typed and length-prefixed: a tag byte, the length of the payload as a
+//! little-endian `u64`, and the payload. The fields of a record are sorted by name, so moving a
+//! field of a struct changes no key. An absent `Option` is an absent field. Output of `Debug`, JSON
+//! and serde's derive order are never hashed.
 
 mod describer;
 
@@ -38,7 +40,7 @@ pub enum Value {
     Variant(String, Box<Value>),
     /// Digest of an input.
     Digest(Digest),
-    /// A value that is shown, and stays out of the encoding of the record that holds it.
+    /// A value that is shown, but left out of the encoding of its record.
     Implied(Box<Value>),
 }
 
@@ -49,7 +51,7 @@ impl Value {
         Self::Record(BTreeMap::new())
     }
 
-    /// Appends the encoding.
+    /// Appends the encoding to `out`.
     pub fn encode(&self, out: &mut Vec<u8>) {
         match self {
             Self::Bool(v) => tagged(out, 1, &[u8::from(*v)]),
@@ -75,8 +77,8 @@ impl Value {
         }
     }
 
-    /// The same, with those fields implied that stand at one of these places and read like the text beside it. A record
-    /// that holds nothing else is implied itself.
+    /// The same value with the fields marked as implied that stand at one of these places and have
+    /// the given text. A record with only such fields is implied itself.
     #[must_use]
     pub fn with_implied(self, added: &[(&str, &str)]) -> Self {
         if added.is_empty() { self } else { self.imply("", added) }
@@ -99,7 +101,7 @@ impl Value {
             leaf if added.contains(&(path, leaf.to_string().as_str())) => Self::Implied(Box::new(leaf)),
             Self::Variant(name, value) => {
                 let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
-                // The choice itself counts, whatever its content implies.
+                // The choice itself counts, even if its content is implied.
                 let value = match value.imply(&path, added) {
                     Self::Implied(value) => value,
                     value => Box::new(value),
@@ -141,13 +143,13 @@ impl Value {
 /// One line of an explanation.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Line {
-    /// Where in the description, parts joined by dots.
+    /// Path in the description, with parts joined by dots.
     pub path: String,
-    /// The value there.
+    /// The value as text.
     pub text: String,
 }
 
-/// A leaf as text; lists and records only where they are empty.
+/// A leaf as text. Lists and records have a text only if they are empty.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -181,8 +183,8 @@ fn nested(out: &mut Vec<u8>, tag: u8, fill: impl FnOnce(&mut Vec<u8>)) {
 /// Describes parameters.
 ///
 /// # Panics
-/// On a NaN or infinite number, a map key that is no text, or `None` outside a record: stages hold valid values,
-/// so each of these is an error in a stage's definition.
+/// A number is NaN or infinite, a map key is not text, or `None` stands outside a record. Stages
+/// hold valid values, so each of these is an error in the definition of a stage.
 #[must_use]
 pub fn describe<T: Serialize + ?Sized>(parameters: &T) -> Value {
     parameters
@@ -233,7 +235,8 @@ mod tests {
     fn the_encoding_is_what_the_module_says() {
         let value = describe(&Backward { choice: Choice::WithNumber(7), a: 1.0 });
         let mut want = Vec::new();
-        // record { a: 1.0, choice: with-number(7) } = (9+1 + 9+8) + (9+6 + 9 + (9+11) + (9+8)) bytes of payload
+        // record { a: 1.0, choice: with-number(7) } = (9+1 + 9+8) + (9+6 + 9 + (9+11) + (9+8))
+        // bytes of payload.
         want.extend([8]);
         want.extend((27u64 + 15 + 9 + 37).to_le_bytes());
         want.extend([5, 1, 0, 0, 0, 0, 0, 0, 0, b'a', 4, 8, 0, 0, 0, 0, 0, 0, 0]);
@@ -246,7 +249,7 @@ mod tests {
         assert_eq!(bytes(&value), want);
     }
 
-    /// A stage before and after it was given two parameters.
+    /// A stage before and after two parameters were added.
     #[test]
     fn a_parameter_with_its_first_value_rekeys_nothing() {
         #[derive(serde::Serialize)]
@@ -271,7 +274,7 @@ mod tests {
         for other in [after(Choice::WithNumber(1), 3), after(Choice::Plain, 4)] {
             assert_ne!(bytes(&other), before);
         }
-        // What is left out is told all the same: an edit shows the value that was there before.
+        // Implied values are shown all the same: an edit shows the previous value.
         let text: Vec<String> =
             after(Choice::Plain, 3).lines().into_iter().map(|l| l.path + "=" + &l.text).collect();
         assert_eq!(text, ["a=1.0", "gain=plain", "more.depth=3"]);

@@ -1,4 +1,4 @@
-//! Names by content: digests of bytes, keys of steps.
+//! Content-based names: digests of bytes, keys of steps.
 
 use super::description;
 use std::fmt;
@@ -21,7 +21,7 @@ impl Digest {
         &self.0
     }
 
-    /// The first 12 hexadecimal digits, for people.
+    /// The first 12 hexadecimal digits, for messages.
     #[must_use]
     pub fn short(&self) -> String {
         self.to_string()[..12].to_owned()
@@ -54,7 +54,7 @@ impl FromStr for Digest {
     }
 }
 
-/// Hexadecimal text where people read it, 32 bytes elsewhere.
+/// Hexadecimal in text formats, 32 bytes elsewhere.
 impl serde::Serialize for Digest {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         if serializer.is_human_readable() {
@@ -75,7 +75,7 @@ impl<'de> serde::Deserialize<'de> for Digest {
     }
 }
 
-/// What a step is: a hash of everything that may change its bytes.
+/// The identity of a step: a hash of everything that may change its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(transparent)]
 pub struct Key(pub Digest);

@@ -1,4 +1,5 @@
-//! The store's files as the rest of it uses them: errors that name the file, writes that are whole or absent.
+//! File operations of the store, with errors that name the file, and with writes that are whole or
+//! absent.
 
 use super::fs::{Fs, Stat};
 use super::{Digest, StoreError};
@@ -11,15 +12,15 @@ pub(super) fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error)
     move |source| StoreError::Io { doing, path, source }
 }
 
-/// Whether a path leads nowhere: it, or a folder on the way, is not there.
+/// Whether a path does not exist: the file itself, or a folder on the way.
 pub(super) fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
 }
 
-/// How often an operation that a signal broke off is begun anew.
+/// Maximum number of retries of an interrupted operation.
 const PATIENCE: usize = 100;
 
-/// Begins anew what a signal broke off.
+/// Retries an operation that a signal interrupted.
 fn patiently<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     for _ in 1..PATIENCE {
         match operation() {
@@ -34,7 +35,7 @@ fn patiently<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Result<T> {
 #[derive(Debug, Clone)]
 pub(super) struct Disk {
     fs: Arc<dyn Fs>,
-    /// Whether each file is on disk before the next is written, or a whole batch at once.
+    /// Whether each file is synced before the next is written, or a whole batch at once.
     sync_each: bool,
 }
 
@@ -59,19 +60,20 @@ impl Disk {
         patiently(|| self.fs.remove(path)).map_err(failed("removing", path))
     }
 
-    /// Removes everything in a folder, and keeps the folder.
+    /// Removes everything in a folder, but keeps the folder.
     pub(super) fn empty_dir(&self, path: &Path) -> Result<(), StoreError> {
         let entries = patiently(|| self.fs.list(path)).map_err(failed("listing", path))?;
         entries.iter().try_for_each(|entry| self.remove(&entry.path))
     }
 
-    /// Holds the folder's `VERSION` against the format that this program knows; writes it into a new folder.
+    /// Compares the folder's `VERSION` with the format of this program; writes it into a new
+    /// folder.
     pub(super) fn check_format(&self, root: &Path, known: u32, write: bool) -> Result<(), StoreError> {
         let path = root.join("VERSION");
         let bytes = self.read_optional(&path)?.unwrap_or_default();
         let text =
             String::from_utf8_lossy(&bytes).trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned();
-        // A power cut may leave the name and take the bytes.
+        // A power cut may keep the name and lose the bytes.
         if text.is_empty() {
             return if write { self.write_version(&path, known) } else { Ok(()) };
         }
@@ -81,13 +83,14 @@ impl Disk {
         }
     }
 
-    /// On disk before anything else is: what a newer program would make of the store hangs on it.
+    /// Synced before anything else: a newer program decides by it what the store is.
     fn write_version(&self, path: &Path, known: u32) -> Result<(), StoreError> {
         let careful = Self { sync_each: true, ..self.clone() };
         careful.write_atomically(path, &path.with_extension("new"), format!("{known}\n").as_bytes())
     }
 
-    /// Writes a file under a temporary name and renames it: it is there whole, or not at all.
+    /// Writes a file under a temporary name and renames it, so that it is there whole or not at
+    /// all.
     pub(super) fn write_atomically(
         &self,
         path: &Path,
@@ -101,13 +104,15 @@ impl Disk {
             self.sync_folder_of(path)
         };
         write().map_err(|e| {
-            // The error says what went wrong; what is left of the file is removed when the store is next opened.
+            // The error is reported by the caller. A remaining temporary file is removed when the
+            // store is next opened.
             let _ = self.fs.remove(temporary);
             failed("writing", path)(e)
         })
     }
 
-    /// Publishes a finished file under its final name, first writer wins. `false`: the name was taken.
+    /// Publishes a finished file under its final name; the first writer wins. Returns `false` if
+    /// the name was taken.
     pub(super) fn link_new(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
         self.sync_now(from).map_err(failed("syncing", from))?;
         match patiently(|| self.fs.link(from, to)) {
@@ -125,7 +130,7 @@ impl Disk {
         path.parent().map_or(Ok(()), |folder| self.sync_now(folder))
     }
 
-    /// Has everything written so far on disk.
+    /// Syncs everything written so far.
     pub(super) fn sync_all(&self, root: &Path) -> Result<(), StoreError> {
         patiently(|| self.fs.sync_all(root)).map_err(failed("syncing", root))
     }
@@ -142,7 +147,7 @@ impl Disk {
         patiently(|| self.fs.rename(from, to)).map_err(failed("renaming", from))
     }
 
-    /// The files below a folder as relative `/`-joined names, sorted.
+    /// The files below a folder, as sorted relative names joined by `/`.
     pub(super) fn files_below(&self, root: &Path) -> Result<Vec<(String, PathBuf)>, StoreError> {
         let (mut files, mut folders) = (Vec::new(), vec![root.to_owned()]);
         while let Some(folder) = folders.pop() {
@@ -160,7 +165,7 @@ impl Disk {
         Ok(files)
     }
 
-    /// Reads a whole file; `None` where it is absent.
+    /// Reads a whole file; `None` if it is absent.
     pub(super) fn read_optional(&self, path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
         match patiently(|| self.fs.read(path)) {
             Ok(bytes) => Ok(Some(bytes)),

@@ -1,7 +1,8 @@
-//! Every file operation of the store behind one trait, so that each can be counted, failed and recorded.
+//! File operations of the store behind one trait, so that tests can count, fail and record each of
+//! them.
 //!
-//! The database does its own input and output; what it commits is told to [`Fs::committed`]. Steps write into their
-//! workspace by themselves: the store sees those files when it publishes them.
+//! The database does its own input and output; its commits are reported to [`Fs::committed`]. Steps
+//! write into their workspace directly, and the store sees those files when it publishes them.
 
 use super::Digest;
 use std::fmt;
@@ -10,8 +11,8 @@ use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-/// A file at a moment. Two equal values of one path mean that nobody wrote to it in between, but for the grain of
-/// the clock.
+/// The stat fields of a file at one moment. Two equal values for one path mean that the file was
+/// not written in between, within the resolution of the clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Stat {
     /// Device.
@@ -22,7 +23,7 @@ pub struct Stat {
     pub size: u64,
     /// Last change of the bytes, ns since the epoch.
     pub mtime_ns: i64,
-    /// Last change of the bytes or of the inode, ns since the epoch; no program can set it.
+    /// Last change of the bytes or of the inode, ns since the epoch. Programs cannot set it.
     pub ctime_ns: i64,
 }
 
@@ -39,61 +40,61 @@ impl From<&fs::Metadata> for Stat {
     }
 }
 
-/// Something in a folder.
+/// An entry of a folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Entry {
-    /// Where it is.
+    /// Path.
     pub path: PathBuf,
-    /// Whether it is a folder; links are not followed.
+    /// Whether it is a folder. Links are not followed.
     pub is_dir: bool,
 }
 
-/// The file operations of the store. Errors are the system's own.
+/// The file operations of the store. Errors are those of the system.
 #[expect(clippy::missing_errors_doc, reason = "each fails as the system call of its name does")]
 pub trait Fs: fmt::Debug + Send + Sync {
-    /// Makes a folder and those above it; one that is there is no error.
+    /// Creates a folder and its parents. An existing folder is not an error.
     fn create_dir_all(&self, path: &Path) -> io::Result<()>;
 
-    /// Creates or replaces a file. After an error part of the bytes may be there.
+    /// Creates or replaces a file. After an error, it may have part of the bytes.
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
 
-    /// The bytes of a file.
+    /// Reads a file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
 
     /// BLAKE3 of a file's bytes.
     fn digest(&self, path: &Path) -> io::Result<Digest>;
 
-    /// The stat fields of what a path leads to, links followed.
+    /// The stat fields of a path. Links are followed.
     fn stat(&self, path: &Path) -> io::Result<Stat>;
 
-    /// What is in a folder, sorted by path.
+    /// The entries of a folder, sorted by path.
     fn list(&self, path: &Path) -> io::Result<Vec<Entry>>;
 
-    /// Takes away everybody's right to write.
+    /// Removes write permission for all users.
     fn protect(&self, path: &Path) -> io::Result<()>;
 
-    /// A second name for a file; fails where the name is taken.
+    /// Creates a second name for a file. Fails if the name is taken.
     fn link(&self, from: &Path, to: &Path) -> io::Result<()>;
 
-    /// Another name for a file or folder; a file of that name is replaced.
+    /// Renames a file or folder. A file of the new name is replaced.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
 
-    /// Removes a file, or a folder with all that is in it.
+    /// Removes a file, or a folder with its content.
     fn remove(&self, path: &Path) -> io::Result<()>;
 
-    /// Has one file, or the names in one folder, on disk.
+    /// Syncs one file, or the names in one folder.
     fn sync(&self, path: &Path) -> io::Result<()>;
 
-    /// Has everything that was written to the file system of a folder on disk.
+    /// Syncs everything written to the file system of a folder.
     fn sync_all(&self, root: &Path) -> io::Result<()>;
 
-    /// Told after each commit of the database.
+    /// Called after each commit of the database.
     fn committed(&self, _database: &Path) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// The system's files.
+/// The file operations of the system.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Real;
 

@@ -1,7 +1,8 @@
-//! The sweep: deletes what nobody marked and what is old enough that nobody may be about to.
+//! The garbage collection: deletes files that are neither marked nor young.
 //!
-//! Order makes it safe to kill at any moment: rows of the index, then records, then blobs, so that nothing that is left
-//! names what is gone. Each file is first renamed into `trash/`, where the next sweep finds it if this one ends early.
+//! The order makes it safe to kill at any moment: rows of the index, then records, then blobs, so
+//! that nothing that remains names something that is gone. Each file is first renamed into
+//! `trash/`, where the next collection finds it if this one ends early.
 
 use super::disk::failed;
 use super::fs::Stat;
@@ -12,31 +13,32 @@ use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
-/// What a sweep may take.
+/// Options of a garbage collection.
 #[derive(Debug, Clone, Copy)]
 pub struct Sweep {
-    /// Files written later stay, in nanoseconds since the epoch.
+    /// Files written after this time stay, ns since the epoch.
     pub until_ns: i64,
-    /// Only say what would go.
+    /// Whether to report only.
     pub dry_run: bool,
 }
 
-/// What a sweep took, or would take.
+/// The result of a garbage collection, or of its dry run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Swept {
-    /// Records.
+    /// Number of records deleted.
     pub records: usize,
-    /// Blobs.
+    /// Number of blobs deleted.
     pub blobs: usize,
-    /// Bytes of the blobs. Those that a release is linked to stay on disk until it goes.
+    /// Bytes of the deleted blobs. Blobs with a hard link from a release stay on disk until that is
+    /// removed.
     pub bytes: u64,
-    /// Blobs that stay.
+    /// Number of blobs that stay.
     pub kept_blobs: usize,
     /// Bytes of the blobs that stay.
     pub kept_bytes: u64,
-    /// Files in `trash/` from before, and what programs said in steps that nobody marked.
+    /// Number of older files in `trash/`, and of logs for keys that are not marked.
     pub trash: usize,
-    /// Bytes of those.
+    /// Bytes of those files.
     pub trash_bytes: u64,
 }
 
@@ -47,15 +49,15 @@ struct Stored {
     stat: Stat,
 }
 
-/// What a sweep calls its own files in `trash/`.
+/// Prefix of a collection's own files in `trash/`.
 const OWN: &str = "gc.";
 
 impl Store {
-    /// Deletes every record that is neither marked nor young, then every blob that no record left names and that is
-    /// not young, then old trash. Files of other names are left alone.
+    /// Deletes every record that is neither marked nor young, then every blob that no remaining
+    /// record names and that is not young, then old trash. Files with other names are ignored.
     ///
     /// # Errors
-    /// When the disk or the database refuses. What was marked is whole then too.
+    /// The disk or the database fails. Everything marked is intact even then.
     pub fn sweep(&self, marked: &BTreeSet<Key>, sweep: Sweep) -> Result<Swept, StoreError> {
         let is_old = |stat: &Stat| stat.mtime_ns <= sweep.until_ns;
         let (gone, kept): (Vec<_>, Vec<_>) = self
@@ -65,7 +67,8 @@ impl Store {
         let keys = kept.iter().map(|record| Key(record.name)).chain(marked.iter().copied());
         let mut named = BTreeSet::new();
         for key in keys {
-            // A record that cannot be read now may be read later: what it names must not be gone then.
+            // A record that cannot be read now may be readable later, and its blobs must exist
+            // then.
             let outputs = self.record(&key)?.map(|record| record.outputs);
             named.extend(outputs.into_iter().flatten().map(|output| output.digest));
         }
@@ -93,7 +96,7 @@ impl Store {
         Ok(swept)
     }
 
-    /// The files of a folder of the store, by their names there; none where the folder is absent.
+    /// The files of a folder of the store, by name; empty if the folder is absent.
     pub(super) fn files_of(&self, folder: &str) -> Result<Vec<(String, PathBuf)>, StoreError> {
         let folder = self.root.join(folder);
         match self.disk.stat(&folder) {
@@ -102,7 +105,7 @@ impl Store {
         }
     }
 
-    /// The files of a folder that are named as this program names them.
+    /// The files of a folder with names that this program gives.
     fn stored(&self, folder: &str, suffix: &str) -> Result<Vec<Stored>, StoreError> {
         let mut stored = Vec::new();
         for (name, path) in self.files_of(folder)? {
@@ -112,7 +115,7 @@ impl Store {
             let Some(name) = digest else { continue };
             match self.disk.stat(&path) {
                 Ok(stat) => stored.push(Stored { name, path, stat }),
-                // A look without the lock may see a file go.
+                // Without the lock, a file may vanish during the scan.
                 Err(e) if e.kind() == ErrorKind::NotFound => {}
                 Err(e) => return Err(failed("reading", &path)(e)),
             }
@@ -120,11 +123,11 @@ impl Store {
         Ok(stored)
     }
 
-    /// What lies in `trash/` from before: what earlier sweeps left, and what was moved there long enough ago.
+    /// Old files in `trash/`: those of earlier collections, and those moved there long enough ago.
     fn old_trash(&self, until_ns: i64) -> Result<Vec<(PathBuf, u64)>, StoreError> {
         let mut old = Vec::new();
         for (name, path) in self.files_of("trash")? {
-            // ctime says when it was moved; its bytes may be of any age.
+            // The ctime is the time of the move; the content may have any age.
             if let Ok(stat) = self.disk.stat(&path)
                 && (name.starts_with(OWN) || stat.ctime_ns <= until_ns)
             {
@@ -134,7 +137,7 @@ impl Store {
         Ok(old)
     }
 
-    /// What programs said for keys that nobody marked, long enough ago.
+    /// Old logs of external programs for keys that are not marked.
     fn old_logs(&self, marked: &BTreeSet<Key>, until_ns: i64) -> Result<Vec<(PathBuf, u64)>, StoreError> {
         let mut old = Vec::new();
         for (name, path) in self.files_of(LOGS)? {
@@ -149,7 +152,7 @@ impl Store {
         Ok(old)
     }
 
-    /// Takes what will go out of the index, and has that on disk: a row must not outlive its record.
+    /// Deletes rows from the index and syncs: a row must not outlive its record.
     fn forget(&self, records: &[Stored], blobs: &[Stored]) -> Result<(), StoreError> {
         if records.is_empty() && blobs.is_empty() {
             return Ok(());
@@ -162,7 +165,7 @@ impl Store {
             for path in blobs.iter().filter_map(|blob| blob.path.to_str()) {
                 state.delete(Table::Stat, path);
             }
-            // A memo may rest on blobs that stay and on a record that goes.
+            // A memo may depend on blobs that stay and on a record that is deleted.
             for memo in state.all(Table::Memo).into_keys() {
                 state.delete(Table::Memo, &memo);
             }

@@ -1,9 +1,9 @@
-//! BLAKE3 of a file. Never through a map of it: a source may be cut short while it is read, and a map would then end
-//! the program with a signal, where a read ends with an error.
+//! BLAKE3 of a file. Files are read and never mapped: a source may be truncated while it is read,
+//! which ends a read with an error, but a program with a map with a signal.
 //!
-//! BLAKE3 is a binary tree over chunks of 1 KiB, so that a large file can be hashed as subtrees side by side
-//! (section 2.1 of its paper). Each task reads its own subtree piece by piece into a buffer that stays in the core's
-//! own cache, and hashes each piece while it is there.
+//! BLAKE3 is a binary tree over chunks of 1 KiB, so a large file can be hashed as subtrees in
+//! parallel (section 2.1 of its paper). Each task reads its subtree piece by piece into a buffer
+//! that stays in the core's own cache, and hashes each piece while it is there.
 
 use super::Digest;
 use blake3::Hasher;
@@ -13,32 +13,34 @@ use std::io::{self, ErrorKind, Read};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-/// Files shorter than this are read by one thread: starting others costs more than it saves.
+/// Length below which one thread reads a file: starting others would cost more than it saves.
 const PARALLEL_FROM: u64 = 16 << 20;
 
-/// What one task hashes. A power of two of chunks, so that it is a whole subtree.
+/// Length that one task hashes. It is a power of two of chunks, so it is a whole subtree.
 const TASK: u64 = 4 << 20;
 
-/// What is read at once: less than the second-level cache of any core of today holds.
+/// Length of a read. It is smaller than the second-level cache of any present core.
 const PIECE: usize = 256 << 10;
 
 impl Digest {
-    /// The digest of a file's bytes; from 16 MiB on by the threads of the current rayon pool.
+    /// The digest of a file. Files of 16 MiB or more are hashed by the threads of the current rayon
+    /// pool.
     ///
-    /// Of a file that is written to meanwhile it is that of bytes that were read from it, each at some moment: whoever
-    /// must know whether it was at rest compares its stat fields before and after.
+    /// For a file that is being written, it is the digest of bytes read at different moments. A
+    /// caller that must know whether the file was stable compares its stat fields before and after.
     ///
-    /// A task of a rayon pool must hold no lock that other tasks of that pool take while it calls this: a thread that
-    /// waits for the other half of a file takes up any task meanwhile.
+    /// A task of a rayon pool must not hold a lock that other tasks of that pool take while it
+    /// calls this function: a thread that waits for the other half of a file may run any task
+    /// meanwhile.
     ///
     /// # Errors
-    /// When it cannot be opened or read.
+    /// The file cannot be opened or read.
     pub fn of_file(path: &Path) -> io::Result<Self> {
         let file = File::open(path)?;
         let length = file.metadata()?.len();
         if length >= PARALLEL_FROM {
             match in_parallel(&file, length) {
-                // It was cut short meanwhile. What is there now is read to its end, wherever that is.
+                // The file was truncated meanwhile. The present content is read to its end.
                 Err(e) if e.kind() == ErrorKind::UnexpectedEof => {}
                 done => return done,
             }
@@ -47,7 +49,7 @@ impl Digest {
     }
 }
 
-/// By one thread, to the end that the reads find: a special file says 0 for its length.
+/// Hashes with one thread, up to the end of the reads: special files report a length of 0.
 fn to_the_end(mut file: File) -> io::Result<Digest> {
     let mut hasher = Hasher::new();
     let mut piece = vec![0; 1 << 16];
@@ -61,14 +63,14 @@ fn to_the_end(mut file: File) -> io::Result<Digest> {
     }
 }
 
-/// The first `length` bytes, more than one task.
+/// Hashes the first `length` bytes, which is more than one task.
 fn in_parallel(file: &File, length: u64) -> io::Result<Digest> {
     let left = hazmat::left_subtree_len(length);
     let (left, right) = rayon::join(|| subtree(file, 0, left), || subtree(file, left, length - left));
     Ok(hazmat::merge_subtrees_root(&left?, &right?, Mode::Hash).into())
 }
 
-/// `length` bytes from `offset` on, which are no whole file.
+/// Hashes `length` bytes from `offset` on, which are not the whole file.
 fn subtree(file: &File, offset: u64, length: u64) -> io::Result<ChainingValue> {
     if length <= TASK {
         return task(file, offset, length);
@@ -96,7 +98,7 @@ fn task(file: &File, offset: u64, length: u64) -> io::Result<ChainingValue> {
 mod tests {
     use super::*;
 
-    /// Bytes that repeat nowhere in a chunk's distance.
+    /// Bytes that do not repeat at the distance of a chunk.
     fn bytes(length: u64) -> Vec<u8> {
         let mut reader = Hasher::new().finalize_xof();
         let mut bytes = vec![0; usize::try_from(length).unwrap()];
@@ -128,14 +130,15 @@ mod tests {
         let all = bytes(PARALLEL_FROM);
         std::fs::write(&path, &all).unwrap();
         let file = File::open(&path).unwrap();
-        // As if the length had been asked before the cut.
+        // As if the length had been read before the truncation.
         for said in [PARALLEL_FROM + 1, PARALLEL_FROM + TASK, 4 * PARALLEL_FROM] {
             assert_eq!(in_parallel(&file, said).unwrap_err().kind(), ErrorKind::UnexpectedEof, "{said}");
         }
         assert_eq!(to_the_end(file).unwrap(), Digest::of(&all));
     }
 
-    /// A writer that cuts and grows the file all the while: an answer or an error each time, never a panic.
+    /// A writer truncates and extends the file continuously: each call returns a digest or an
+    /// error, and never panics.
     #[test]
     fn a_file_in_motion_harms_nobody() {
         let folder = tempfile::tempdir().unwrap();

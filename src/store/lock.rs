@@ -1,5 +1,6 @@
-//! One writer a store: an advisory lock that the kernel drops with its holder, so there is nothing to unlock by hand.
-//! What the file says of its holder is for people; what nobody holds is overwritten.
+//! One writer per store: an advisory lock that the kernel releases with its holder, so it never
+//! needs to be removed by hand. The content of the file describes the holder for people; a file
+//! that is not locked is overwritten.
 
 use super::{StoreError, disk};
 use std::fs::{File, TryLockError};
@@ -7,14 +8,14 @@ use std::io::{Read, Seek, Write};
 use std::path::Path;
 use std::time::Duration;
 
-/// Who wants the lock, and how patiently.
+/// The process that wants the lock, and its patience.
 #[derive(Debug, Clone)]
 pub struct Claim {
-    /// The command that asks, for those who wait for it.
+    /// The command, shown to others who wait.
     pub command: String,
-    /// Since when: `YYYY-MM-DDThh:mm:ssZ`.
+    /// Start time: `YYYY-MM-DDThh:mm:ssZ`.
     pub since: String,
-    /// Who waits is told again after this long.
+    /// Interval after which a waiting process is informed again.
     pub remind: Duration,
 }
 
@@ -24,7 +25,7 @@ impl Default for Claim {
     }
 }
 
-/// How often a lock that is held is tried.
+/// Interval between attempts to take a held lock.
 const TRY: Duration = Duration::from_millis(50);
 
 #[derive(Debug)]
@@ -33,8 +34,8 @@ pub(super) struct Lock {
 }
 
 impl Lock {
-    /// Takes the lock. Where it is held: waits, telling `waiting` for whom and again from time to time, or fails with
-    /// that.
+    /// Takes the lock. If it is held, waits and calls `waiting` with the holder from time to time,
+    /// or fails.
     pub(super) fn take(
         root: &Path,
         claim: &Claim,
@@ -79,13 +80,14 @@ impl Lock {
 }
 
 fn write(file: &mut File, text: &str) -> std::io::Result<()> {
-    // Never empty in between: somebody may want to know for whom they wait.
+    // The file is never empty in between, because others may read it to see the holder.
     file.rewind()?;
     file.write_all(text.as_bytes())?;
     file.set_len(text.len() as u64)
 }
 
-/// Who holds the lock, in words. The first holder of a new store has the lock a moment before its name is written.
+/// The holder of the lock, as text. The first holder of a new store has the lock shortly before its
+/// name is written.
 fn holder(file: &mut File, claim: &Claim) -> String {
     const LOOKS: usize = 20;
     for look in 0..LOOKS {
@@ -93,7 +95,7 @@ fn holder(file: &mut File, claim: &Claim) -> String {
             std::thread::sleep(TRY);
         }
         let mut text = String::new();
-        // Where it cannot be read the wait is as long.
+        // The wait is as long if the file cannot be read.
         let read = file.rewind().and_then(|()| file.read_to_string(&mut text));
         if let Some(holder) = read.ok().and_then(|_| Holder::parse(&text)) {
             return holder.to_words(&claim.since);
@@ -102,12 +104,13 @@ fn holder(file: &mut File, claim: &Claim) -> String {
     "another process".to_owned()
 }
 
-/// What the lock's file says.
+/// The content of the lock's file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Holder {
     host: String,
     pid: u32,
-    /// Identity of the machine's run: with another one the process is gone, whatever its number.
+    /// Identity of the machine's boot. If it differs, the process no longer exists, whatever its
+    /// number.
     boot: String,
     since: String,
     command: String,
@@ -133,7 +136,7 @@ impl Holder {
         format!("host: {host}\npid: {pid}\nboot: {boot}\nsince: {since}\ncommand: {command}\n")
     }
 
-    /// Reads the first five lines: below them may stand the rest of a longer text that is just being replaced.
+    /// Reads the first five lines. The rest of a longer text that is being replaced may follow.
     fn parse(text: &str) -> Option<Self> {
         let mut lines = text.split_inclusive('\n');
         let mut field = |name: &str| {
@@ -149,7 +152,8 @@ impl Holder {
         })
     }
 
-    /// For people: `pid 4711 on host node3 since 14:02 UTC (gs2e build)`, with the date where it was another day.
+    /// As text: `pid 4711 on host node3 since 14:02 UTC (gs2e build)`, with the date if it was
+    /// another day.
     fn to_words(&self, now: &str) -> String {
         let mut words = format!("pid {} on host {}", self.pid, self.host);
         if let Some((date, time)) = self.since.split_once('T') {

@@ -1,8 +1,9 @@
-//! Memos: facts that hold as long as some files and blobs have not moved.
+//! Memos: facts that hold as long as certain files and blobs have not changed.
 //!
-//! What a build of two thousand scenes would otherwise work out anew each time (that a recipe still asks for the very
-//! steps that are there) is worked out once and kept with the stat fields of every file that it was made from. While
-//! they all agree, nothing is read, parsed or hashed. A memo is only written where equal fields mean equal bytes.
+//! A build of two thousand scenes would otherwise derive each time that a recipe still asks for the
+//! steps that are there. Such a fact is derived once, and stored with the stat fields of every file
+//! that it depends on. While they all agree, nothing is read, parsed or hashed. A memo is only
+//! written where equal fields mean equal bytes.
 
 use super::disk::{Disk, failed, is_absent};
 use super::fs::Stat;
@@ -15,10 +16,10 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// A fact with its grounds.
+/// A fact with its dependencies.
 #[derive(Debug, Serialize, Deserialize)]
 struct Memo<T> {
-    /// What else the fact depends on: the program itself, and its options.
+    /// Other dependencies of the fact: the program itself, and its options.
     tag: Digest,
     /// Files outside the store.
     files: Vec<(String, Stat)>,
@@ -28,7 +29,7 @@ struct Memo<T> {
 }
 
 impl<T> Memo<T> {
-    /// Whether every file is as it was; `path_of` says where a blob lies.
+    /// Whether no file has changed; `path_of` maps a blob to its path.
     fn holds(
         &self,
         tag: &Digest,
@@ -58,17 +59,17 @@ impl<T> Memo<T> {
 }
 
 impl Store {
-    /// The facts remembered under these names, where their grounds have not moved. Trusts stat fields, so a store
-    /// that was opened to verify remembers nothing.
+    /// The facts stored under these names, if their files have not changed. Facts rely on stat
+    /// fields, so a store that was opened to verify returns none.
     ///
     /// # Errors
-    /// When a file is there and cannot be looked at.
+    /// A file exists but its stat fields cannot be read.
     pub fn recall<T: DeserializeOwned + Send>(
         &self,
         names: &[String],
         tag: &Digest,
     ) -> Result<Vec<Option<T>>, StoreError> {
-        /// Below this many, looking each one up is less than reading the table.
+        /// Number of names below which looking each one up is cheaper than reading the table.
         const FEW: usize = 64;
         if self.verified.is_some() {
             return Ok(names.iter().map(|_| None).collect());
@@ -91,8 +92,8 @@ impl Store {
         rows.into_par_iter().map(recall).collect()
     }
 
-    /// Remembers a fact that was made from `files`, seen before they were read, and from `blobs`. Where one of them
-    /// is so young that it could still change unseen, nothing is remembered.
+    /// Stores a fact that depends on `files`, observed before they were read, and on `blobs`. If
+    /// one of them is so young that it could still change unnoticed, nothing is stored.
     pub fn remember<T: Serialize>(
         &self,
         name: &str,
@@ -115,7 +116,8 @@ impl Store {
     }
 }
 
-/// Files as a memo keeps them; `None` where one of them may change without showing it, or has no name in UTF-8.
+/// Files in the form of a memo; `None` if one of them may change unnoticed, or has a name that is
+/// not UTF-8.
 fn firm(files: &[(PathBuf, Sighting)]) -> Option<Vec<(String, Stat)>> {
     let firm = |(path, seen): &(PathBuf, Sighting)| {
         seen.is_firm().then_some(()).and_then(|()| Some((path.to_str()?.to_owned(), seen.stat)))

@@ -1,4 +1,4 @@
-//! From the files that a step wrote to blobs and a record.
+//! Publication of a step's files as blobs and a record.
 
 use super::record::{Output, Record};
 use super::state::Table;
@@ -6,21 +6,22 @@ use super::{BlobState, Store, StoreError, Unlike, unlike};
 use std::path::{Path, PathBuf};
 
 impl Store {
-    /// An empty folder for a step to write its files in.
+    /// Creates an empty folder for the files of a step.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// It cannot be created.
     pub fn workspace(&self) -> Result<Workspace<'_>, StoreError> {
         let path = self.blobs.fresh("tmp");
         self.disk.create_dir(&path)?;
         Ok(Workspace { path, store: self })
     }
 
-    /// Publishes the files of a workspace as what `record` made: blobs, then the record, then the index.
+    /// Publishes the files of a workspace as the outputs of `record`: blobs, then the record, then
+    /// the index.
     ///
     /// # Errors
-    /// When a file cannot be read or written, or the key is on record with other bytes. Where those are still there
-    /// nothing is published; where they are lost the new ones take their place.
+    /// A file cannot be read or written, or the key is recorded with other bytes. If those are
+    /// intact, nothing is published; if they are lost, the new ones replace them.
     pub fn publish(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<Vec<Output>, StoreError> {
         let files = self.blobs.finish(workspace.path())?;
         record.outputs = files.iter().map(|file| file.output.clone()).collect();
@@ -30,22 +31,23 @@ impl Store {
         {
             return Err(self.nondeterministic(workspace, before.clone(), record, false));
         }
-        // While the files of both are where they were.
+        // While the files of both are in place.
         let unlike = before.map(|before| self.nondeterministic(workspace, before, record.clone(), true));
         let ours = files.iter().map(|file| self.blobs.publish(file)).collect::<Result<Vec<bool>, _>>()?;
         record.write(&self.root, &self.disk)?;
         for (output, _) in record.outputs.iter().zip(ours).filter(|(_, is_ours)| *is_ours) {
-            // Nobody knew its name before. One that was there already is as settled as it was.
+            // Its name was new, so its stat fields are reliable at once. An existing blob keeps its
+            // own state.
             self.settle(&output.digest)?;
         }
         self.state().put(Table::Record, &record.key.to_string(), record.brief().row());
         unlike.map_or(Ok(record.outputs), Err)
     }
 
-    /// Holds the files of a workspace against what is on record for a key, and publishes nothing.
+    /// Compares the files of a workspace with the record of a key, and publishes nothing.
     ///
     /// # Errors
-    /// When a file cannot be read, or the bytes differ.
+    /// A file cannot be read, or the bytes differ.
     pub fn compare(&self, workspace: &Workspace<'_>, mut record: Record) -> Result<(), StoreError> {
         let files = self.blobs.finish(workspace.path())?;
         record.outputs = files.iter().map(|file| file.output.clone()).collect();
@@ -75,7 +77,7 @@ pub struct Workspace<'s> {
 }
 
 impl Workspace<'_> {
-    /// Where it is.
+    /// Path of the workspace.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -84,7 +86,8 @@ impl Workspace<'_> {
 
 impl Drop for Workspace<'_> {
     fn drop(&mut self) {
-        // Whatever stays is removed when the store is next opened for writing; the failure is told at the next flush.
+        // Remaining files are removed when the store is next opened for writing. The failure is
+        // reported at the next flush.
         if let Err(error) = self.store.disk.remove(&self.path) {
             self.store.failed.lock().expect("no holder panics").get_or_insert(error);
         }

@@ -1,4 +1,4 @@
-//! Records: which outputs a key made. One immutable JSON file a key, in `ac/`.
+//! Records of the outputs of a key: one immutable JSON file per key, in `ac/`.
 
 use super::description::Line;
 use super::disk::Disk;
@@ -17,8 +17,8 @@ pub struct Output {
     pub size: u64,
 }
 
-/// The content digest of a step's outputs: of the sorted list of names, sizes and digests. This is what the keys
-/// of the steps behind it hold.
+/// The content digest of a step's outputs: of the sorted list of names, sizes and digests. The keys
+/// of later steps contain it.
 #[must_use]
 pub fn content(outputs: &[Output]) -> Digest {
     let mut hasher = blake3::Hasher::new_derive_key("gs2e 2026 output list v1");
@@ -31,18 +31,18 @@ pub fn content(outputs: &[Output]) -> Digest {
     hasher.finalize().into()
 }
 
-/// What is kept beside a key's outputs, and never enters a key.
+/// Information about a step that does not enter its key.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Provenance {
     /// Version of the program.
     pub tool: String,
     /// Wall time of the step in seconds.
     pub seconds: f64,
-    /// Threads it was given.
+    /// Number of threads.
     pub threads: usize,
-    /// Memory it was granted, bytes.
+    /// Memory granted, bytes.
     pub memory: u64,
-    /// What it warned of.
+    /// Warnings of the step.
     pub warnings: Vec<String>,
 }
 
@@ -57,9 +57,9 @@ pub struct Record {
     pub stage: String,
     /// The outputs, sorted by name.
     pub outputs: Vec<Output>,
-    /// The description that the key is the hash of, as text.
+    /// The description, whose hash is the key, as text.
     pub description: Vec<Line>,
-    /// What it took.
+    /// Resources used.
     pub provenance: Provenance,
     /// BLAKE3 of this record's JSON with an empty seal.
     seal: String,
@@ -67,23 +67,23 @@ pub struct Record {
 
 const FORMAT: u32 = 1;
 
-/// What the index keeps of a record.
+/// The part of a record in the index.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Brief {
     /// Name of the stage.
     pub stage: String,
     /// Wall time of the step in seconds.
     pub seconds: f64,
-    /// Threads it was given.
+    /// Number of threads.
     pub threads: usize,
-    /// Memory it was granted, bytes.
+    /// Memory granted, bytes.
     pub memory: u64,
     /// The outputs, sorted by name.
     pub outputs: Vec<Output>,
 }
 
 impl Brief {
-    /// Its row of the index.
+    /// The row of the index.
     pub(super) fn row(&self) -> Vec<u8> {
         serde_json::to_vec(self).expect("a record is plain data")
     }
@@ -110,7 +110,7 @@ impl Record {
         root.join("ac").join(&name[..2]).join(format!("{name}.json"))
     }
 
-    /// What the index keeps of it.
+    /// The part of the record for the index.
     pub(super) fn brief(&self) -> Brief {
         let Provenance { seconds, threads, memory, .. } = self.provenance;
         Brief { stage: self.stage.clone(), seconds, threads, memory, outputs: self.outputs.clone() }
@@ -132,7 +132,8 @@ impl Record {
         disk.write_atomically(&path, &temporary, &bytes)
     }
 
-    /// The record of a key; `None` where there is none, or it is torn, altered or of another format: a miss.
+    /// The record of a key. `None` if there is none, or if it is torn, altered or of another
+    /// format, which counts as a miss.
     pub(super) fn read(root: &Path, disk: &Disk, key: &Key) -> Result<Option<Self>, StoreError> {
         let Some(bytes) = disk.read_optional(&Self::path(root, key))? else { return Ok(None) };
         Ok(Self::parse(&bytes).filter(|record| record.key == *key))
@@ -143,7 +144,7 @@ impl Record {
         (record.format == FORMAT && record.seal == record.sealed()).then_some(record)
     }
 
-    /// All sound records below `ac/`, and how many files there were no records.
+    /// All sound records below `ac/`, and the number of files that are not.
     pub(super) fn read_all(root: &Path, disk: &Disk) -> Result<(Vec<Self>, usize), StoreError> {
         let folder = root.join("ac");
         if !folder.is_dir() {
@@ -190,7 +191,8 @@ mod tests {
             let mut flipped = whole.clone();
             flipped[n] ^= 1 << (n % 8);
             std::fs::write(&path, &flipped).unwrap();
-            // A flip may leave the meaning as it was (the case of a digit in an exponent, say), never change it.
+            // A flipped bit may keep the meaning (the case of a digit in an exponent, for example),
+            // but never change it.
             assert!(read().is_none_or(|r| r == record), "flipped at {n}");
         }
     }

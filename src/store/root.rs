@@ -1,11 +1,12 @@
-//! Roots: what stays in the store although no recipe asks for it any more. One file a release, in `roots/`.
+//! Roots: steps that stay in the store although no recipe refers to them any more. One file per
+//! release, in `roots/`.
 
 use super::disk::failed;
 use super::{Digest, Key, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A release and the steps that it was made from.
+/// A release and the keys of its steps.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Root {
     /// Its folder, absolute.
@@ -17,22 +18,22 @@ pub struct Root {
 const FOLDER: &str = "roots";
 
 impl Store {
-    /// Keeps what a release was made from, in place of what was kept for that folder before.
+    /// Keeps the steps of a release, and replaces the previous root of its folder.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// The root cannot be written.
     pub fn write_root(&self, root: &Root) -> Result<(), StoreError> {
         let path = self.path_of_root(root);
-        // A folder whose name is not UTF-8 has no place in JSON.
+        // A folder whose name is not UTF-8 cannot be stored in JSON.
         let bytes = serde_json::to_vec(root).map_err(|e| failed("writing", &path)(e.into()))?;
         self.disk.create_dir(&self.root.join(FOLDER))?;
         self.disk.write_atomically(&path, &self.blobs.fresh("tmp"), &bytes)
     }
 
-    /// The roots, sorted by the names of their files.
+    /// The roots, sorted by file name.
     ///
     /// # Errors
-    /// When one cannot be read: what it keeps is not known then.
+    /// A root cannot be read: the steps that it keeps are then unknown.
     pub fn roots(&self) -> Result<Vec<Root>, StoreError> {
         let mut roots = Vec::new();
         for (_, path) in self.files_of(FOLDER)? {
@@ -43,15 +44,15 @@ impl Store {
         Ok(roots)
     }
 
-    /// Removes a root: what only it keeps may go.
+    /// Removes a root. Steps that only it keeps may then be collected.
     ///
     /// # Errors
-    /// When it is there and cannot be removed.
+    /// It exists but cannot be removed.
     pub fn remove_root(&self, root: &Root) -> Result<(), StoreError> {
         self.disk.remove(&self.path_of_root(root))
     }
 
-    /// A folder has one name, so that its next release replaces its root.
+    /// The name of a root is a function of its folder, so that the next release replaces it.
     fn path_of_root(&self, root: &Root) -> PathBuf {
         let name = Digest::of(root.release.as_os_str().as_encoded_bytes());
         self.root.join(FOLDER).join(format!("{name}.json"))

@@ -1,4 +1,4 @@
-//! A file system that is full: how to know, and what to tell.
+//! Detection of a full file system, and its description for messages.
 
 use super::{StoreError, Workspace};
 use std::error::Error;
@@ -6,35 +6,37 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A file system and its room.
+/// A file system and its free space.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Space {
-    /// Bytes that this user may still write.
+    /// Bytes that this user can still write.
     pub free: u64,
-    /// Where it is mounted, as far as the system tells.
+    /// Mount point, if known.
     pub mount: PathBuf,
-    /// Its kind, as `ext4`; empty where the system does not tell.
+    /// Type, such as `ext4`; empty if unknown.
     pub kind: String,
 }
 
-/// Less than this, and a write that failed is taken to have failed for want of room: not every library passes on why.
+/// Free space below which a failed write is attributed to a full disk: not every library passes on
+/// the cause.
 const LEAST: u64 = 1 << 20;
 
 impl Space {
     /// The file system that holds `path`.
     ///
     /// # Errors
-    /// When the path is not there, or the system does not tell.
+    /// The path does not exist, or the system does not report it.
     pub fn around(path: &Path) -> io::Result<Self> {
         let found = rustix::fs::statvfs(path)?;
         let path = path.canonicalize()?;
-        // Not every system lists its mounts; then the path itself must do.
+        // Some systems do not list their mounts; then the path itself is used.
         let mounts = fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();
         let (mount, kind) = mount_of(&path, &mounts).unwrap_or((path, String::new()));
         Ok(Self { free: found.f_bavail.saturating_mul(found.f_frsize), mount, kind })
     }
 
-    /// Whether it is another machine's, or a program's: a database in WAL mode needs the shared memory of one host.
+    /// Whether the file system is remote or implemented by a program: a database in WAL mode needs
+    /// shared memory on one host.
     #[must_use]
     pub fn is_remote(&self) -> bool {
         const REMOTE: [&str; 10] =
@@ -42,25 +44,25 @@ impl Space {
         REMOTE.iter().any(|kind| self.kind.starts_with(kind))
     }
 
-    /// Whether there is hardly any room.
+    /// Whether there is almost no free space.
     #[must_use]
     pub fn is_used_up(&self) -> bool {
         self.free < LEAST
     }
 }
 
-/// Mount point and kind of the file system that a path is on, by the list of `proc_pid_mountinfo(5)`.
+/// Mount point and type of the file system of a path, from `proc_pid_mountinfo(5)`.
 fn mount_of(path: &Path, mounts: &str) -> Option<(PathBuf, String)> {
     let read = |line: &str| {
         let (mount, rest) = line.split_once(" - ")?;
         let point = PathBuf::from(mount.split(' ').nth(4)?.replace("\\040", " "));
         path.starts_with(&point).then(|| (point, rest.split(' ').next().unwrap_or_default().to_owned()))
     };
-    // Of two on one folder the later one hides the other.
+    // Of two mounts on one folder, the later one hides the other.
     mounts.lines().filter_map(read).max_by_key(|(point, _)| point.components().count())
 }
 
-/// Whether an error was caused by a full file system or a used-up quota.
+/// Whether an error was caused by a full file system or an exhausted quota.
 #[must_use]
 pub fn is_full(error: &(dyn Error + 'static)) -> bool {
     let mut next = Some(error);
@@ -85,7 +87,7 @@ impl StoreError {
         is_full(self) || self.may_be_full()
     }
 
-    /// SQLite has one word for all that goes wrong with the memory that its log shares: what is left must tell.
+    /// SQLite has one code for all failures of its shared memory, so the free space decides.
     fn may_be_full(&self) -> bool {
         let Self::State { path, source } = self else { return false };
         let is_vague = source.sqlite_error_code() == Some(rusqlite::ErrorCode::SystemIoFailure);
@@ -94,7 +96,7 @@ impl StoreError {
 }
 
 impl Workspace<'_> {
-    /// Bytes in its files so far; what cannot be looked at counts nothing.
+    /// Bytes in its files so far. Files that cannot be accessed do not count.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let entries = walkdir::WalkDir::new(self.path()).into_iter().flatten();

@@ -1,38 +1,40 @@
-//! Digests of files by their stat fields, so that a build that has nothing to do reads nothing.
+//! Digests of files by their stat fields, so that a build without changes reads no files.
 //!
-//! A digest is reused only if device, inode, size, mtime and ctime all agree and both times are older than the
-//! moment of observation by two seconds: a file as new as its entry may have changed within the clock's grain.
-//! ctime cannot be set by a program, so an edit that puts the mtime back is seen.
+//! A digest is reused only if device, inode, size, mtime and ctime all agree, and both times are
+//! older than the observation by two seconds: a file as new as its entry may have changed within
+//! the resolution of the clock. Programs cannot set the ctime, so an edit that restores the mtime
+//! is noticed.
 
 use super::Digest;
 use super::fs::Stat;
 use serde::{Deserialize, Serialize};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Stat fields, and when they were seen.
+/// Stat fields and the time of their observation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sighting {
     /// The fields.
     pub stat: Stat,
-    /// When, in nanoseconds of the local clock; `SETTLED` where no older content can hide behind the fields.
+    /// Time of the observation, ns of the local clock; `SETTLED` if no older content can hide
+    /// behind the fields.
     observed_ns: i64,
 }
 
-/// A file whose bytes this program wrote itself and whose name nobody knew before.
+/// Marks a file that this program wrote itself under a new name.
 const SETTLED: i64 = i64::MAX;
 
-/// Younger than this at observation, and the file may have changed since with the same fields.
+/// Age at observation, ns, below which the file may have changed since with the same fields.
 const RACY_NS: i64 = 2_000_000_000;
 
 impl Sighting {
-    /// These fields, seen now: call it before the file is read.
+    /// Observes fields now. Call it before the file is read.
     #[must_use]
     pub fn now(stat: Stat) -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self { stat, observed_ns: i64::try_from(since.as_nanos()).unwrap_or(i64::MAX - 1) }
     }
 
-    /// These fields of a file that this program just wrote or linked itself.
+    /// Fields of a file that this program has just written or linked.
     pub(super) fn settled(stat: Stat) -> Self {
         Self { stat, observed_ns: SETTLED }
     }
@@ -44,17 +46,17 @@ impl Sighting {
         self.observed_ns == SETTLED || (self.stat.mtime_ns < oldest && self.stat.ctime_ns < oldest)
     }
 
-    /// Whether a file with the fields `now` has the bytes that it had then.
+    /// Whether a file with the fields `now` still has its observed bytes.
     #[must_use]
     pub fn holds_for(&self, now: &Stat) -> bool {
         self.stat == *now && self.is_firm()
     }
 }
 
-/// What is known of a file.
+/// The cached digest of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
-    /// When it was seen, and how.
+    /// The observation of the file.
     pub seen: Sighting,
     /// Digest of its bytes.
     pub digest: Digest,

@@ -1,11 +1,11 @@
-//! `state.db`: an index of the records, the stat cache, the memos, and what each step and scene was
-//! last made from.
+//! `state.db`: an index of the records, the stat cache, the memos, and the last key and recipe of
+//! each step and scene.
 //!
-//! Nothing in it is needed: every row can be lost, and costs time only. Nothing in it is trusted
-//! either: each row carries a hash of its table, name and body, and one that does not agree counts as
-//! absent. Rows are looked up when they are asked for, so a build of one scene does not read those of
-//! two thousand. A row is written only after the file system has been synced: what stands here is on
-//! disk, so no machine crash can make it claim lost bytes.
+//! Nothing in it is essential: losing a row costs time only. Nothing in it is trusted: each row
+//! carries a hash of its table, name and body, and a row that disagrees counts as absent. Rows are
+//! looked up on demand, so a build of one scene does not read those of two thousand. A row is
+//! written only after the file system has been synced, so after a crash of the machine it cannot
+//! claim lost bytes.
 
 use super::StoreError;
 use super::disk::Disk;
@@ -14,18 +14,18 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension, params};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What a row is about.
+/// The tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Table {
     /// Key to outputs.
     Record,
-    /// Scene and step to the key that it was last made with.
+    /// Scene and step to the last key.
     Last,
     /// Path to stat fields and digest.
     Stat,
     /// See [`super::memo`].
     Memo,
-    /// Scene to the recipe that it was last made from.
+    /// Scene to its last recipe.
     Recipe,
 }
 
@@ -43,13 +43,13 @@ impl Table {
     }
 }
 
-/// `user_version` of the database; another one is rebuilt.
+/// `user_version` of the database. A database with another one is rebuilt.
 const VERSION: i64 = 2;
 
-/// How long a look at the database may wait for a writer.
+/// Maximum wait of a reader for a writer.
 const BUSY: std::time::Duration = std::time::Duration::from_secs(30);
 
-/// First bytes of the hash that a row carries.
+/// Number of bytes of the hash that a row carries.
 type Seal = [u8; 16];
 
 fn seal(table: Table, name: &str, body: &[u8]) -> Seal {
@@ -70,18 +70,18 @@ pub(super) struct State {
     path: PathBuf,
     disk: Disk,
     write: bool,
-    /// `None` where there is none to look at, or it is damaged.
+    /// `None` if there is no database, or it is damaged.
     database: Option<Connection>,
-    /// Why it cannot be used any more.
+    /// The reason why it can no longer be used.
     damage: Option<String>,
-    /// Rows that are not written yet; `None` for those to delete.
+    /// Rows that are not written yet; `None` for rows to delete.
     pending: BTreeMap<(Table, String), Option<Vec<u8>>>,
     notices: Vec<String>,
 }
 
 impl State {
-    /// Opens the index. A missing, unreadable or older one is set aside and rebuilt from the records,
-    /// with a notice. It lies in the store, or in the folder `elsewhere`.
+    /// Opens the index, in the store or in the folder `elsewhere`. A missing, unreadable or older
+    /// one is set aside and rebuilt from the records, with a notice.
     pub(super) fn open(
         root: &Path,
         elsewhere: Option<&Path>,
@@ -113,12 +113,12 @@ impl State {
         Ok(state)
     }
 
-    /// What had to be mended since the last call, one line each.
+    /// Notices of repairs since the last call, one line each.
     pub(super) fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)
     }
 
-    /// From now on every row counts as absent.
+    /// Makes every row count as absent from now on.
     fn give_up(&mut self, why: &str) {
         self.database = None;
         if self.damage.is_none() {
@@ -130,7 +130,7 @@ impl State {
         }
     }
 
-    /// Opens the database that is there; the error says why it cannot be used.
+    /// Opens the existing database. The error is the reason why it cannot be used.
     fn connect(&self) -> Result<Connection, String> {
         let access =
             if self.write { OpenFlags::SQLITE_OPEN_READ_WRITE } else { OpenFlags::SQLITE_OPEN_READ_ONLY };
@@ -144,7 +144,7 @@ impl State {
         }
     }
 
-    /// Sets aside what is there, and makes a new database from the records.
+    /// Sets the existing database aside, and creates a new one from the records.
     fn rebuild(&mut self) -> Result<(), StoreError> {
         self.database = None;
         let existed = self.path.exists();
@@ -192,8 +192,7 @@ impl State {
         Ok(new)
     }
 
-    /// Moves the database and its log into `trash/`, or, where it does not lie in the store, to a name
-    /// beside its own.
+    /// Moves the database and its log into `trash/`, or renames it if it does not lie in the store.
     fn set_aside(&self) -> Result<PathBuf, StoreError> {
         let home = self.path.parent().unwrap_or(Path::new(""));
         let folder = if home == self.root { home.join("trash") } else { home.to_owned() };
@@ -247,7 +246,7 @@ impl State {
         self.pending.insert((table, name.to_owned()), Some(body));
     }
 
-    /// [`State::put`], unless the row is so already.
+    /// As [`State::put`], unless the row already has this value.
     pub(super) fn put_new(&mut self, table: Table, name: &str, body: Vec<u8>) {
         if self.get(table, name).as_ref() != Some(&body) {
             self.put(table, name, body);
@@ -263,20 +262,20 @@ impl State {
         self.pending.len()
     }
 
-    /// Whether there is something to write.
+    /// Whether there are rows to write.
     pub(super) fn is_behind(&self) -> bool {
         self.write && (!self.pending.is_empty() || self.damage.is_some())
     }
 
-    /// Writes what is new since the last call, in one transaction. Whoever calls has synced what it
-    /// speaks of.
+    /// Writes the rows added since the last call, in one transaction. The caller has synced the
+    /// files that they describe.
     pub(super) fn flush(&mut self) -> Result<(), StoreError> {
         if self.damage.is_some() {
             self.rebuild()?;
         }
         if let Err(first) = self.write() {
-            // A database that turns out to be damaged only now is rebuilt once; any other failure is
-            // the disk's.
+            // A database that turns out to be damaged only now is rebuilt once. Any other failure
+            // is one of the disk.
             if !is_damage(&first) {
                 return Err(StoreError::State { path: self.path.clone(), source: first });
             }
@@ -355,7 +354,7 @@ fn read_all(database: &Connection, table: Table) -> rusqlite::Result<BTreeMap<St
     let mut rows = query.query([])?;
     let mut found = BTreeMap::new();
     while let Some(row) = rows.next()? {
-        // A row of another shape is a damaged one.
+        // A row of another shape counts as damaged.
         let (Ok(name), Ok(body), Ok(mark)) =
             (row.get::<_, String>(0), row.get::<_, Vec<u8>>(1), row.get::<_, Vec<u8>>(2))
         else {
@@ -372,7 +371,7 @@ fn is_damage(error: &rusqlite::Error) -> bool {
     use rusqlite::ErrorCode::{DatabaseCorrupt, NotADatabase, TypeMismatch};
     match error {
         rusqlite::Error::SqliteFailure(e, _) => {
-            // A schema that was altered shows as the unnamed error "no such table".
+            // An altered schema shows as the generic error "no such table".
             matches!(e.code, DatabaseCorrupt | NotADatabase | TypeMismatch | rusqlite::ErrorCode::Unknown)
         }
         _ => true,

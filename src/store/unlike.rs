@@ -1,4 +1,4 @@
-//! Other bytes for one key: both records, and where their files part.
+//! Different bytes for one key: both records, and the first difference of their files.
 
 use super::Digest;
 use super::record::{Record, content};
@@ -7,16 +7,16 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// What a key made before and what it made now.
+/// The outputs of a key before and now.
 #[derive(Debug)]
 pub struct Unlike {
-    /// What is on record.
+    /// The recorded outputs.
     pub before: Record,
-    /// What was made now.
+    /// The outputs made now.
     pub now: Record,
-    /// Whether the first bytes were lost, and these took their place.
+    /// Whether the first bytes were lost and replaced by these.
     pub replaced: bool,
-    /// The first file that differs, and where, as far as its bytes can be read.
+    /// The first file that differs, and the offset, as far as its bytes can be read.
     pub first: Option<String>,
 }
 
@@ -27,8 +27,8 @@ impl fmt::Display for Unlike {
     }
 }
 
-/// The first file, by name, that one side lacks or has with other bytes. Those before are where `path_of` says, those
-/// made now in `workspace`.
+/// The first file, by name, that one side lacks or has with other bytes. The earlier files are at
+/// `path_of`, the new ones in `workspace`.
 pub(super) fn first_difference(
     before: &Record,
     now: &Record,
@@ -51,7 +51,8 @@ pub(super) fn first_difference(
     })
 }
 
-/// The offset of the first byte that differs; the length of the shorter one where it is the beginning of the other.
+/// The offset of the first different byte, or the length of the shorter file if it is the beginning
+/// of the other.
 fn first_offset(before: &Path, now: &Path) -> io::Result<u64> {
     let open = |path: &Path| File::open(path).map(|file| BufReader::new(file).bytes());
     let [mut before, mut now] = [open(before)?, open(now)?];
@@ -86,7 +87,7 @@ mod tests {
         };
         let path_of = |digest: &Digest| folder.path().join(digest.to_string());
         let t = |before: &[(&str, &str)], now: &[(&str, &str)], wanted: Option<&str>| {
-            // The files made now are written last, under their names.
+            // The new files are named last.
             let (before, now) = (record(before), record(now));
             let found = first_difference(&before, &now, &path_of, folder.path());
             assert_eq!(found.as_deref(), wanted);

@@ -1,28 +1,29 @@
-//! How run time grows with the size of the work: an exponent, and what does not grow.
+//! Growth of run time with the size of the work: an exponent and a fixed part.
 //!
-//! Two laws through the same points, since one alone misleads: `t = c x^p` says by which power the whole grows, `t = a + b x`
-//! how far that is a share `a` that is paid once. A program that is linear but for what it pays once has `p < 1`.
+//! Two laws are fitted to the same points, because one alone misleads. `t = c x^p` gives the power
+//! with which the total grows; `t = a + b x` gives the share `a` that is paid once. A linear
+//! program with a fixed cost has `p < 1`.
 
 use serde::Serialize;
 
-/// Both laws through points `(size, time)`.
+/// Both laws, fitted to points `(size, time)`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Growth {
     /// `p` of `c x^p`, by least squares of logarithms.
     pub exponent: f64,
-    /// Of the exponent, from how far the points lie off that law.
+    /// Standard error of the exponent, from the deviations of the points.
     pub standard_error: f64,
-    /// `a` of `a + b x`, in the unit of time, by least squares of relative errors: below 0 where time grows faster than
-    /// in proportion.
+    /// `a` of `a + b x`, in the unit of time, by least squares of relative errors. Negative if time
+    /// grows faster than proportionally.
     pub fixed: f64,
-    /// `b`, by unit of size.
+    /// `b`, per unit of size.
     pub marginal: f64,
-    /// By how much `a + b x` misses a point at most, as a share of its time.
+    /// Largest deviation of a point from `a + b x`, as a share of its time.
     pub worst: f64,
 }
 
 impl Growth {
-    /// Through at least three points of different sizes, all of them finite and above 0; `None` of others.
+    /// Fits at least three points of different sizes, all finite and above 0; `None` for others.
     #[must_use]
     pub fn through(points: &[(f64, f64)]) -> Option<Self> {
         let sound = points.iter().all(|(x, t)| [x, t].iter().all(|v| **v > 0.0 && v.is_finite()));
@@ -43,14 +44,15 @@ impl Growth {
         })
     }
 
-    /// Which share of the time at a size `a + b x` says is fixed.
+    /// The fixed share of the time at a size, according to `a + b x`.
     #[must_use]
     pub fn fixed_share(&self, size: f64) -> f64 {
         self.fixed / (self.fixed + self.marginal * size)
     }
 }
 
-/// Slope of the line through points, and its standard error; `None` where all have one abscissa.
+/// Slope of the line through points, and its standard error; `None` if all points have one
+/// abscissa.
 fn slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let count = points.len() as f64;
     let [x, y] = points.iter().fold([0.0; 2], |[x, y], point| [x + point.0 / count, y + point.1 / count]);
@@ -62,7 +64,7 @@ fn slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     (xx > 0.0).then(|| (slope, (residual / (count - 2.0) / xx).sqrt()))
 }
 
-/// `a` and `b` of the least sum of `((a + b x)/t - 1)^2`.
+/// `a` and `b` with the least sum of `((a + b x)/t - 1)^2`.
 fn line(points: &[(f64, f64)]) -> [f64; 2] {
     let mut sums = [0.0; 5];
     for (x, t) in points {
@@ -93,17 +95,17 @@ mod tests {
             (quadratic.exponent - 2.0).abs() < 1e-12 && quadratic.standard_error < 1e-12,
             "{quadratic:?}"
         );
-        // No line is a parabola; the best one passes below 0.
+        // A parabola is not a line; the best line has a negative intercept.
         assert!(quadratic.fixed < 0.0 && quadratic.worst > 0.2, "{quadratic:?}");
         let linear = through(|x| 0.25 + 1e-4 * x);
         assert!((linear.fixed - 0.25).abs() < 1e-9 && (linear.marginal - 1e-4).abs() < 1e-12, "{linear:?}");
         assert!(linear.worst < 1e-9 && (linear.fixed_share(2500.0) - 0.5).abs() < 1e-6);
-        // What is paid once makes the exponent less than 1, and bends the curve.
+        // A fixed cost makes the exponent less than 1, and bends the curve.
         assert!((0.5..1.0).contains(&linear.exponent) && linear.standard_error > 1e-3, "{linear:?}");
     }
 
-    /// Of three points at -1, 0 and 1 with the ordinates 0, 3 and 0 the slope is 0, the residuals are -1, 2 and -1, and
-    /// the variance of the slope is 6 / (3 - 2) / 2.
+    /// For three points at -1, 0 and 1 with ordinates 0, 3 and 0, the slope is 0, the residuals are
+    /// -1, 2 and -1, and the variance of the slope is 6 / (3 - 2) / 2.
     #[test]
     fn the_standard_error_is_that_of_the_textbook() {
         let (slope, error) = slope(&[(-1.0, 0.0), (0.0, 3.0), (1.0, 0.0)]).unwrap();

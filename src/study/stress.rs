@@ -1,12 +1,13 @@
-//! The arithmetic at its extremes: for each case the error against an independent answer, and the error that is allowed
-//! (`gs2e stress`; numerics.md 10).
+//! Stress table: the arithmetic at its extremes. Each case compares a result with an independent
+//! answer, and states the allowed error (`gs2e stress`).
 //!
-//! An answer is a closed form that the program does not use, a series in 64 bits, a number computed with 120 digits
-//! (`stress/answers.txt`, written by the `answers.py` beside it), a twin of the input on which nothing is extreme, or the
-//! input from which a result was made. What is judged by counting events has a fixed seed and a stated number of standard
-//! errors.
+//! An answer is a closed form that the program does not use, a series in 64 bits, a number computed
+//! with 120 digits (`stress/answers.txt`, written by `answers.py`), the same input in a form
+//! without extremes, or the input from which a result was made. Results based on event counts have
+//! a fixed seed and a stated number of standard errors.
 //!
-//! A case takes the function that it judges, so that a test can hand it a naive one and see that it misses its limit.
+//! A case takes the function under test as an argument, so that a test can pass a naive one and
+//! verify that it exceeds the limit.
 
 pub mod answers;
 pub mod clips;
@@ -18,7 +19,7 @@ pub mod trajectory;
 use serde::Serialize;
 use std::fmt;
 
-/// What a case is about.
+/// The subject of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Area {
@@ -28,15 +29,15 @@ pub enum Area {
     Trajectory,
     /// The renderers.
     Splat,
-    /// Time, order, and what must not show in a stream.
+    /// Time, order, and everything that must not affect a stream.
     Clock,
 }
 
 impl Area {
-    /// Every area, in the order of the table.
+    /// All areas, in the order of the table.
     pub const ALL: [Self; 4] = [Self::Sensor, Self::Trajectory, Self::Splat, Self::Clock];
 
-    /// Its name.
+    /// Name of the area.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -48,16 +49,16 @@ impl Area {
     }
 }
 
-/// One value that was computed, and what it should be.
+/// One computed value and its correct value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Point {
-    /// What came out.
+    /// The computed value.
     pub computed: f64,
     /// The independent answer.
     pub answer: f64,
-    /// How far they are apart, in the unit of the case.
+    /// The error, in the unit of the case.
     pub error: f64,
-    /// How far they may be.
+    /// The allowed error.
     pub limit: f64,
 }
 
@@ -68,31 +69,32 @@ impl Point {
         Self { computed, answer, error: (computed - answer).abs(), limit }
     }
 
-    /// An error as a share of the answer.
+    /// An error relative to the answer.
     #[must_use]
     pub fn relative(computed: f64, answer: f64, limit: f64) -> Self {
         Self { computed, answer, error: ((computed - answer) / answer).abs(), limit }
     }
 
-    /// An error in a unit of its own: units in the last place, standard errors, nanoseconds.
+    /// An error in a unit of its own, such as units in the last place, standard errors or
+    /// nanoseconds.
     #[must_use]
     pub fn scaled(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
         Self { computed, answer, error: ((computed - answer) / unit).abs(), limit }
     }
 
-    /// A count that must be met.
+    /// A count that must be exact.
     #[must_use]
     pub fn count(computed: u64, answer: u64) -> Self {
         Self::absolute(computed as f64, answer as f64, 0.0)
     }
 
-    /// Whether the error is within its limit; one that is no number is not.
+    /// Whether the error is within its limit. NaN is not.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.error <= self.limit
     }
 
-    /// The error as a share of what is allowed.
+    /// The error relative to its limit.
     fn strain(&self) -> f64 {
         if self.error == 0.0 && self.limit >= 0.0 {
             return 0.0;
@@ -102,15 +104,15 @@ impl Point {
     }
 }
 
-/// What a case found: the worst of its points.
+/// The result of a case: the worst of its points.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
-    /// The one nearest to its limit, or furthest beyond it.
+    /// The point nearest to its limit, or farthest beyond it.
     #[serde(flatten)]
     pub worst: Point,
-    /// Where that is.
+    /// The place of that point.
     pub at: String,
-    /// How many there are.
+    /// Number of points.
     pub points: u64,
 }
 
@@ -122,12 +124,12 @@ impl Found {
     }
 }
 
-/// Points as they come in.
+/// Collects points.
 #[derive(Debug, Default)]
 pub struct Worst(Option<Found>);
 
 impl Worst {
-    /// Sees a point; `at` says where it is.
+    /// Adds a point; `at` describes its place.
     pub fn see(&mut self, point: Point, at: impl FnOnce() -> String) {
         match &mut self.0 {
             Some(found) => {
@@ -140,41 +142,41 @@ impl Worst {
         }
     }
 
-    /// Sees the same of two things, bit for bit: `differing` of `all` values are not.
+    /// Adds a comparison of bits: `differing` of `all` values differ.
     pub fn see_same(&mut self, differing: usize, all: usize, at: impl FnOnce() -> String) {
         assert!(all > 0, "there is something to compare");
         self.see(Point::count(differing as u64, 0), at);
     }
 
-    /// The worst of them.
+    /// The worst point.
     ///
     /// # Panics
-    /// If there was none: a case without points would hold whatever the program does.
+    /// There was no point: such a case would pass for any program.
     #[must_use]
     pub fn found(self) -> Found {
         self.0.expect("a case has points")
     }
 }
 
-/// What came of a case: points, or why there are none.
+/// The result of a case: points, or the reason why there are none.
 pub type Outcome = Result<Found, NotRun>;
 
-/// Why a case was not run.
+/// The reason for not running a case.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct NotRun(pub String);
 
-/// A case, ready to be run.
+/// A case that can be run.
 pub struct Case<'a> {
-    /// What it is about.
+    /// Area of the case.
     pub area: Area,
-    /// Its name, of words and hyphens; with the area and the back end it is the case's own.
+    /// Name, of words and hyphens; unique together with the area and the back end.
     pub name: &'static str,
-    /// Where it is stiff or extreme.
+    /// The stiff or extreme property.
     pub regime: &'static str,
     /// The unit of error and limit.
     pub unit: &'static str,
-    /// What renders, where something does.
+    /// The back end, if the case renders.
     pub backend: Option<&'static str>,
     run: Box<dyn Fn() -> Outcome + 'a>,
 }
@@ -184,15 +186,15 @@ impl<'a> Case<'a> {
         Self { area, name, regime, unit, backend: None, run: Box::new(move || Ok(run())) }
     }
 
-    /// Runs it.
+    /// Runs the case.
     ///
     /// # Errors
-    /// Where it cannot be run here.
+    /// It cannot be run on this machine.
     pub fn run(&self) -> Outcome {
         (self.run)()
     }
 
-    /// `area/name`, and what renders.
+    /// `area/name`, and the back end.
     #[must_use]
     pub fn id(&self) -> String {
         let by = self.backend.map(|backend| format!("@{backend}")).unwrap_or_default();
@@ -206,7 +208,8 @@ impl fmt::Debug for Case<'_> {
     }
 }
 
-/// Every case of an area, in the order of the table; those of [`Area::Splat`] by each of these renderers.
+/// All cases of an area, in the order of the table. Those of [`Area::Splat`] run with each of these
+/// renderers.
 #[must_use]
 pub fn cases<'a>(area: Area, stage: &'a splat::Stage) -> Vec<Case<'a>> {
     match area {

@@ -1,13 +1,17 @@
-//! Contrast thresholds (the paper's appendix B, as a measurement): which of the events that a threshold lets through come
-//! from the scene's smooth motion, and which from jumps of the renderer.
+//! Contrast thresholds (the paper's appendix B, as a measurement): the share of events at each
+//! threshold that comes from the scene's smooth motion, and the share that comes from jumps of the
+//! renderer.
 //!
-//! The same path is rendered twice: under the rules of the release, and under rules by which the picture is a continuous
-//! function of the view (`soft` with a blended order). The same sensor sees both with the same noise, so that the two
-//! streams differ by what the rules do. Of the first stream an event is
-//! - **smooth** where the second has one of the same pixel and polarity, each used once, within a frame interval;
-//! - else **near a jump** where, since its pixel's event before, the difference of the two renderings moved between two
-//!   neighbouring frames by more than [`JUMP`] of the threshold in `k1 ln(L + k2)`;
-//! - else **other**: it is late or early after such a jump, or under a difference that grew slowly.
+//! The same path is rendered twice: under the rules of the release, and under rules that make the
+//! image a continuous function of the view (`soft` with a blended order). The same sensor sees both
+//! with the same noise, so the two streams differ by the effect of the rules. An event of the first
+//! stream is
+//! - **smooth** if the second stream has an event of the same pixel and polarity within a frame
+//! interval, each used once;
+//! - otherwise **near a jump** if, since the pixel's previous event, the difference of the two
+//! renderings changed between two neighbouring frames by more than [`JUMP`] of the threshold in
+//! `k1 ln(L + k2)`;
+//! - otherwise **other**: late or early after such a jump, or under a difference that grew slowly.
 
 use crate::event::picture::Picture;
 use crate::event::{Event, EventSink};
@@ -19,73 +23,75 @@ use crate::sensor::{Account, Model as _, Pixels, SensorError, SimulateError};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
-/// Change of the renderings' difference between two frames, in thresholds, from which it counts as a jump.
+/// Change of the difference of the renderings between two frames, in thresholds, that counts as a
+/// jump.
 pub const JUMP: f64 = 0.1;
 
-/// Share of smooth events from which a threshold is recommended.
+/// Share of smooth events from which on a threshold is recommended.
 pub const ENOUGH: f64 = 0.95;
 
-/// What is swept.
+/// The parameters of a sweep.
 #[derive(Debug, Clone)]
 pub struct Sweep {
     /// The sensor; its thresholds are replaced.
     pub sensor: Voltmeter,
-    /// Thresholds of ON and OFF events, in the unit of the sensor, rising.
+    /// Thresholds of ON and OFF events in the unit of the sensor, ascending.
     pub thresholds: Vec<f64>,
     /// Seed of the noise.
     pub seed: Seed,
-    /// A frame interval: how far apart events of the two streams may be, ns.
+    /// A frame interval: the largest distance between matching events, ns.
     pub within_ns: i64,
-    /// Events of this time are in the pictures, us.
+    /// Events of this time appear in the pictures, us.
     pub window_us: std::ops::Range<i64>,
 }
 
-/// What was found at one threshold.
+/// The result at one threshold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
     /// Threshold of ON and OFF events.
     pub threshold: f64,
-    /// As a step of `ln(L + k2)`.
+    /// The threshold as a step of `ln(L + k2)`.
     pub contrast: f64,
     /// Events under the rules of the release.
     pub events: u64,
-    /// Of these, brighter.
+    /// ON events among them.
     pub on: u64,
-    /// Events a pixel and second.
+    /// Events per pixel and second.
     pub rate_ev_px_s: f64,
     /// Events under the smooth rules.
     pub smooth_stream: u64,
-    /// Events that the smooth stream has too.
+    /// Events that the smooth stream has as well.
     pub smooth: u64,
     /// Events near a jump of the renderer.
     pub near_jump: u64,
-    /// The rest.
+    /// Other events.
     pub other: u64,
 }
 
 impl Row {
-    /// Share of the events that the scene's smooth motion explains; 1 where there are none.
+    /// Share of the events that the scene's smooth motion explains; 1 without events.
     #[must_use]
     pub fn explained(&self) -> f64 {
         if self.events == 0 { 1.0 } else { self.smooth as f64 / self.events as f64 }
     }
 }
 
-/// What a sweep found.
+/// The result of a sweep.
 #[derive(Debug, Clone)]
 pub struct Found {
-    /// A row a threshold.
+    /// One row per threshold.
     pub rows: Vec<Row>,
     /// The events of the window at each threshold, under the rules of the release.
     pub pictures: Vec<Image<[u8; 3]>>,
-    /// Frames that were rendered, each by both rules.
+    /// Number of frames, each rendered under both rules.
     pub frames: usize,
-    /// From the first of them to the last, seconds.
+    /// Duration from the first frame to the last, seconds.
     pub seconds: f64,
 }
 
 impl Found {
-    /// The lowest threshold of whose events enough are smooth, and why; `None` where there is none.
+    /// Lowest threshold at which enough events also occur in the smooth rendering, and the reason;
+    /// `None` if none does.
     #[must_use]
     pub fn recommended(&self) -> (Option<&Row>, String) {
         let percent = |row: &Row| 100.0 * row.explained();
@@ -112,14 +118,14 @@ impl Found {
     }
 }
 
-/// Sweeps over two renderings of one path, frame by frame in step: by the rules of the release, and by smooth ones. `tap`
-/// is called after each frame; it may break the sweep off.
+/// Sweeps over two renderings of one path, frame by frame: under the rules of the release, and
+/// under smooth rules. `tap` is called after each frame, and may stop the sweep.
 ///
 /// # Errors
-/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+/// A frame cannot be rendered, a sensor fails, or `tap` stops.
 ///
 /// # Panics
-/// If the two have other sizes or numbers of frames.
+/// The sequences differ in size or number of frames.
 pub fn sweep(
     sweep: &Sweep,
     (released, smooth): (&mut dyn Frames, &mut dyn Frames),
@@ -167,7 +173,7 @@ pub fn sweep(
     Ok(found)
 }
 
-/// A sensor and what it has seen.
+/// A sensor and its events.
 struct Seen {
     pixels: Box<dyn Pixels>,
     events: Vec<Event>,
@@ -185,7 +191,7 @@ impl Seen {
 }
 
 impl Sweep {
-    /// Two sensors for each threshold.
+    /// Two sensors per threshold.
     fn pairs(&self, size: Size) -> Result<Vec<[Seen; 2]>, SensorError> {
         let seen = |threshold: f64| {
             let sensor =
@@ -196,18 +202,18 @@ impl Sweep {
     }
 }
 
-/// Where the difference of two renderings moved quickly.
+/// Places at which the difference of two renderings changed quickly.
 struct Jumps {
     k1: f64,
     k2: f64,
-    /// Moves below this are not kept, in the voltage of the sensor.
+    /// Change below which nothing is stored, in the voltage of the sensor.
     least: f64,
-    /// `k1 ln(L + k2)` of the one less that of the other, at the last frame.
+    /// Difference of `k1 ln(L + k2)` between the renderings at the last frame.
     last: Vec<f64>,
     found: Vec<JumpAt>,
 }
 
-/// One jump: its pixel, the later of the two frames, and how far.
+/// One jump: its pixel, the later of the two frames, and its size.
 #[derive(Debug, Clone, Copy)]
 struct JumpAt {
     pixel: usize,
@@ -234,7 +240,7 @@ impl Jumps {
         self.last = now;
     }
 
-    /// By pixel, then by time.
+    /// Sorted by pixel, then by time.
     fn sorted(mut self) -> Vec<JumpAt> {
         self.found.sort_by_key(|jump| (jump.pixel, jump.frame));
         self.found
@@ -251,7 +257,7 @@ fn by_pixel(events: Vec<Event>, size: Size) -> Vec<Vec<Event>> {
     pixels
 }
 
-/// How events are told apart.
+/// The classification of events.
 struct Matching<'a> {
     sweep: &'a Sweep,
     threshold: f64,
@@ -260,7 +266,7 @@ struct Matching<'a> {
 }
 
 impl Matching<'_> {
-    /// Counts the events that are smooth, near a jump, and neither.
+    /// Counts the events that are smooth, near a jump, and other.
     fn sort(&self, events: Vec<Vec<Event>>, smooth: Vec<Vec<Event>>) -> [u64; 3] {
         let mut counts = [0; 3];
         for (pixel, (events, smooth)) in events.into_iter().zip(smooth).enumerate() {
@@ -279,7 +285,7 @@ impl Matching<'_> {
         counts
     }
 
-    /// Uses up the first event of `smooth` that this one can be.
+    /// Consumes the first event of `smooth` that can match this one.
     fn take(&self, event: &Event, smooth: &[Event], used: &mut [bool]) -> bool {
         let from = smooth.partition_point(|other| other.t.0 < event.t.0 - self.sweep.within_ns);
         let near = smooth[from..].iter().take_while(|other| other.t.0 <= event.t.0 + self.sweep.within_ns);
@@ -290,12 +296,13 @@ impl Matching<'_> {
         })
     }
 
-    /// Whether the pixel jumped after its event before and not after this one's frame.
+    /// Whether the pixel jumped between its previous event and the frame after this event.
     fn is_near_jump(&self, pixel: usize, before: i64, at: i64) -> bool {
         let from = self.jumps.partition_point(|jump| jump.pixel < pixel);
         let of_pixel = self.jumps[from..].iter().take_while(|jump| jump.pixel == pixel);
         let stamp = |frame: usize| self.stamps.get(frame).copied().unwrap_or(i64::MAX);
-        // A jump lies between two frames: the later is after the event before, the earlier before this event.
+        // A jump lies between two frames: the later is after the previous event, the earlier before
+        // this event.
         let mut within =
             of_pixel.filter(|jump| stamp(jump.frame) > before && stamp(jump.frame.saturating_sub(1)) <= at);
         within.any(|jump| jump.by > JUMP * self.threshold)
@@ -332,7 +339,7 @@ mod tests {
         sweep(&asked, (&mut a, &mut b), &mut |_| ControlFlow::Continue(())).unwrap()
     }
 
-    /// Brightness such that `k1 ln(L + k2)` rises by half a threshold a frame, or falls.
+    /// Brightness such that `k1 ln(L + k2)` rises or falls by half a threshold per frame.
     fn ramp(j: usize) -> f64 {
         let way = 0.05 * if j < 50 { j as f64 } else { 100.0 - j as f64 };
         libm::exp(3.5 + way / 5.265 * 10.0 * 0.5) - 20.0
@@ -348,7 +355,8 @@ mod tests {
         assert_eq!((found.frames, found.pictures.len()), (100, 4));
     }
 
-    /// One pixel flickers between two frames by 0.8 thresholds, as where a splat pops: the lowest thresholds see it.
+    /// One pixel flickers between two frames by 0.8 thresholds, like a popping splat: the lowest
+    /// thresholds see it.
     #[test]
     fn jumps_make_the_events_that_they_make_and_no_others() {
         let pop = |j: usize, x: usize| {

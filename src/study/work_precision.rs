@@ -1,14 +1,15 @@
-//! Work and precision: which error of the events each setting has, and what it costs, for one scene on one machine.
+//! Work and precision: the event error of each setting and its cost, for one scene on one machine.
 //!
 //! ```text
 //! path ─ fine frames ─┬─ reference: hermite, every frame
 //!   (per rule set)    └─ grid: uniform or flow steps ─ between: linear, catmull, hermite ─┬─ voltage: RMS at middles
 //!                                                                                         └─ events: matched, timed
 //! ```
-//! Each rule set is rendered once, at the finest rate; every setting takes a part of these frames ([`grid`]) and is held
-//! against the finest of its own rules. All sensors share one seed, so that the noise, where it is on, is the same path.
-//! What a frame costs is measured beside this, by rendering a sample of frames for nothing else ([`Cost`]); what a sensor
-//! costs, while it is fed.
+//! Each rule set is rendered once at the finest rate. Every setting uses a part of these frames
+//! ([`grid`]) and is compared with the finest setting of the same rules. All sensors share one
+//! seed, so noise, if it is on, follows the same path. The cost of a frame is measured separately,
+//! by rendering a sample of frames ([`Cost`]); the cost of a sensor is measured during the
+//! simulation.
 
 mod brief;
 pub mod chart;
@@ -30,16 +31,16 @@ use pick::{Measure, Pick};
 use serde::Serialize;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-/// Frames a second of the setting that the others are held against, where it is among those asked for: the rate of the
+/// Frame rate of the reference setting, if it is among the requested ones: the rate of the
 /// published datasets.
 pub const BASE_RATE: u32 = 2400;
 
-/// Time that something took.
+/// Time spent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Spent {
-    /// Of all cores together, s.
+    /// Summed over all cores, s.
     pub core_s: f64,
-    /// On the wall, s.
+    /// Wall-clock time, s.
     pub wall_s: f64,
 }
 
@@ -70,21 +71,21 @@ impl Mul<f64> for Spent {
     }
 }
 
-/// What one frame of a kind costs.
+/// The cost of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Cost {
     /// Mean over the sample.
     pub frame: Spent,
     /// (Gaussian, pixel) pairs blended, mean.
     pub pairs: f64,
-    /// Memory of the program at its peak while the sample was rendered, scene and renderer included, MB; `None` where the
-    /// system does not say.
+    /// Peak memory of the program while the sample was rendered, with scene and renderer, MB;
+    /// `None` if the system does not report it.
     pub peak_mb: Option<f64>,
-    /// Frames of the sample.
+    /// Number of frames of the sample.
     pub sample: usize,
 }
 
-/// What frames cost under a rule set, without and with the rate of luminance.
+/// The cost of frames under a rule set, without and with the rate of the luminance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Costs {
     /// Luminance alone.
@@ -107,36 +108,37 @@ impl Costs {
 pub struct Row {
     /// Name of the rule set.
     pub rules: String,
-    /// Brightness between frames.
+    /// Interpolation between frames.
     pub between: Between,
-    /// How times were chosen.
+    /// Choice of frame times.
     pub steps: Steps,
-    /// Frames a second; of flow steps, of the uniform grid with as many frames.
+    /// Frames per second. For flow steps, the rate of the uniform grid with the same number of
+    /// frames.
     pub rate: u32,
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
-    /// RMS of k1 V at interval middles, thresholds.
+    /// RMS error of k1 V at the middles of intervals, thresholds.
     pub rms_th: f64,
-    /// Of the events.
+    /// Errors of the events.
     pub errors: Errors,
-    /// By the renderer.
+    /// Time of the renderer.
     pub render: Spent,
-    /// By the sensor.
+    /// Time of the sensor.
     pub sensor: Spent,
-    /// Pairs blended.
+    /// Number of blended pairs.
     pub pairs: f64,
     /// See [`Cost::peak_mb`].
     pub peak_mb: Option<f64>,
 }
 
 impl Row {
-    /// Of renderer and sensor together, s.
+    /// Time of renderer and sensor together, s.
     #[must_use]
     pub fn core_s(&self) -> f64 {
         self.render.core_s + self.sensor.core_s
     }
 
-    /// Rules, interpolation and steps: a curve is what only the rate tells apart.
+    /// Rules, interpolation and steps. The rows of one curve differ in the rate only.
     #[must_use]
     pub fn method(&self) -> String {
         let flow = if self.steps == Steps::Flow { ", flow steps" } else { "" };
@@ -144,44 +146,45 @@ impl Row {
     }
 }
 
-/// What was found of one rule set as a whole.
+/// The results for one rule set as a whole.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OfRules {
-    /// Its name.
+    /// Name of the rule set.
     pub rules: String,
-    /// Numerical class of what rendered.
+    /// Numerical class of the renderer.
     pub class: String,
-    /// Events of the reference.
+    /// Number of events of the reference.
     pub reference: usize,
-    /// The law of `hermite` at the three finest uniform rates, step in s, error as [`Row::rms_th`].
+    /// The error law of `hermite` at the three finest uniform rates, with the step in s and the
+    /// error as in [`Row::rms_th`].
     pub law: Option<Law>,
-    /// Step of the finest of these, s.
+    /// The finest of these steps, s.
     pub finest_s: Option<f64>,
-    /// Of the sensor.
+    /// Jitter of the sensor.
     pub jitter: Option<Jitter>,
-    /// Of frames.
+    /// Cost of frames.
     pub costs: Costs,
 }
 
-/// A way of rendering a picture, against the same in f64.
+/// A way of rendering a picture, compared with the same in f64.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Picture {
     /// Name of the rule set.
     pub rules: String,
-    /// What was rendered.
+    /// The channel.
     pub what: String,
-    /// What a frame costs.
+    /// The cost of a frame.
     pub cost: Cost,
-    /// Of luminance, with 255 grey as the peak, dB; `None` where nothing differs.
+    /// PSNR of luminance with grey 255 as the peak, dB; `None` for equal images.
     pub psnr_db: Option<f64>,
     /// Largest difference, grey.
     pub worst_grey: f64,
 }
 
-/// PSNR (`None` of equal images), and the largest difference, of luminance on the scale 0..1.
+/// PSNR (`None` for equal images) and the largest difference of luminance on the scale 0..1.
 ///
 /// # Panics
-/// If the images differ in number or size.
+/// The images differ in number or size.
 #[must_use]
 pub fn differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Option<f64>, f64) {
     assert_eq!(found.len(), reference.len(), "one reference an image");
@@ -199,24 +202,24 @@ pub fn differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Option<f6
     (psnr, 255.0 * worst)
 }
 
-/// All that a study found.
+/// The results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Study {
     /// Scene and trajectory.
     pub scene: String,
-    /// Of the frames.
+    /// Size of the frames.
     pub size: Size,
-    /// Cores that the program may use.
+    /// Number of cores that the program may use.
     pub cores: usize,
-    /// What the machine calls its processor, where it says so.
+    /// The machine's name of its processor, if known.
     pub processor: Option<String>,
-    /// Length of the window, s.
+    /// Duration of the window, s.
     pub seconds: f64,
-    /// Frames a second of the references.
+    /// Frame rate of the references.
     pub finest: u32,
-    /// Whether the sensors had their noise.
+    /// Whether the sensors had noise.
     pub noise: bool,
-    /// Rule sets, the one that is held against first.
+    /// Results per rule set; the first is the reference.
     pub rules: Vec<OfRules>,
     /// Settings.
     pub rows: Vec<Row>,
@@ -224,7 +227,7 @@ pub struct Study {
     pub pictures: Vec<Picture>,
 }
 
-/// The rows of a pass, and what else it says of its rule set.
+/// The rows of a pass, and the results for its rule set.
 #[must_use]
 pub fn judge(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) -> Vec<Row> {
     let row = |fed: &pass::Fed| {
@@ -247,7 +250,8 @@ pub fn judge(passed: &Passed, grids: &[grid::Grid], rules: &str, costs: &Costs) 
     passed.fed.iter().map(row).collect()
 }
 
-/// Steps and errors of the finest three uniform rates of `hermite`, or of the best interpolation that was asked for.
+/// Steps and errors of the three finest uniform rates of `hermite`, or of the best requested
+/// interpolation.
 fn finest(rows: &[Row]) -> Vec<(f64, f64)> {
     let of = |between: Between| {
         let uniform = rows.iter().filter(move |row| row.steps == Steps::Uniform && row.between == between);
@@ -261,7 +265,7 @@ fn finest(rows: &[Row]) -> Vec<(f64, f64)> {
     best.into_iter().find(|points| !points.is_empty()).unwrap_or_default()
 }
 
-/// The law of `hermite` at the finest three uniform rates, and the step of the finest, s.
+/// The error law of `hermite` at the three finest uniform rates, and the finest step, s.
 #[must_use]
 pub fn law(rows: &[Row]) -> (Option<Law>, Option<f64>) {
     let points = finest(rows);
@@ -269,7 +273,8 @@ pub fn law(rows: &[Row]) -> (Option<Law>, Option<f64>) {
 }
 
 impl OfRules {
-    /// What jumps of the renderer leave at the finest rate, thresholds: no interpolation gets below it there.
+    /// Error that jumps of the renderer leave at the finest rate, thresholds. No interpolation gets
+    /// below it there.
     #[must_use]
     pub fn left_by_jumps(&self) -> Option<f64> {
         let (law, step) = self.law.zip(self.finest_s)?;
@@ -278,15 +283,15 @@ impl OfRules {
 }
 
 impl Study {
-    /// What the times were taken on, in words.
+    /// Description of the machine.
     #[must_use]
     pub fn machine(&self) -> String {
         let cores = if self.cores == 1 { "1 core".to_owned() } else { format!("{} cores", self.cores) };
         self.processor.as_ref().map_or_else(|| cores.clone(), |name| format!("{name}, {cores}"))
     }
 
-    /// The setting that the others are held against: the first rule set at even steps, linear where it was asked for, at
-    /// [`BASE_RATE`] or else the finest rate.
+    /// The reference setting: the first rule set with even steps, linear if it was requested, at
+    /// [`BASE_RATE`] or else at the finest rate.
     #[must_use]
     pub fn base(&self) -> Option<&Row> {
         let rules = &self.rules.first()?.rules;
@@ -294,15 +299,15 @@ impl Study {
         first.max_by_key(|row| (row.between == Between::Linear, row.rate == BASE_RATE, row.rate))
     }
 
-    /// What each method costs at the error of [`Self::base`], by every measure.
+    /// The cost of each method at the error of [`Self::base`], for every measure.
     #[must_use]
     pub fn picks(&self) -> Vec<Pick> {
         let Some(base) = self.base() else { return Vec::new() };
         Measure::ALL.iter().filter_map(|measure| Pick::at(*measure, base, &self.rows)).collect()
     }
 
-    /// The cheapest setting of the other rule sets whose signal is nearer to its limit than the first rule set's gets at
-    /// these rates, and the lowest error of the first.
+    /// The cheapest setting of another rule set that is nearer to its limit than the first rule set
+    /// gets at these rates, and the lowest error of the first.
     #[must_use]
     pub fn below_the_first(&self) -> Option<(f64, Option<&Row>)> {
         let first = self.rules.first()?;

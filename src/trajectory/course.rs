@@ -1,4 +1,4 @@
-//! A course: the path that poses are taken from, before anyone travels it.
+//! A course: the geometry of a path, before speed and time.
 
 use super::curve::{Curve, MOST_DEGREE, Measured, PoseCurve};
 use super::knots::{Gap, Knots, Merged};
@@ -10,12 +10,13 @@ use crate::se3::rotation::canonical;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Shortest step between knots, in mean steps: its inverse square, which the splines hold, must stay finite.
+/// Shortest step between knots, in mean steps. The splines hold its inverse square, which must stay
+/// finite.
 const LEAST_STEP: f64 = 1e-100;
-/// Longest mean step in the metric: what the curve makes of it between the knots must stay finite.
+/// Longest mean step in the metric. The curve's values between the knots must stay finite.
 const LONGEST: f64 = 1e150;
 
-/// How a path was made.
+/// The kind of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -25,29 +26,29 @@ pub enum Kind {
     Novel,
     /// A circle about a point.
     Orbit,
-    /// Between poses given by hand.
+    /// Between given poses.
     Keyframes,
 }
 
-/// A path of poses and all that is known about it.
+/// A path of poses, with its properties.
 #[derive(Debug)]
 pub(super) struct Course {
     pub(super) kind: Kind,
-    /// World coordinates that the line's centres are relative to.
+    /// Origin of the line's coordinates, in world coordinates.
     pub(super) origin: DVec3,
     pub(super) line: Line,
     pub(super) metric: Metric,
-    /// Length of the chords between the knots; of a path without knots, its own.
+    /// Length of the chords between the knots; for a path without knots, its own length.
     pub(super) length: f64,
-    /// How many views a factor multiplies.
+    /// Number of views that a factor multiplies.
     pub(super) views: usize,
-    /// The knots, relative to the origin; a circle has none.
+    /// The knots, relative to the origin. A circle has none.
     pub(super) knots: Vec<Se3>,
-    /// The curve's name, `None` for a circle.
+    /// Name of the curve; `None` for a circle.
     pub(super) curve: Option<Curve>,
-    /// Degree that was drawn for a Bezier curve, before it was lowered to what the knots determine.
+    /// Degree drawn for a Bezier curve, before it was reduced to what the knots determine.
     pub(super) degree_drawn: Option<u32>,
-    /// Poses of the other trajectory that are the key poses of this one.
+    /// Indices of the key poses in the other trajectory.
     pub(super) keyframes: Vec<usize>,
     pub(super) merged: Vec<Merged>,
     pub(super) gaps: Vec<Gap>,
@@ -57,7 +58,7 @@ pub(super) struct Course {
 /// The geometry of a course.
 #[derive(Debug)]
 pub(super) enum Line {
-    /// One pose: a single view, or views that all coincide.
+    /// One pose: a single view, or several that coincide.
     Still(Se3),
     /// A curve.
     Curve(Box<dyn PoseCurve>),
@@ -67,10 +68,11 @@ pub(super) enum Line {
 pub(super) type Lengthwise<'a> = (&'a dyn PoseCurve, ArcLength<Measured<'a>>);
 
 impl Course {
-    /// The course of `curve` through knots. What else is known of it is empty.
+    /// The course of `curve` through knots. Other properties are empty.
     ///
     /// # Errors
-    /// Where the curve's degree is out of range, no curve holds the steps, or rotations turn too unevenly for it.
+    /// The degree of the curve is out of range, no curve holds the steps, or rotations turn too
+    /// unevenly for it.
     pub(super) fn through(
         kind: Kind,
         knots: Knots<'_>,
@@ -103,12 +105,12 @@ impl Course {
         })
     }
 
-    /// The degree of its Bezier curve.
+    /// The degree of its Bezier curve, if it is one.
     pub(super) fn degree_used(&self) -> Option<u32> {
         self.line.curve().and_then(PoseCurve::degree)
     }
 
-    /// The pose that stands in files: in world coordinates, its quaternion with `w >= 0`.
+    /// A pose as written to files: in world coordinates, with a quaternion of `w >= 0`.
     pub(super) fn placed(&self, pose: Se3) -> Se3 {
         Se3 { rotation: canonical(pose.rotation), translation: self.origin + pose.translation }
     }
@@ -131,7 +133,8 @@ impl Line {
         if let [pose] = poses[..] {
             return Ok(Self::Still(pose));
         }
-        // The parameter counts mean chords, so that no capture's scale can overflow or underflow it.
+        // The parameter is in units of the mean chord, so no capture's scale can overflow or
+        // underflow it.
         let unit = knots.length() / knots.steps.len() as f64;
         let smallest = knots.steps.iter().copied().fold(f64::INFINITY, f64::min);
         if !(unit < LONGEST && smallest > unit * LEAST_STEP) {
@@ -146,7 +149,7 @@ impl Line {
         Ok(Self::Curve(curve))
     }
 
-    /// The curve, `None` where nothing moves.
+    /// The curve; `None` if nothing moves.
     pub(super) fn curve(&self) -> Option<&dyn PoseCurve> {
         match self {
             Self::Still(_) => None,
@@ -154,7 +157,7 @@ impl Line {
         }
     }
 
-    /// The curve with its length in the metric, `None` where nothing moves.
+    /// The curve with its length in the metric; `None` if nothing moves.
     pub(super) fn measured(&self, metric: Metric) -> Option<Lengthwise<'_>> {
         let curve = self.curve()?;
         Some((curve, ArcLength::measure(curve.steps(), Measured { curve, metric })))

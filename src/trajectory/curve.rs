@@ -1,7 +1,8 @@
 //! Curves of poses through (or near) the knots.
 //!
-//! One file a family. All but [`Bezier`] are piecewise; a place on them is a segment and the parameter
-//! from its start, so that a long path loses no digits. Translations are relative to the course's origin.
+//! One file per family. All but [`Bezier`] are piecewise. A place is a segment and the parameter
+//! since its start, so a long path loses no digits. Translations are relative to the origin of the
+//! course.
 
 mod bezier;
 mod circle;
@@ -26,10 +27,10 @@ use std::fmt;
 
 /// A curve of poses over a parameter, smooth inside each segment.
 pub trait PoseCurve: fmt::Debug + Send + Sync {
-    /// Length of each segment in the parameter, positive; at least one.
+    /// Length of each segment in the parameter. At least one, all positive.
     fn steps(&self) -> &[f64];
 
-    /// The pose at a place, its quaternion of unit length and of either sign.
+    /// The pose at a place. The quaternion has unit length and either sign.
     fn pose(&self, at: Place) -> Se3;
 
     /// Derivative of the pose by the parameter.
@@ -38,7 +39,7 @@ pub trait PoseCurve: fmt::Debug + Send + Sync {
     /// Derivative of the twist by the parameter.
     fn acceleration(&self, at: Place) -> Twist;
 
-    /// The place that belongs to a knot: the start of its segment, for the last one the end.
+    /// The place of a knot: the start of its segment, or the end of the last segment.
     fn knot(&self, number: usize) -> Place {
         let steps = self.steps();
         match steps.get(number) {
@@ -47,28 +48,29 @@ pub trait PoseCurve: fmt::Debug + Send + Sync {
         }
     }
 
-    /// The degree of a Bezier curve, which may be lower than the one asked for.
+    /// The degree of a Bezier curve, which may be lower than requested.
     fn degree(&self) -> Option<u32> {
         None
     }
 
-    /// Where the curve is not quite of the kind that was asked for.
+    /// The deviation of the curve from the requested kind, if there is one.
     fn warning(&self) -> Option<Warning> {
         None
     }
 }
 
-/// Which curve.
+/// The kind of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Curve {
     /// C2 cubic spline on centres, C2 rotation spline; through every knot.
     Cubic,
-    /// Uniform cumulative cubic B-spline on R^3 x SO(3), both end knots threefold; near the knots, C2.
+    /// Uniform cumulative cubic B-spline on R^3 x SO(3) with threefold end knots. It passes near
+    /// the knots, and is C2.
     Cumulative,
-    /// Straight lines and slerps; through every knot, where the rates jump.
+    /// Straight lines and slerps through every knot. Rates jump at the knots.
     SlerpLerp,
-    /// One Bezier curve of this degree, by least squares; through both ends.
+    /// One Bezier curve of this degree, by least squares, through both ends.
     Bezier {
         /// Degree, 1 to [`MOST_DEGREE`].
         degree: u32,
@@ -76,13 +78,14 @@ pub enum Curve {
 }
 
 impl Curve {
-    /// The curve through `knots`, with `steps[i] > 0` in the parameter from knot i to knot i+1.
+    /// The curve through `knots`, with `steps[i] > 0` as the length of the parameter from knot i to
+    /// knot i+1.
     ///
     /// # Errors
-    /// Where the rotation spline does not settle.
+    /// The rotation spline does not converge.
     ///
     /// # Panics
-    /// Unless there are at least two knots and one step fewer than knots.
+    /// There are fewer than two knots, or their number is not one more than that of steps.
     pub fn through(self, steps: Vec<f64>, knots: &[Se3]) -> Result<Box<dyn PoseCurve>, Unsettled> {
         Ok(match self {
             Self::Cubic => Box::new(Cubic::through(steps, knots)?),
@@ -93,7 +96,7 @@ impl Curve {
     }
 }
 
-/// A curve seen through a metric: its pace is the mixed speed `alpha |omega| + beta / D |C'|`.
+/// A curve with a metric. Its pace is the mixed speed `alpha |omega| + beta / D |C'|`.
 #[derive(Debug, Clone, Copy)]
 pub struct Measured<'a> {
     /// The curve.

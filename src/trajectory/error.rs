@@ -1,11 +1,11 @@
-//! Why there is no trajectory, and what is worth telling about one.
+//! Errors and warnings of trajectories.
 
 use super::travel::MOST_POSES;
 use crate::se3::RotationError;
 use crate::se3::rotation::MeanError;
 use crate::se3::rotation_spline::Unsettled;
 
-/// Why there is no trajectory.
+/// The reason why there is no trajectory.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrajectoryError {
     /// The capture is empty.
@@ -23,12 +23,12 @@ pub enum TrajectoryError {
         /// Image of the view.
         name: String,
     },
-    /// A rotation is none.
+    /// A rotation is not valid.
     #[error("view `{name}`: {source}")]
     Rotation {
         /// Image of the view.
         name: String,
-        /// What was found.
+        /// The defect of the rotation.
         source: RotationError,
     },
     /// Neighbouring rotations have no mean.
@@ -36,7 +36,7 @@ pub enum TrajectoryError {
     Mean {
         /// Images of the window.
         names: Vec<String>,
-        /// Why.
+        /// The reason.
         source: MeanError,
     },
     /// A parameter is out of range.
@@ -49,7 +49,7 @@ pub enum TrajectoryError {
         /// Its range.
         wanted: &'static str,
     },
-    /// The path's length overflows, or holds steps that are nothing against it.
+    /// The path's length overflows, or some steps vanish against it.
     #[error("no curve holds steps of {smallest:e} on a path of length {length:e}")]
     Uneven {
         /// Smallest step, in the metric.
@@ -57,7 +57,7 @@ pub enum TrajectoryError {
         /// Length of the path, in the metric.
         length: f64,
     },
-    /// A gap in the capture that was not to be bridged.
+    /// A gap in the capture, where the recipe refuses gaps.
     #[error(
         "there is a gap between `{after}` and `{before}`: {times_median:.1} times the median step, {limit} at most"
     )]
@@ -78,49 +78,49 @@ pub enum TrajectoryError {
         first: String,
         /// The last view.
         last: String,
-        /// Why.
+        /// The reason.
         source: Unsettled,
     },
-    /// Too many poses were asked for.
+    /// The requested number of poses is too large.
     #[error("{count} poses were asked for, at most {MOST_POSES} are made")]
     TooMany {
         /// The number, or a lower bound of it.
         count: u64,
     },
-    /// There are fewer poses than key poses were asked for.
+    /// The requested number of key poses exceeds that of poses.
     #[error(
         "{groups} groups of {keyframes} key poses are {wanted}, but the trajectory that they are drawn from has {found}"
     )]
     FewPoses {
-        /// Groups.
+        /// Number of groups.
         groups: u32,
-        /// Key poses of each.
+        /// Key poses per group.
         keyframes: u32,
         /// Their product.
         wanted: u64,
-        /// Poses of the trajectory that they are drawn from.
+        /// Number of poses of the base trajectory.
         found: usize,
     },
-    /// An orbit that its parameters, or the capture, do not determine.
+    /// Neither the parameters nor the capture determine the orbit.
     #[error("the orbit has no {what}: {because}")]
     Orbit {
-        /// Which part of it.
+        /// The missing part.
         what: &'static str,
-        /// Why.
+        /// The reason.
         because: &'static str,
     },
-    /// A key pose that looks nowhere.
+    /// A key pose without a viewing direction.
     #[error("keyframe {keyframe} (from 0) looks along its own up direction, or at its own centre")]
     Facing {
-        /// Which, from 0.
+        /// Index of the pose, from 0.
         keyframe: usize,
     },
     /// The flow cannot be measured.
     #[error("there is no optical flow at {share} of the path: {because}")]
     Flow {
-        /// Where, as a share of the path's length.
+        /// The place, as a share of the path's length.
         share: f64,
-        /// Why.
+        /// The reason.
         because: String,
     },
     /// Two poses are less than a microsecond apart.
@@ -135,28 +135,28 @@ pub enum TrajectoryError {
         /// The law's value.
         value: f64,
     },
-    /// The law's values do not add up.
+    /// The sum of the law's values is not finite.
     #[error("the speed law gives {value:e} at t = {t}, a positive finite number was wanted")]
     Speed {
-        /// Where.
+        /// The place.
         t: f64,
-        /// Its value there.
+        /// The value there.
         value: f64,
     },
 }
 
-/// What the user should know about a trajectory that was made nonetheless.
+/// A remark on a trajectory that was made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Warning {
-    /// A rotation was projected.
+    /// A matrix was replaced by the nearest rotation.
     #[error("the rotation of view `{name}` was off by {deviation:.1e}; the nearest rotation was taken")]
     Projected {
         /// Image of the view.
         name: String,
-        /// How far off it was.
+        /// Deviation of the matrix.
         deviation: f64,
     },
-    /// Fewer poses than views.
+    /// There are fewer poses than views.
     #[error("factor {factor} makes no more poses than there are views")]
     Sparse {
         /// The factor as a ratio.
@@ -180,7 +180,7 @@ pub enum Warning {
         /// Its length in median steps.
         times_median: f64,
     },
-    /// Neighbours face opposite ways.
+    /// Neighbouring views face opposite ways.
     #[error("views `{after}` and `{before}` are half a turn apart; the axis between them was chosen by sign")]
     HalfTurn {
         /// The earlier view.
@@ -188,15 +188,15 @@ pub enum Warning {
         /// The later view.
         before: String,
     },
-    /// Rotations that no Bezier curve can be fitted to.
+    /// No Bezier curve can be fitted to the rotations.
     #[error(
         "the rotations spread too far around their mean for a Bezier curve; they follow the C2 rotation spline instead"
     )]
     Spread,
-    /// The speed varies wildly.
+    /// The speed varies by a large factor.
     #[error("the fastest step is {ratio:.0} times the slowest; the largest turns by {degrees:.2} degrees")]
     SpeedRange {
-        /// Largest speed over smallest.
+        /// Largest speed divided by the smallest.
         ratio: f64,
         /// Largest turn between neighbouring poses.
         degrees: f64,
@@ -204,7 +204,7 @@ pub enum Warning {
     /// The law is not smooth.
     #[error("the speed need not be twice differentiable: {because}")]
     Rough {
-        /// What in the law has corners.
+        /// The parts of the law with corners.
         because: String,
     },
 }

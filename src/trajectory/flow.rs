@@ -1,8 +1,9 @@
-//! Speed in physical terms: how fast the picture moves.
+//! Speed in physical terms: image motion.
 //!
-//! The median optical flow of a frame is measured at places evenly spread over the path, per unit of the path's mixed
-//! length. Between them its logarithm is a C2 cubic spline: positive, however far the values are apart. The integral is
-//! the path's length in pixels, which says how long the trajectory takes and where each pose lies.
+//! The median optical flow of a frame is measured at places spread evenly over the path, per unit
+//! of the path's mixed length. Between them, its logarithm is a C2 cubic spline, so the flow is
+//! positive for any ratio of the values. The integral is the path's length in pixels, which
+//! determines the duration and the place of each pose.
 
 use super::TrajectoryError;
 use super::curve::{Measured, PoseCurve};
@@ -11,18 +12,18 @@ use crate::se3::spline::{CubicSpline, Place};
 use crate::se3::{Se3, Twist};
 use glam::DVec3;
 
-/// Places at which the flow is measured.
+/// Number of places at which the flow is measured.
 const PLACES: u32 = 65;
-/// How near to an end of the path, as a share of it.
+/// Distance of the first and last place from the ends of the path, as a share of it.
 const END: f64 = 1e-6;
 
-/// What measures how fast the picture moves.
+/// Measures the image motion of a moving camera.
 pub trait FlowMeter {
-    /// The median over a frame's pixels of the optical flow, px per unit of the parameter that `twist` is by, for a
-    /// camera at this pose; `None` where no pixel has a depth.
+    /// The median optical flow over the pixels of a frame, px per unit of the parameter of `twist`,
+    /// for a camera at this pose. `None` if no pixel has a depth.
     ///
     /// # Errors
-    /// Where the frame cannot be rendered, with the reason.
+    /// The frame cannot be rendered; the text is the reason.
     fn median_px(&mut self, world_from_camera: &Se3, twist: &Twist) -> Result<Option<f64>, String>;
 }
 
@@ -34,7 +35,7 @@ pub(super) struct FlowLength {
     unit: f64,
 }
 
-/// The flow per place between measured places, from the spline of its logarithm.
+/// The flow per unit of place index, from the spline of its logarithm.
 #[derive(Debug)]
 struct Exponential(CubicSpline);
 
@@ -45,7 +46,7 @@ impl Pace for Exponential {
 }
 
 impl FlowLength {
-    /// Measures the flow along a curve; `placed` turns its poses into the world's.
+    /// Measures the flow along a curve. `placed` turns its poses into world poses.
     pub(super) fn measure(
         arc: &ArcLength<Measured<'_>>,
         curve: &dyn PoseCurve,
@@ -58,10 +59,11 @@ impl FlowLength {
         let mut logarithms = Vec::with_capacity(PLACES as usize);
         for k in 0..PLACES {
             let share = f64::from(k) / f64::from(segments);
-            // The ends themselves may be at rest in the curve's parameter.
+            // The curve may be at rest in its parameter at the ends.
             let at = walk.to(share.clamp(END, 1.0 - END) * arc.total());
             let Twist { linear, angular } = curve.twist(at);
-            // By measured places instead of by the parameter: the flow's own spline counts those.
+            // In units of the place index, not of the parameter: the spline of the flow uses the
+            // same unit.
             let scale = unit / arc.pace(at);
             let twist = Twist { linear: linear * scale, angular: angular * scale };
             let found = meter.median_px(&placed(curve.pose(at)), &twist);
@@ -80,12 +82,12 @@ impl FlowLength {
         Ok(Self { arc: ArcLength::measure(&steps, Exponential(spline)), unit })
     }
 
-    /// px.
+    /// Total length, px.
     pub(super) fn total(&self) -> f64 {
         self.arc.total()
     }
 
-    /// The mixed lengths at the given shares of the flow's length, which do not fall.
+    /// The mixed lengths at ascending shares of the flow's length.
     pub(super) fn mixed_lengths(&self, shares: &[f64]) -> Vec<f64> {
         let mut walk = self.arc.walk();
         let mixed = |share: &f64| {

@@ -1,4 +1,4 @@
-//! Paths between poses given by hand, in the order given.
+//! Paths through given poses, in the given order.
 
 use super::course::{Course, Kind};
 use super::curve::Curve;
@@ -11,37 +11,37 @@ use crate::se3::{Se3, look_at};
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 
-/// Parameters of a path between given poses.
+/// Parameters of a path through given poses.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Keyframes {
     /// The poses, at least one.
     pub poses: Vec<Keyframe>,
-    /// How many poses to make; a factor multiplies the number of key poses.
+    /// Number of poses to make. A factor multiplies the number of key poses.
     pub count: Count,
     /// The curve through them.
     pub curve: Curve,
     /// Weight of translation against rotation.
     pub scale: Scale,
-    /// Take the chord lengths as they are.
+    /// Whether the chord lengths are used unchanged.
     pub literal: bool,
 }
 
-/// A pose by hand.
+/// A given pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Keyframe {
     /// The camera's centre, world, units.
     pub position: DVec3,
-    /// Where it looks.
+    /// The viewing direction.
     pub facing: Facing,
 }
 
-/// Where a camera looks.
+/// The orientation of a given pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Facing {
     /// Camera to world (OpenCV axes), a unit quaternion x, y, z, w.
     Rotation(DQuat),
-    /// At a point, with the image's top towards `up`.
+    /// Towards a point, with the top of the image towards `up`.
     Towards {
         /// The point, world.
         target: DVec3,
@@ -51,7 +51,7 @@ pub enum Facing {
 }
 
 impl Keyframe {
-    /// Camera to world; what is no rotation is found out by whoever screens it.
+    /// The pose, camera to world. Invalid rotations are refused when the poses are screened.
     fn pose(&self, number: usize) -> Result<Se3, TrajectoryError> {
         let rotation = match self.facing {
             Facing::Rotation(rotation) => rotation,

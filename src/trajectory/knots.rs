@@ -1,4 +1,5 @@
-//! The knots of a path: smoothed poses, measured, the coinciding ones merged, gaps between them found.
+//! The knots of a path: smoothed poses are measured, coinciding ones merged, and gaps between them
+//! found.
 
 use super::metric::{Metric, median};
 use super::refine::Gaps;
@@ -10,22 +11,24 @@ use crate::se3::rotation_spline::turn;
 use crate::se3::sum::Sum;
 use serde::{Deserialize, Serialize};
 
-/// Neighbours closer than this share of the median step are one knot: equal knots make the fit singular.
+/// Neighbours closer than this share of the median step become one knot, because equal knots make
+/// the fit singular.
 const COINCIDE: f64 = 1e-6;
-/// A few tens of roundings: what the means of a window leave between equal poses.
+/// Some tens of roundings: the difference that the means of a window leave between equal poses.
 const ROUNDING: f64 = 1e-14;
-/// Neighbours further apart than this many median steps have a gap between them: frames that did not register.
+/// Distance between neighbours, in median steps, that counts as a gap: frames that did not
+/// register.
 pub const GAP: f64 = 8.0;
 
-/// Views that coincide after smoothing and make one knot.
+/// A run of views that coincide after smoothing and become one knot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Merged {
-    /// Image of the first of them.
+    /// Image of the first view.
     pub first: String,
-    /// Image of the last of them.
+    /// Image of the last view.
     pub last: String,
-    /// How many they are.
+    /// Number of views.
     pub count: usize,
 }
 
@@ -33,33 +36,34 @@ pub struct Merged {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gap {
-    /// Image of the view before it.
+    /// Image of the view before the gap.
     pub after: String,
-    /// Image of the view after it.
+    /// Image of the view after the gap.
     pub before: String,
-    /// Its length over the median step.
+    /// Its length divided by the median step.
     pub times_median: f64,
 }
 
 /// Knots and the steps between them.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Knots<'a> {
-    /// One pose a knot, under the name of its first view; no two neighbours coincide, and neighbouring quaternions
-    /// lie in one hemisphere.
+    /// One pose per knot, under the name of its first view. No two neighbours coincide, and
+    /// neighbouring quaternions lie in one hemisphere.
     pub(super) poses: Vec<NamedPose<'a>>,
     /// Distance from each knot to the next, positive.
     pub(super) steps: Vec<f64>,
-    /// Where views were merged.
+    /// Runs of merged views.
     pub(super) merged: Vec<Merged>,
-    /// How many views there were.
+    /// Number of views.
     views: usize,
 }
 
 impl<'a> Knots<'a> {
-    /// Measures smoothed poses and merges neighbours that coincide. Where none moves, one knot is left.
+    /// Measures smoothed poses, and merges neighbours that coincide. If nothing moves, one knot
+    /// remains.
     ///
     /// # Errors
-    /// Where the rotations of a long run of coinciding views have no mean.
+    /// The rotations of a long run of coinciding views have no mean.
     pub(super) fn new(views: &[NamedPose<'a>], metric: Metric) -> Result<Self, TrajectoryError> {
         let apart = distances(views, metric);
         let still = rounding(views, metric);
@@ -91,7 +95,7 @@ impl<'a> Knots<'a> {
         Ok(())
     }
 
-    /// How many views there were before any were merged.
+    /// Number of views before merging.
     pub(super) fn views(&self) -> usize {
         self.views
     }

@@ -1,7 +1,8 @@
-//! The distance between poses that paths are measured by (the paper's equation 9).
+//! The mixed metric of poses, in which paths are measured (the paper's equation 9).
 //!
-//! `distance = alpha * angle + beta / D * |dC|`. The paper gives neither alpha nor beta; both are 1 here, and the
-//! translation is divided by the scene's distance `D`, since the scale of a capture is arbitrary.
+//! `distance = alpha * angle + beta / D * |dC|`. The paper gives neither alpha nor beta; both are 1
+//! here. Translation is divided by the scene's scale distance `D`, because the scale of a capture
+//! is arbitrary.
 
 use super::{NamedPose, TrajectoryError, refine::Scale};
 use crate::se3::Se3;
@@ -13,28 +14,29 @@ use glam::{DMat3, DVec3};
 pub const ALPHA: f64 = 1.0;
 /// Weight of translation, per scale distance.
 pub const BETA: f64 = 1.0;
-/// Optical axes whose spread, the smallest eigenvalue of `mean(I - d d^T)`, is below this meet nowhere.
+/// Smallest eigenvalue of `mean(I - d d^T)` over the optical axes `d` for which they have a nearest
+/// point.
 const LEAST_SPREAD: f64 = 1e-3;
 
-/// Centres among which the largest distance is looked for, at most: evenly spread ones of a longer capture, for which
-/// every pair would take hours.
+/// Maximum number of centres among which the largest distance is searched, spread evenly over a
+/// longer capture. For all pairs of a long capture it would take hours.
 const MOST_COMPARED: usize = 4096;
 
 /// The mixed metric.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metric {
-    /// The distance `D` that translation is divided by, in scene units.
+    /// The scale distance `D` by which translation is divided, in scene units.
     pub scale: f64,
 }
 
 impl Metric {
-    /// The metric of a capture whose centres are relative to one of them.
+    /// The metric of a capture with centres relative to one of them.
     ///
-    /// `D` is taken from the captured poses before smoothing, so that it belongs to the capture and not to the
-    /// parameters of one path through it.
+    /// `D` comes from the captured poses before smoothing, so it belongs to the capture and not to
+    /// the parameters of one path.
     ///
     /// # Errors
-    /// Where a scale was given that is not positive and finite.
+    /// The given scale is not positive and finite.
     pub fn new(scale: Scale, views: &[NamedPose<'_>]) -> Result<Self, TrajectoryError> {
         let scale = match scale {
             Scale::Scene => scene_distance(views),
@@ -64,8 +66,8 @@ impl Metric {
     }
 }
 
-/// Median distance of the centres to the point nearest all optical axes; where the axes do not meet in front of
-/// most cameras, the largest distance between two centres; where that is 0, 1.
+/// Median distance of the centres to the point nearest all optical axes. If the axes do not meet in
+/// front of most cameras, the largest distance between two centres; if that is 0, 1.
 fn scene_distance(views: &[NamedPose<'_>]) -> f64 {
     let poses = views.iter().map(|v| v.world_from_camera);
     let rays: Vec<(DVec3, DVec3)> = poses.map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
@@ -81,8 +83,8 @@ fn largest_distance(rays: &[(DVec3, DVec3)]) -> Option<f64> {
     pairs.reduce(f64::max)
 }
 
-/// The point with the least sum of squared distances to the rays' lines, unless the lines are nearly parallel or the
-/// point lies behind more than half of the cameras.
+/// The point with the least sum of squared distances to the rays' lines. `None` if the lines are
+/// nearly parallel, or the point lies behind more than half of the cameras.
 pub(super) fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     let across = |d: DVec3| DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
     let n = rays.len() as f64;
@@ -100,14 +102,14 @@ pub(super) fn focus(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     (point.is_finite() && 2 * behind <= rays.len()).then_some(point)
 }
 
-/// Whether every eigenvalue of the symmetric `a` exceeds `limit`: by Sylvester's criterion on `a - limit I`, which
-/// needs no eigenvalue.
+/// Whether every eigenvalue of the symmetric `a` exceeds `limit`, by Sylvester's criterion on
+/// `a - limit I`, without computing eigenvalues.
 fn exceeds(a: &DMat3, limit: f64) -> bool {
     let m = *a - DMat3::from_diagonal(DVec3::splat(limit));
     m.x_axis.x > 0.0 && m.x_axis.x * m.y_axis.y - m.y_axis.x * m.x_axis.y > 0.0 && m.determinant() > 0.0
 }
 
-/// The median, the mean of the middle two of an even number; 0 of none.
+/// The median: the mean of the middle two for an even number of values, and 0 for none.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
@@ -118,7 +120,7 @@ pub(super) fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
-/// Compensated running sums: `0, a, a+b, ...`, one more than there are terms.
+/// Compensated running sums `0, a, a+b, ...`: one more value than there are terms.
 pub(super) fn running_sums(terms: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut sum = Sum::default();
     let mut sums = Vec::with_capacity(terms.size_hint().0 + 1);

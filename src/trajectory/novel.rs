@@ -1,7 +1,8 @@
 //! The paper's 3.5.2: mini-trajectories between key poses drawn from a dense one.
 //!
-//! One draw without replacement serves all groups, which take their key poses from it in turn; each group then puts its
-//! own in order of time, since a path in the order of the draw would cut back through the object.
+//! One draw without replacement serves all groups, which take their key poses from it in turn. Each
+//! group then sorts its key poses by time; in the order of the draw, a path would cut back through
+//! the object.
 
 use super::course::{Course, Kind};
 use super::curve::Curve;
@@ -14,27 +15,27 @@ use crate::se3::Se3;
 use crate::seed::{Cell, Draws, Seed, Space};
 use serde::Serialize;
 
-/// Degrees that a Bezier curve is drawn from.
+/// Degrees from which that of a Bezier curve is drawn.
 const DEGREES: [u32; 4] = [2, 3, 4, 5];
 
 /// One group of key poses.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Novel {
-    /// Which group, from 0.
+    /// Index of the group, from 0.
     pub group: u32,
-    /// How many groups share the draw.
+    /// Number of groups that share the draw.
     pub groups: u32,
-    /// Key poses of a group, at least 2.
+    /// Number of key poses of a group, at least 2.
     pub keyframes: u32,
-    /// How many poses to make.
+    /// Number of poses to make.
     pub count: Count,
     /// The curve through the key poses.
     pub curve: NovelCurve,
-    /// Take the chord lengths as they are.
+    /// Whether the chord lengths are used unchanged.
     pub literal: bool,
-    /// Seed of the draw of key poses, one for all groups.
+    /// Seed of the draw of key poses, common to all groups.
     pub keyframes_seed: Seed,
-    /// Seed of the draw of curves, one for all groups.
+    /// Seed of the draw of curves, common to all groups.
     pub curve_seed: Seed,
 }
 
@@ -42,13 +43,13 @@ pub struct Novel {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NovelCurve {
-    /// A fair coin picks `cubic` or `bezier`, whose degree is then drawn from 2 to 5.
+    /// A fair coin selects `cubic` or `bezier`; the degree of the latter is drawn from 2 to 5.
     Any,
-    /// This one.
+    /// A given curve.
     Fixed(Curve),
 }
 
-/// The trajectory that key poses are drawn from.
+/// The trajectory from which key poses are drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Base<'a> {
     /// Its poses, camera to world.
@@ -62,7 +63,7 @@ impl Novel {
         Travel { count: self.count, literal: self.literal }
     }
 
-    /// The course of the group through its key poses, measured as the base is.
+    /// The course of the group through its key poses, in the metric of the base.
     pub(super) fn course(&self, base: Base<'_>) -> Result<Course, TrajectoryError> {
         self.screen_numbers(base.poses.len())?;
         let keyframes = self.draw(base.poses.len());
@@ -102,7 +103,8 @@ impl Novel {
         Ok(())
     }
 
-    /// The group's key poses among so many, in order: its part of a partial Fisher-Yates shuffle.
+    /// Indices of the group's key poses among `count`, ascending: its part of a partial
+    /// Fisher-Yates shuffle.
     fn draw(&self, poses: usize) -> Vec<usize> {
         let (group, keyframes) = (self.group as usize, self.keyframes as usize);
         let mut draws = choices(self.keyframes_seed, 0);
@@ -115,7 +117,8 @@ impl Novel {
         drawn
     }
 
-    /// The group's curve, and the degree where one was drawn. Its draws are its own, however many another group takes.
+    /// The group's curve, and the degree if one was drawn. Its draws do not depend on those of
+    /// other groups.
     fn draw_curve(&self) -> (Curve, Option<u32>) {
         if let NovelCurve::Fixed(curve) = self.curve {
             return (curve, None);
@@ -165,7 +168,7 @@ mod tests {
         }
     }
 
-    /// Counts over as many seeds against equal shares, or those given.
+    /// Compares counts over many seeds with equal shares, or with the given ones.
     fn check_shares<K: Ord>(name: &str, draw: impl Fn(u64) -> K, share: impl Fn(&K) -> f64, limit: f64) {
         const N: u32 = 60_000;
         let mut found: BTreeMap<K, u32> = BTreeMap::new();
@@ -193,7 +196,7 @@ mod tests {
         check_shares("curves of neighbours", both, |[a, b]| likely(a) * likely(b), 62.85);
     }
 
-    /// The first draws are part of the law: whoever changes them changes every novel trajectory ever released.
+    /// The first draws are part of the law: changing them changes every released novel trajectory.
     #[test]
     fn first_draws_are_frozen() {
         let drawn: Vec<Vec<usize>> = (0..3).map(|group| novel(group, 3, 5, 1).draw(150)).collect();

@@ -1,7 +1,8 @@
-//! Orbits: a camera on a circle about an axis, looking at a point on it.
+//! Orbits: a camera on a circle about an axis, looking at a point on the axis.
 //!
-//! For scenes without a capture all of it is given. With a capture, what is not given is taken from it: the point
-//! nearest all optical axes, the mean of the cameras' own up directions, and the first view's place.
+//! Without a capture, all parameters are given. With a capture, defaults come from it: the point
+//! nearest all optical axes, the mean of the cameras' up directions, and the centre of the first
+//! view.
 
 use super::course::{Course, Kind, Line};
 use super::curve::Circle;
@@ -17,18 +18,18 @@ use serde::Serialize;
 /// Parameters of an orbit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Orbit {
-    /// The point looked at, on the axis; world, units.
+    /// The point on the axis at which the camera looks, world, units.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub centre: Option<DVec3>,
-    /// Where the camera starts; world, units.
+    /// The start of the camera, world, units.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<DVec3>,
-    /// Along the axis, of any length: the image's top is towards it.
+    /// Direction of the axis, of any length. The top of the image is towards it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<DVec3>,
-    /// How far it turns about the axis, degrees, right-handed.
+    /// Angle of the turn about the axis, degrees, right-handed.
     pub arc: f64,
-    /// How many poses to make.
+    /// Number of poses to make.
     pub count: Count,
 }
 
@@ -37,7 +38,7 @@ impl Orbit {
         Travel { count: self.count, literal: false }
     }
 
-    /// The course about a point, relative to it.
+    /// The course about a point, relative to that point.
     pub(super) fn course(&self, views: &[NamedPose<'_>]) -> Result<Course, TrajectoryError> {
         let missing = |what| move || TrajectoryError::Orbit { what, because: NO_CAPTURE };
         let (seen, warnings) = Seen::of(views)?;
@@ -55,7 +56,7 @@ impl Orbit {
             look_at(-arm, up).ok_or(TrajectoryError::Orbit { what: "circle", because: ON_AXIS })?;
         let start = Se3 { rotation, translation: arm };
         let turn = axis * self.arc.to_radians();
-        // The metric of a look at one point: its distance is the one that counts.
+        // The metric of a camera that looks at one point: its scale is the distance to that point.
         let metric = Metric { scale: arm.length() };
         let length = metric.mix(turn.length(), turn.cross(arm).length());
         Ok(Course {
@@ -81,7 +82,7 @@ const NO_FOCUS: &str = "it is not given, and the capture's optical axes meet now
 const NO_DIRECTION: &str = "it is zero, or not finite";
 const ON_AXIS: &str = "the camera starts on the axis, or at its centre";
 
-/// What a capture says of an orbit through it.
+/// Defaults of an orbit from a capture.
 #[derive(Default)]
 struct Seen {
     centre: Option<DVec3>,

@@ -5,8 +5,8 @@ use super::refine::Order;
 use super::{NamedPose, TrajectoryError};
 use std::cmp::Ordering;
 
-/// Natural order of file names: runs of digits compare as numbers, all else byte by byte. Names that differ only in
-/// leading zeros compare by their bytes, so that the order is total.
+/// Natural order of file names: runs of digits compare as numbers, everything else byte by byte.
+/// Names that differ only in leading zeros compare by their bytes, so the order is total.
 #[must_use]
 pub fn natural(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a.as_bytes(), b.as_bytes());
@@ -38,10 +38,10 @@ fn compare_numbers(a: &[u8], b: &[u8]) -> Ordering {
     n.cmp(&m).then_with(|| a[a.len() - n..].cmp(&b[b.len() - m..]))
 }
 
-/// The views by the natural order of their names.
+/// The views in the natural order of their names.
 ///
 /// # Errors
-/// Where two views have the same name.
+/// Two views have the same name.
 pub(super) fn by_name<'a>(views: &[NamedPose<'a>]) -> Result<Vec<NamedPose<'a>>, TrajectoryError> {
     let mut sorted = views.to_vec();
     sorted.sort_by(|a, b| natural(a.name, b.name));
@@ -51,8 +51,8 @@ pub(super) fn by_name<'a>(views: &[NamedPose<'a>]) -> Result<Vec<NamedPose<'a>>,
     }
 }
 
-/// Rearranges views that are sorted by name into the order asked for. `Nearest` is greedy from the first name, ties
-/// going to the earlier name; it takes time quadratic in the number of views.
+/// Rearranges views that are sorted by name. `Nearest` is greedy from the first name, and ties go
+/// to the earlier name; its time is quadratic in the number of views.
 pub(super) fn arrange(views: &mut [NamedPose<'_>], order: Order, metric: Metric) {
     if order == Order::Name {
         return;

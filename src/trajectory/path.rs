@@ -1,4 +1,4 @@
-//! How a path is made: the choice of a recipe.
+//! The path of a trajectory, as chosen by a recipe.
 
 use super::course::Course;
 use super::flow::FlowMeter;
@@ -10,7 +10,7 @@ use super::travel::Travel;
 use super::{Made, NamedPose, Timing, TrajectoryError};
 use serde::Serialize;
 
-/// A path, by how it is made.
+/// A path, by its kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Path {
@@ -20,27 +20,28 @@ pub enum Path {
     Novel(Novel),
     /// A circle about a point.
     Orbit(Orbit),
-    /// Between poses given by hand.
+    /// Between given poses.
     Keyframes(Keyframes),
 }
 
-/// What paths are made from; each takes what it needs.
+/// The inputs of all kinds of paths; each kind uses some of them.
 #[derive(Debug, Clone, Copy)]
 pub struct Ground<'a> {
-    /// The views of the capture, in any order; empty where there is none.
+    /// The views of the capture, in any order; empty without a capture.
     pub views: &'a [NamedPose<'a>],
-    /// The trajectory that [`Path::Novel`] draws from.
+    /// The trajectory from which [`Path::Novel`] draws its key poses.
     pub base: Option<Base<'a>>,
 }
 
 impl Path {
-    /// The trajectory along this path. `meter` is asked where the speed is a flow.
+    /// The trajectory along this path. `meter` is used if the speed is a flow.
     ///
     /// # Errors
-    /// Where the path cannot be made from what is there, a parameter is out of range, or the flow cannot be measured.
+    /// The path cannot be made from the inputs, a parameter is out of range, or the flow cannot be
+    /// measured.
     ///
     /// # Panics
-    /// If [`Path::Novel`] is given no base.
+    /// [`Path::Novel`] has no base.
     pub fn make(
         &self,
         ground: Ground<'_>,
@@ -50,7 +51,8 @@ impl Path {
         self.travel().along(self.course(ground)?, timing, meter)
     }
 
-    /// Whether it is made from the views of a capture. What a novel path is drawn from may need them all the same.
+    /// Whether the path is made from the views of a capture. The base of a novel path may need them
+    /// even if this is false.
     #[must_use]
     pub fn needs_views(&self) -> bool {
         match self {

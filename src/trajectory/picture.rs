@@ -1,5 +1,6 @@
-//! The picture of a trajectory: its path from above and from the side with camera frusta coloured by speed, and the
-//! asked against the achieved speed over time. SVG text with fixed decimals, the same on every machine.
+//! The SVG picture of a trajectory: its path from above and from the side, with camera frusta
+//! coloured by speed, and asked and achieved speed over time. Decimals are fixed, so the bytes are
+//! the same on every machine.
 
 mod chart;
 mod path;
@@ -46,7 +47,7 @@ pub fn svg(trajectory: &Trajectory, report: &Report) -> String {
 pub(crate) struct Svg(String);
 
 impl Svg {
-    /// A white picture of this width and height, px.
+    /// A white picture of this size, px.
     pub(crate) fn new([width, height]: [f64; 2]) -> Self {
         let mut svg = Self(String::new());
         svg.line(&format!(
@@ -82,7 +83,7 @@ impl Svg {
         ));
     }
 
-    /// A line through points; points that are not finite are left out.
+    /// A line through points. Points that are not finite are skipped.
     pub(crate) fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, width: f64) {
         let mut d = String::new();
         for [x, y] in points.into_iter().filter(|p| p[0].is_finite() && p[1].is_finite()) {
@@ -106,7 +107,7 @@ fn round_down(limit: f64) -> f64 {
     [5.0, 2.0].into_iter().map(|k| k * power).find(|step| *step <= limit).unwrap_or(power)
 }
 
-/// A number in four digits or so.
+/// A number with about four digits.
 pub(crate) fn short(number: f64) -> String {
     let fixed = match number.abs() {
         n if n != 0.0 && !(1e-3..1e6).contains(&n) => return format!("{number:.2e}"),
@@ -117,7 +118,7 @@ pub(crate) fn short(number: f64) -> String {
     fixed.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// At most `count` indices of `0..len`, evenly spread, both ends among them.
+/// At most `count` indices of `0..len`, evenly spread, with both ends.
 pub(crate) fn spread(len: usize, count: usize) -> impl Iterator<Item = usize> {
     let shown = len.min(count);
     (0..shown).map(move |k| if shown < 2 { 0 } else { k * (len - 1) / (shown - 1) })

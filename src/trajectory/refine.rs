@@ -1,4 +1,5 @@
-//! The paper's 3.5.1: smooth the captured poses, measure them, and sample them densely at a prescribed speed.
+//! Refined trajectories, as in the paper's 3.5.1: the captured poses are smoothed, measured, and
+//! sampled densely at a prescribed speed.
 
 use super::course::{Course, Kind};
 use super::curve::Curve;
@@ -14,28 +15,29 @@ use crate::units::Ratio;
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 
-/// Largest coordinate, units: its square, and that square's sums, stay finite.
+/// Largest coordinate, units. Its square, and sums of such squares, stay finite.
 const FARTHEST: f64 = 1e100;
 /// Parameters of a refined trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Refine {
     /// Half-width of the smoothing window, in poses; 0 means none.
     pub window: u32,
-    /// How many poses to make.
+    /// Number of poses to make.
     pub count: Count,
     /// Order of the views.
     pub order: Order,
-    /// How rotations are smoothed.
+    /// Mean of rotations for smoothing.
     pub rotation: RotationMean,
-    /// What smoothing does at the ends.
+    /// Treatment of the ends in smoothing.
     pub ends: Ends,
     /// Weight of translation against rotation.
     pub scale: Scale,
-    /// What to do about gaps in the capture.
+    /// Treatment of gaps in the capture.
     pub gaps: Gaps,
     /// The curve through the poses.
     pub curve: Curve,
-    /// Take the paper's chord lengths as they are, without renormalising by the fitted curve's arc length.
+    /// Whether the paper's chord lengths are used unchanged, without correction by the fitted
+    /// curve's arc length.
     pub literal: bool,
 }
 
@@ -49,17 +51,17 @@ pub enum Order {
     Nearest,
 }
 
-/// How a window's rotations are averaged.
+/// The mean of a window's rotations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RotationMean {
     /// Karcher mean.
     Mean,
-    /// The literal reading of equation 8.
+    /// The literal reading of equation 8 of the paper.
     SlerpMidpoint,
 }
 
-/// What smoothing does at the ends of the path.
+/// Treatment of the path's ends in smoothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ends {
@@ -69,7 +71,7 @@ pub enum Ends {
     Pinned,
 }
 
-/// The distance that translation is divided by in the mixed metric.
+/// The distance by which translation is divided in the mixed metric.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
@@ -81,7 +83,7 @@ pub enum Scale {
     Fixed(f64),
 }
 
-/// What to do where the capture has a gap.
+/// Treatment of gaps in the capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Gaps {
@@ -92,7 +94,7 @@ pub enum Gaps {
 }
 
 impl Default for Refine {
-    /// The paper's settings, and this program's where the paper is silent.
+    /// The paper's settings, and this program's choices where the paper gives none.
     fn default() -> Self {
         Self {
             window: 2,
@@ -108,11 +110,13 @@ impl Default for Refine {
     }
 }
 
-/// The dense trajectory through the views of a capture, given in any order. `Path::Refine` is the same.
+/// The dense trajectory through the views of a capture, given in any order; the same as
+/// `Path::Refine`.
 ///
 /// # Errors
-/// Where the views are none, not finite, no rotations or of one name; where neighbouring rotations have no mean or no
-/// curve; where a parameter is out of range; and for gaps under [`Gaps::Refuse`].
+/// There are no views; they have values that are not finite, invalid rotations or equal names;
+/// neighbouring rotations have no mean or no curve; a parameter is out of range; or there is a gap
+/// under [`Gaps::Refuse`].
 pub fn refine(views: &[NamedPose<'_>], params: &Refine, timing: Timing<'_>) -> Result<Made, TrajectoryError> {
     params.travel().along(params.course(views)?, timing, None)
 }
@@ -137,8 +141,9 @@ impl Refine {
     }
 }
 
-/// Checks every pose, makes centres relative to the first one (so that a large offset costs no digits later), and
-/// turns every quaternion into the hemisphere of its predecessor. The origin, the views, and what they warn of.
+/// Checks every pose, makes centres relative to the first one (so that a large offset costs no
+/// digits later), and moves every quaternion into the hemisphere of its predecessor. Returns the
+/// origin, the views and the warnings.
 pub(super) fn screen(
     mut views: Vec<NamedPose<'_>>,
 ) -> Result<(DVec3, Vec<NamedPose<'_>>, Vec<Warning>), TrajectoryError> {

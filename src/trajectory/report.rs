@@ -1,4 +1,4 @@
-//! What a trajectory was asked to do and what it does: `speed.json` of a release.
+//! Asked and achieved speed of a trajectory: `speed.json` of a release.
 
 use super::Warning;
 use super::course::{Course, Kind};
@@ -14,13 +14,13 @@ use crate::se3::{Se3, Twist};
 use crate::speed::Meaning;
 use serde::{Deserialize, Serialize};
 
-/// Steps asked to be shorter than this share of the path are left out of ratios: the positions of their ends, sums
-/// near 1, are rounded to 1e-4 of them.
+/// Share of the path below which a step is left out of ratios. The positions of its ends are sums
+/// near 1, rounded to 1e-4 of such a step.
 const LEAST_SHARE: f64 = 1e-12;
-/// A part of the motion that makes less than this share of the path is rounding, and follows nothing.
+/// Share of the path below which a part of the motion is rounding, so that it has no ratios.
 const LEAST_PART: f64 = 1e-9;
 
-/// Achieved share of the path over the asked share, over all steps.
+/// Achieved share of the path divided by the asked share, over all steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Follow {
@@ -30,51 +30,52 @@ pub struct Follow {
     pub max: f64,
     /// Root of the mean squared deviation of the ratios from 1.
     pub rms: f64,
-    /// 95 % of the ratios deviate from 1 by at most this.
+    /// The deviation from 1 that 95 % of the ratios do not exceed.
     pub p95: f64,
 }
 
-/// Jumps at the knots, where a curve's pieces meet: the largest of them all.
+/// Jumps at the knots, where two pieces of a curve meet: the largest of each kind.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Jumps {
-    /// Of the pose, over the mean distance between knots.
+    /// Jump of the pose, divided by the mean distance between knots.
     pub c0: f64,
-    /// Of the rates, over the mean rate.
+    /// Jump of the rates, divided by the mean rate.
     pub c1: f64,
-    /// Of the accelerations, over the mean rate per mean distance between knots.
+    /// Jump of the accelerations, divided by the mean rate per mean distance between knots.
     pub c2: f64,
 }
 
-/// A speed that was asked for in pixels.
+/// A speed in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlowReport {
-    /// Median flow of a frame that was asked for, px/s, its mean over time.
+    /// Asked median flow of a frame, px/s, as its mean over time.
     pub px_s: f64,
     /// Length of the path in median flow, px.
     pub px: f64,
 }
 
-/// The content of `speed.json`, in the order of its keys. Every number is finite; what has no value is `null`.
+/// The content of `speed.json`, in the order of its keys. Every number is finite; a missing value
+/// is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// How the path was made.
+    /// Kind of the path.
     pub kind: Kind,
-    /// The curve through the knots; a circle has none.
+    /// Name of the curve through the knots. A circle has none.
     pub curve: Option<Curve>,
     /// Degree that was drawn for a Bezier curve.
     pub degree_drawn: Option<u32>,
     /// Degree that was used for a Bezier curve.
     pub degree_used: Option<u32>,
-    /// Poses of the base trajectory that are the key poses of this one, by number from 0.
+    /// Indices of the key poses in the base trajectory, from 0.
     pub keyframes: Vec<usize>,
     /// How the speed law was summed.
     pub law: Summation,
-    /// Whether the paper's chord lengths were taken as they are.
+    /// Whether the paper's chord lengths are used unchanged.
     pub literal: bool,
-    /// What the speed law means.
+    /// Meaning of large values of the speed law.
     pub meaning: Meaning,
     /// Weight of rotation in the metric, per radian.
     pub alpha: f64,
@@ -82,7 +83,7 @@ pub struct Report {
     pub beta: f64,
     /// The scale distance D, units.
     pub scale_distance: f64,
-    /// Poses per view as `a/b`, where that set their number.
+    /// Poses per view as `a/b`, if that determined their number.
     pub gamma: Option<String>,
     /// Frame rate as `p/q`, per second.
     pub rate: String,
@@ -92,13 +93,14 @@ pub struct Report {
     /// Length of the chords between knots in the metric.
     #[serde(rename = "S")]
     pub length: f64,
-    /// Length of the fitted curve over that of the chords.
+    /// Length of the fitted curve divided by that of the chords.
     pub length_ratio: Option<f64>,
-    /// Largest distance of a knot from the curve's pose for it, over the mean distance between knots.
+    /// Largest distance of a knot from the curve's pose for it, divided by the mean distance
+    /// between knots.
     pub knot_distance: Option<f64>,
-    /// How smooth the curve is where its pieces meet; `None` where it has one piece.
+    /// Smoothness of the curve where its pieces meet; `None` for a single piece.
     pub knot_jumps: Option<Jumps>,
-    /// The speed in pixels, where one was asked for.
+    /// The speed in pixels, if the recipe asks for one.
     pub flow: Option<FlowReport>,
     /// Runs of views that coincide after smoothing.
     pub merged: Vec<Merged>,
@@ -124,12 +126,12 @@ pub struct Report {
     pub max_step_deg: f64,
     /// Largest change between neighbouring steps in the metric, over the mean step.
     pub max_step_change: f64,
-    /// What the user should know, one sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }
 
 impl Report {
-    /// Duration of each step, in intervals of the rate.
+    /// Duration of each step, in intervals of the frame rate.
     pub fn durations(&self) -> impl Iterator<Item = f64> {
         self.u.iter().map(|u| match self.meaning {
             Meaning::Speed => 1.0,
@@ -137,13 +139,13 @@ impl Report {
         })
     }
 
-    /// Share of the path, in the metric, that was asked of each step.
+    /// Asked share of the path for each step, in the metric.
     pub fn asked_shares(&self) -> impl Iterator<Item = f64> {
         self.s.windows(2).map(|w| (w[1] - w[0]) / self.length)
     }
 }
 
-/// What a report is made from, beside the poses.
+/// Inputs of a report, in addition to the poses.
 pub(super) struct Asked<'a> {
     pub(super) course: &'a Course,
     pub(super) travel: Travel,
@@ -154,8 +156,8 @@ pub(super) struct Asked<'a> {
 }
 
 impl Asked<'_> {
-    /// The report over `poses`. `arcs` are the lengths of the steps along the fitted curve, none where the camera
-    /// stands still.
+    /// The report on `poses`. `arcs` are the lengths of the steps along the fitted curve; empty if
+    /// the camera stands still.
     pub(super) fn report(self, poses: &[Se3], arcs: &[f64]) -> Report {
         let Course { metric, length, .. } = *self.course;
         let steps = Steps::of(poses, metric);
@@ -200,7 +202,8 @@ impl Asked<'_> {
         }
     }
 
-    /// How `lengths`, one a step, follow the asked shares; `weight` turns them into the metric.
+    /// Ratios of `lengths`, one per step, to the asked shares. `weight` converts lengths into the
+    /// metric.
     fn follow(&self, lengths: &[f64], weight: f64) -> Option<Follow> {
         let total = Sum::of(lengths.iter().copied());
         let moves = total * weight > LEAST_PART * self.course.length;
@@ -212,7 +215,7 @@ impl Asked<'_> {
 }
 
 impl Follow {
-    /// Of at least one ratio.
+    /// Statistics of at least one ratio.
     fn of(ratios: Vec<f64>) -> Self {
         let count = ratios.len();
         let (min, max) = (
@@ -227,21 +230,22 @@ impl Follow {
     }
 }
 
-/// How a curve fits its knots.
+/// Deviation of a curve from its knots.
 struct Fit {
     distance: f64,
     jumps: Option<Jumps>,
 }
 
 impl Fit {
-    /// `None` where there is no curve through knots.
+    /// `None` without a curve through knots.
     fn of(course: &Course) -> Option<Self> {
         let curve = course.line.curve().filter(|_| !course.knots.is_empty())?;
         let metric = course.metric;
         let between = course.length / (course.knots.len() - 1) as f64;
         let away = |(k, knot): (usize, &Se3)| metric.distance(&curve.pose(curve.knot(k)), knot);
         let distance = course.knots.iter().enumerate().map(away).fold(0.0, f64::max) / between;
-        // In the curve's own parameter: the mean rate is the knots' distance over their distance in it.
+        // In the curve's own parameter, the mean rate is the distance of the knots divided by their
+        // distance in the parameter.
         let whole = Sum::of(curve.steps().iter().copied());
         let rate = course.length / whole;
         let apart =
@@ -277,7 +281,7 @@ impl Steps {
         Self { linear, angular, mixed }
     }
 
-    /// Largest change between neighbouring steps over the mean step; 0 where nothing moves.
+    /// Largest change between neighbouring steps, divided by the mean step; 0 if nothing moves.
     fn largest_change(&self) -> f64 {
         let mean = Sum::of(self.mixed.iter().copied()) / self.mixed.len().max(1) as f64;
         let largest = self.mixed.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! When and where each pose is: the speed law's shares of time and of the path.
+//! Time and place of each pose: the speed law's shares of time and of the path.
 
 use super::TrajectoryError;
 use super::curve::PoseCurve;
@@ -8,13 +8,13 @@ use crate::speed::{Law, Meaning, Speed};
 use crate::units::Hertz;
 use serde::{Deserialize, Serialize};
 
-/// How a speed law is summed over a path.
+/// Summation of a speed law over a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Summation {
     /// The paper's left sum over the poses.
     Sum,
-    /// The law's integral, which knows speeds between the poses too.
+    /// The integral of the law, which also includes speeds between the poses.
     Integral,
 }
 
@@ -23,19 +23,19 @@ pub enum Summation {
 pub struct Schedule {
     /// `u_j = v(j / (M-1))` of every step, M-1 values.
     pub speeds: Vec<f64>,
-    /// The share of the whole path that lies before each pose: M values, 0 first, never falling, exactly 1 last.
+    /// The share of the whole path before each pose: M values, from 0, never falling, to exactly 1.
     pub shares: Vec<f64>,
-    /// How the law was summed.
+    /// Summation of the law.
     pub law: Summation,
     meaning: Meaning,
 }
 
 impl Schedule {
-    /// The schedule of `speed` over `count >= 1` poses. Under [`Meaning::FrameRate`] steps are the inverse of the law's
-    /// values, which has no integral here: the left sum is taken.
+    /// The schedule of `speed` over `count >= 1` poses. Under [`Meaning::FrameRate`], steps are the
+    /// inverse of the law's values, which has no closed integral here, so the left sum is used.
     ///
     /// # Errors
-    /// Where the law is not positive and finite at a pose, which its proof excludes.
+    /// The law is not positive and finite at a pose, which its proof excludes.
     pub fn new(speed: &Speed, count: usize, summation: Summation) -> Result<Self, TrajectoryError> {
         let (law, steps) = (speed.as_law(), count.saturating_sub(1));
         let meaning = speed.meaning();
@@ -69,8 +69,8 @@ impl Schedule {
     }
 }
 
-/// The stamp of every pose for the speeds of all steps, microseconds: `round(j / rate)`, or for frame rates the rounded
-/// sums of `1 / (rate v_j)`.
+/// Stamps of all poses for the speeds of all steps, microseconds: `round(j / rate)`, or for frame
+/// rates the rounded sums of `1 / (rate v_j)`.
 #[must_use]
 pub fn stamps_us(rate: Hertz, meaning: Meaning, speeds: &[f64]) -> Vec<i64> {
     match meaning {
@@ -82,7 +82,7 @@ pub fn stamps_us(rate: Hertz, meaning: Meaning, speeds: &[f64]) -> Vec<i64> {
     }
 }
 
-/// Rounded half up, as stamps of a constant rate are.
+/// Rounded half up, like the stamps of a constant rate.
 #[expect(clippy::cast_possible_truncation, reason = "casts saturate; equal stamps are refused")]
 fn whole_micros(us: f64) -> i64 {
     (us + 0.5).floor() as i64
@@ -96,14 +96,14 @@ fn speeds(law: &dyn Law, steps: usize) -> Result<Vec<f64>, TrajectoryError> {
     }
 }
 
-/// The share of all steps before each, and 1.
+/// The share of all steps before each step, and 1.
 fn left_sums(steps: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
-    // Dividing by the largest first keeps the sum finite for every law.
+    // Division by the largest value first keeps the sum finite for every law.
     let largest = steps.clone().fold(0.0, f64::max);
     ends_at_one(running_sums(steps.map(|v| v / largest)))
 }
 
-/// Growing lengths as shares of the last: exactly 1 there, and nowhere more.
+/// Ascending lengths as shares of the last: exactly 1 there, and nowhere more.
 fn ends_at_one(mut lengths: Vec<f64>) -> Vec<f64> {
     let last = lengths.len() - 1;
     if last > 0 {
@@ -114,8 +114,8 @@ fn ends_at_one(mut lengths: Vec<f64>) -> Vec<f64> {
     lengths
 }
 
-/// Places at the given shares of the curve's parameter: the paper's literal reading, whose parameter, the length of the
-/// chords between knots, is no length of the curve.
+/// Places at the given shares of the curve's parameter. This is the paper's literal reading; the
+/// parameter is the length of the chords between knots, which is not a length of the curve.
 pub(super) fn places_by_chord(curve: &dyn PoseCurve, shares: &[f64]) -> Vec<Place> {
     let steps = curve.steps();
     let before = running_sums(steps.iter().copied());

@@ -1,8 +1,9 @@
 //! Smoothing of captured poses over a window of neighbours (the paper's equations 7 and 8).
 //!
-//! Centres get the plain mean, rotations the Karcher mean, the counterpart of that mean among rotations. Equation 8
-//! writes a slerp of a whole window at 1/2, which is undefined for more than two; [`RotationMean::SlerpMidpoint`]
-//! is its literal reading: the piecewise slerp through the window at the middle of its indices.
+//! Centres get the arithmetic mean, rotations the Karcher mean, its counterpart for rotations.
+//! Equation 8 writes a slerp of a whole window at 1/2, which is undefined for more than two
+//! rotations. [`RotationMean::SlerpMidpoint`] is its literal reading: the piecewise slerp through
+//! the window, at the middle of its indices.
 
 use super::refine::{Ends, Refine, RotationMean};
 use super::{NamedPose, TrajectoryError};
@@ -13,7 +14,7 @@ use glam::{DQuat, DVec3};
 /// The views with smoothed poses.
 ///
 /// # Errors
-/// Where the rotations of a window have no mean.
+/// The rotations of a window have no mean.
 pub(super) fn smooth<'a>(
     views: &[NamedPose<'a>],
     params: &Refine,
@@ -47,10 +48,10 @@ pub(super) fn mean_centre(window: &[NamedPose<'_>]) -> DVec3 {
     window.iter().map(|v| v.world_from_camera.translation).sum::<DVec3>() / window.len() as f64
 }
 
-/// The Karcher mean of the rotations of at least one view, started at the middle one.
+/// The Karcher mean of the rotations of at least one view, with the middle one as the start.
 ///
 /// # Errors
-/// Where they have no mean, naming the images.
+/// They have no mean; the error names the images.
 pub(super) fn mean_rotation(window: &[NamedPose<'_>]) -> Result<DQuat, TrajectoryError> {
     let rotations: Vec<DQuat> = window.iter().map(|v| v.world_from_camera.rotation).collect();
     karcher_mean(&rotations, rotations[rotations.len() / 2]).map_err(|source| TrajectoryError::Mean {

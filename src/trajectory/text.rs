@@ -1,4 +1,4 @@
-//! `poses.txt` and `timestamps_us.txt`: one line a pose, LF, a final newline.
+//! `poses.txt` and `timestamps_us.txt`: one line per pose, LF, and a final newline.
 //!
 //! A line of poses is `t_us tx ty tz qx qy qz qw`: microseconds, the camera's centre in scene units, and the unit
 //! quaternion from camera (OpenCV axes) to world with `w >= 0`. Numbers have 17 significant digits in the form of
@@ -10,12 +10,12 @@ use crate::se3::rotation::canonical;
 use glam::{DQuat, DVec3};
 use std::io::{self, BufRead, Write};
 
-/// Fields of a line of poses, by the names that errors use.
+/// Names of the fields of a line of poses, for errors.
 const FIELDS: [&str; 8] = ["t_us", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
-/// A quaternion's squared length differs from 1 by at most this.
+/// Largest deviation of a quaternion's squared length from 1.
 const UNIT: f64 = 1e-6;
 
-/// Why a text is no trajectory. Lines count from 1.
+/// The reason why a text is not a trajectory. Lines count from 1.
 #[derive(Debug, thiserror::Error)]
 pub enum TextError {
     /// Reading failed.
@@ -31,21 +31,21 @@ pub enum TextError {
     Fields {
         /// Line.
         line: usize,
-        /// How many there are.
+        /// Number of fields found.
         found: usize,
-        /// How many there must be.
+        /// Number of fields wanted.
         wanted: usize,
     },
-    /// A field is no finite number, or no whole one where one is due.
+    /// A field is not a finite number, or not an integer where one is wanted.
     #[error("line {line}: {field} is `{found}`, {wanted} was wanted")]
     Number {
         /// Line.
         line: usize,
         /// Name of the field.
         field: &'static str,
-        /// What stands there.
+        /// Text found.
         found: String,
-        /// What must stand there.
+        /// Value wanted.
         wanted: &'static str,
     },
     /// A stamp does not follow its predecessor.
@@ -55,7 +55,7 @@ pub enum TextError {
         line: usize,
         /// The stamp.
         found: i64,
-        /// What must stand there.
+        /// Value wanted.
         wanted: String,
     },
     /// A quaternion is not of length 1, or has the other sign.
@@ -63,7 +63,7 @@ pub enum TextError {
     Quaternion {
         /// Line.
         line: usize,
-        /// What is there.
+        /// Value found.
         found: DQuat,
     },
 }
@@ -72,7 +72,7 @@ impl Trajectory {
     /// Writes `poses.txt`.
     ///
     /// # Errors
-    /// Where writing fails.
+    /// Writing fails.
     pub fn write_poses(&self, mut out: impl Write) -> io::Result<()> {
         for (pose, t_us) in self.world_from_camera.iter().zip(&self.stamps_us) {
             let (c, q) = (pose.translation, canonical(pose.rotation));
@@ -88,7 +88,7 @@ impl Trajectory {
     /// Reads `poses.txt`, bit for bit.
     ///
     /// # Errors
-    /// Where a line is no pose, or its stamp does not follow the one before.
+    /// A line is not a pose, or its stamp does not follow the previous one.
     pub fn read_poses(input: impl BufRead) -> Result<Self, TextError> {
         let mut read = Self { world_from_camera: Vec::new(), stamps_us: Vec::new() };
         for (line, text) in lines(input) {
@@ -102,7 +102,7 @@ impl Trajectory {
     /// Writes `timestamps_us.txt`.
     ///
     /// # Errors
-    /// Where writing fails.
+    /// Writing fails.
     pub fn write_stamps(&self, mut out: impl Write) -> io::Result<()> {
         self.stamps_us.iter().try_for_each(|t_us| writeln!(out, "{t_us}"))
     }
@@ -111,7 +111,7 @@ impl Trajectory {
 /// Reads `timestamps_us.txt`: strictly increasing stamps in microseconds, the first 0.
 ///
 /// # Errors
-/// Where a line is no whole number, or does not follow the one before.
+/// A line is not an integer, or does not follow the previous one.
 pub fn read_stamps(input: impl BufRead) -> Result<Vec<i64>, TextError> {
     let mut stamps = Vec::new();
     for (line, text) in lines(input) {
@@ -173,8 +173,8 @@ fn push_stamp(stamps: &mut Vec<i64>, line: usize, t_us: i64) -> Result<(), TextE
     Err(TextError::Stamp { line, found: t_us, wanted })
 }
 
-/// A finite number with 17 significant digits, as C's `%.17g` writes it: without trailing zeros, and with an exponent
-/// only below 1e-4 and from 1e17.
+/// A finite number with 17 significant digits, as C's `%.17g` writes it: without trailing zeros,
+/// and with an exponent only below 1e-4 and from 1e17 on.
 #[must_use]
 pub fn significant(number: f64) -> String {
     let scientific = format!("{number:.16e}");

@@ -7,17 +7,18 @@ use glam::DMat4;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// The pictures that there are of a trajectory.
+/// The pictures of a trajectory, by name.
 #[derive(Debug, Clone, Copy)]
 pub struct Pictures<'a> {
-    /// Names of sharp ones, sorted: `000012.png` is that of pose 12.
+    /// Names of sharp pictures, sorted. `000012.png` belongs to pose 12.
     pub sharp: &'a [&'a str],
-    /// When the shutter was open for each blurred one, microseconds, by the number of its pose.
+    /// Exposure of each blurred picture, microseconds, by the index of its pose.
     pub blurred: &'a BTreeMap<usize, [i64; 2]>,
 }
 
-/// Composes the file: the poses that have a sharp picture, since readers of this form open one for each frame; all poses,
-/// where the recipe asks for none. `poses.txt` has every pose in any case. A frame names its blurred picture beside.
+/// Composes the file. It lists the poses with a sharp picture, because readers of this form open a
+/// picture for each frame; without sharp pictures it lists all poses. `poses.txt` always has every
+/// pose. A frame also names its blurred picture.
 #[must_use]
 pub fn compose(camera: &Camera, path: &Trajectory, pictures: &Pictures<'_>) -> Value {
     let frames: Vec<Value> = path
@@ -47,7 +48,7 @@ pub fn compose(camera: &Camera, path: &Trajectory, pictures: &Pictures<'_>) -> V
     })
 }
 
-/// Camera to world with OpenGL camera axes, rows.
+/// Camera to world with OpenGL camera axes, by rows.
 fn opengl_matrix(world_from_camera: &Se3) -> [[f64; 4]; 4] {
     let turn = world_from_camera.rotation_matrix();
     let flip = OPENCV_FROM_OPENGL;

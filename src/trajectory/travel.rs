@@ -1,4 +1,5 @@
-//! Travelling a course: how many poses, when, and where, so that the speed is the one asked for.
+//! Travel along a course: number, times and places of poses, so that the speed is the requested
+//! one.
 
 use super::course::{Course, Lengthwise, Line};
 use super::flow::{FlowLength, FlowMeter};
@@ -11,51 +12,52 @@ use crate::speed::Speed;
 use crate::units::{Hertz, Ratio};
 use serde::Serialize;
 
-/// More poses than this are refused: 2.3 hours at 2400 Hz.
+/// Maximum number of poses: 2.3 hours at 2400 Hz.
 pub const MOST_POSES: u64 = 20_000_000;
-/// Frame rates, Hz: stamps of a microsecond must differ, and those of the longest path fit 64 bits.
+/// Range of frame rates, Hz. Stamps in microseconds must differ, and those of the longest path must
+/// fit 64 bits.
 const SLOWEST: f64 = 1e-3;
 const FASTEST: f64 = 1e6;
-/// Speeds that differ by more than this factor are worth a warning.
+/// Ratio of the largest to the smallest speed above which there is a warning.
 const MILD_RANGE: f64 = 100.0;
 
-/// How many poses a trajectory has.
+/// The number of poses of a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Count {
     /// `ceil(factor * views)`.
     Factor(Ratio),
-    /// So many.
+    /// Exactly this many.
     Frames(u64),
     /// `1 + ceil(seconds * rate)`.
     Duration(Ratio),
-    /// As many as the flow that was asked for takes time: [`Speed::Flow`] has no other.
+    /// The duration at the requested flow, times the rate. [`Speed::Flow`] allows no other.
     Flow,
 }
 
-/// How fast a course is travelled, and when poses are taken.
+/// Speed and timing of the travel along a course.
 #[derive(Debug, Clone, Copy)]
 pub struct Timing<'a> {
-    /// The law.
+    /// The speed law.
     pub speed: &'a Speed,
-    /// Poses a second.
+    /// Poses per second.
     pub rate: Hertz,
-    /// How the law is summed.
+    /// Summation of the law.
     pub law: Summation,
 }
 
-/// A trajectory, what it achieves, and what the user should know about it.
+/// A trajectory, its report, and its warnings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Made {
     /// The poses and their stamps.
     pub trajectory: Trajectory,
-    /// What was asked and what was achieved.
+    /// Asked and achieved speed.
     pub report: Report,
-    /// What deserves a look; the report repeats them as text.
+    /// Warnings. The report repeats them as text.
     pub warnings: Vec<Warning>,
 }
 
-/// How a course is travelled: `count` poses, by the paper's literal chords or by length.
+/// Travel along a course with `count` poses, by the paper's literal chords or by arc length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Travel {
     pub(super) count: Count,
@@ -63,10 +65,10 @@ pub(super) struct Travel {
 }
 
 impl Travel {
-    /// The trajectory along a course. `meter` is asked for [`Speed::Flow`] only.
+    /// The trajectory along a course. `meter` is used for [`Speed::Flow`] only.
     ///
     /// # Errors
-    /// Where a number is out of range, the law fails, or the flow cannot be measured.
+    /// A number is out of range, the law fails, or the flow cannot be measured.
     pub(super) fn along(
         self,
         mut course: Course,
@@ -101,7 +103,8 @@ impl Travel {
     }
 }
 
-/// Turns shares of a path in pixels into those of its mixed length; the whole path in pixels.
+/// Converts shares of a path in pixels into shares of its mixed length. Also returns the length of
+/// the path in pixels.
 fn apply(length: Option<FlowLength>, schedule: &mut Schedule) -> f64 {
     let Some(length) = length else { return 0.0 };
     let mixed = length.mixed_lengths(&schedule.shares);
@@ -159,7 +162,7 @@ fn within(count: u64) -> Result<usize, TrajectoryError> {
 }
 
 impl Count {
-    /// Number of poses for so many views.
+    /// Number of poses for this many views.
     fn poses(self, views: usize, rate: Hertz, warnings: &mut Vec<Warning>) -> Result<usize, TrajectoryError> {
         within(match self {
             Self::Factor(gamma) => {
@@ -169,7 +172,8 @@ impl Count {
             }
             Self::Frames(frames) => frames,
             Self::Duration(seconds) => {
-                // Numerators and denominators are at most 1e18, so that neither product leaves 128 bits.
+                // Numerators and denominators are at most 1e18, so neither product exceeds 128
+                // bits.
                 let frames = u128::from(seconds.numerator()) * u128::from(rate.0.numerator());
                 let each = u128::from(seconds.denominator()) * u128::from(rate.0.denominator());
                 u64::try_from(frames.div_ceil(each)).unwrap_or(u64::MAX).saturating_add(1)
@@ -178,7 +182,7 @@ impl Count {
         })
     }
 
-    /// Poses per view, where that sets their number.
+    /// Poses per view, if that determines their number.
     pub(super) fn gamma(self) -> Option<Ratio> {
         match self {
             Self::Factor(gamma) => Some(gamma),
@@ -188,7 +192,8 @@ impl Count {
 }
 
 impl Course {
-    /// The poses of a schedule, and the length of the curve from each to the next (none on a still path).
+    /// The poses of a schedule, and the length of the curve from each pose to the next (empty on a
+    /// still path).
     fn follow(
         &self,
         measured: Option<&Lengthwise<'_>>,
@@ -223,7 +228,7 @@ impl Course {
         (poses, arcs)
     }
 
-    /// Its length in pixels, `None` where nothing moves.
+    /// Length in pixels; `None` if nothing moves.
     fn flow_length(
         &self,
         measured: Option<&Lengthwise<'_>>,

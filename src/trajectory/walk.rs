@@ -1,15 +1,17 @@
-//! How evenly the views of a capture follow one another, in the order of their names.
+//! Evenness of a capture: distances between successive views, in the order of their names.
 //!
-//! All is measured in the mixed [`super::metric`] and in median steps, so that neither the scale of a capture nor its
-//! density counts. A **step** is the distance between neighbours; a long one is a gap, where frames did not register. The
-//! **detour** of a view is half of what the way by it is longer than the way past it,
+//! Everything is measured in the mixed [`super::metric`] and in median steps, so neither the scale
+//! nor the density of a capture matters. A **step** is the distance between neighbours; a long step
+//! is a gap, where frames did not register. The **detour** of a view is half the difference between
+//! the path through the view and the path past it:
 //!
 //! ```text
 //! detour(i) = (d(i-1, i) + d(i, i+1) - d(i-1, i+1)) / 2
 //! ```
 //!
-//! A view that lies off its neighbours' way by `x` has a detour of about `x`, and both of them one of at most a step. By
-//! the triangle inequality a detour is at most the shorter of its two steps: a gap, one long step, makes none.
+//! A view at distance `x` from the line between its neighbours has a detour of about `x`; the
+//! detours of its neighbours are at most a step. By the triangle inequality, a detour is at most
+//! the shorter of its two steps, so a gap, one long step, makes none.
 
 use super::knots::{Gap, distances, rounding};
 use super::metric::{Metric, median};
@@ -17,29 +19,30 @@ use super::order::by_name;
 use super::refine::{Scale, screen};
 use super::{NamedPose, TrajectoryError};
 
-/// Steps and detours over the median step.
+/// Steps and detours, divided by the median step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walk {
     /// The step from each view to the next.
     pub steps: Vec<Gap>,
-    /// The detour of each view but the first and the last.
+    /// The detour of each view except the first and the last.
     pub detours: Vec<Detour>,
 }
 
-/// How far a view lies off the way between its neighbours.
+/// Detour of one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detour {
     /// The view.
     pub name: String,
-    /// Its detour over the median step.
+    /// Its detour divided by the median step.
     pub times_median: f64,
 }
 
 impl Walk {
-    /// Measures views, given in any order; `None` where no two of them are apart.
+    /// Measures views, given in any order; `None` if all of them coincide.
     ///
     /// # Errors
-    /// Where the views are none, not finite, no rotations or of one name.
+    /// There are no views, or they have values that are not finite, invalid rotations or equal
+    /// names.
     pub fn of(views: &[NamedPose<'_>]) -> Result<Option<Self>, TrajectoryError> {
         let (_, views, _) = screen(by_name(views)?)?;
         let metric = Metric::new(Scale::Scene, &views)?;
@@ -70,7 +73,8 @@ mod tests {
     use crate::se3::Se3;
     use glam::{DQuat, DVec3};
 
-    /// Views that look along z, so that the metric's scale is the largest distance between two of them.
+    /// Views that look along z, so that the scale of the metric is the largest distance between two
+    /// of them.
     fn walk(centres: &[[f64; 3]]) -> Walk {
         let names: Vec<String> = (0..centres.len()).map(|i| format!("{i}.jpg")).collect();
         let views: Vec<NamedPose<'_>> = names
@@ -105,7 +109,7 @@ mod tests {
         let mut centres: Vec<[f64; 3]> = (0..15u8).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         centres[6] = [6.0, 10.0, 0.0];
         let walk = walk(&centres);
-        // Both legs are sqrt(101), the way past is 2 steps.
+        // Both legs are sqrt(101), and the path past the view is 2 steps.
         close(walk.detours[5].times_median, 101f64.sqrt() - 1.0);
         assert_eq!(walk.detours[5].name, "6.jpg");
         assert!(walk.detours.iter().enumerate().all(|(i, d)| i == 5 || d.times_median <= 1.0));

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+use crate::support::absent::absent;
 use gs2e::event::evt::Version;
 use gs2e::event::file::{Format, Hints};
 use gs2e::event::text::Table;
@@ -195,8 +196,7 @@ assert head == dict(width=640, height=360, law_version=3, c_on=0.19, c_off=0.21)
 fn foreign_readers_read_the_same() {
     let python = |args: &[&str]| std::process::Command::new("python3").args(args).output();
     if !python(&["-c", "import h5py, numpy"]).is_ok_and(|tried| tried.status.success()) {
-        eprintln!("not run: python3 with h5py and numpy is absent");
-        return;
+        return absent("REQUIRE_READERS", "python3 with h5py and numpy is absent");
     }
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);

@@ -2,10 +2,11 @@
 //! `poses.txt`, against pictures as another decoder has them, and against planted files whose answers are known.
 
 use crate::release::small::release;
+use crate::support::absent::absent;
 use crate::support::workspace::{TINY, Workspace};
 use gs2e::image::png;
 use std::fs;
-use std::io::{BufReader, Write as _};
+use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -23,11 +24,7 @@ fn python(release: &Path, args: &[&str]) -> Option<Output> {
 /// Asks one question of the loader of a release; the script asserts the answer.
 fn ask(release: &Path, question: &[&str]) {
     if !python(release, &["-c", "import numpy, h5py"]).is_some_and(|output| output.status.success()) {
-        let required = std::env::var_os("REQUIRE_READERS").is_some_and(|value| value == "1");
-        assert!(!required, "python3 with numpy and h5py is absent");
-        // Past the capture of the test's output: a test that was not run says so although it passes.
-        drop(writeln!(std::io::stderr(), "not run: python3 with numpy and h5py is absent"));
-        return;
+        return absent("REQUIRE_READERS", "python3 with numpy and h5py is absent");
     }
     let args = [&["-c", QUESTIONS], question].concat();
     let output = python(release, &args).unwrap();

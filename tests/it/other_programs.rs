@@ -3,6 +3,7 @@
 //! failure.
 
 use crate::programs::programs;
+use crate::support::absent::absent;
 use crate::support::shared;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
@@ -21,32 +22,22 @@ use gs2e::trajectory::Trajectory;
 use gs2e::{scene, source};
 use serde_json::{Value, json};
 use std::fs::File;
-use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Said past the capture of the test's output.
-fn say(text: &str) {
-    drop(writeln!(std::io::stderr(), "not run: {text}"));
-}
-
 fn colmap_is_there() -> bool {
-    let absent = versions::colmap(&programs()).err();
-    assert!(absent.is_none() || std::env::var_os("REQUIRE_COLMAP").is_none(), "{absent:?}");
-    absent.inspect(|because| say(because)).is_none()
+    versions::colmap(&programs()).map_err(|because| absent("REQUIRE_COLMAP", &because)).is_ok()
 }
 
 /// Whether Python has OpenCV and h5py.
 fn python_is_there() -> bool {
     let programs = programs();
-    let found = versions::packages(&programs);
     let packages = versions::python(&programs);
     let there = packages.is_ok_and(|p| p.numpy.is_some() && p.cv2.is_some() && p.h5py.is_some());
-    assert!(there || std::env::var_os("REQUIRE_OPENCV").is_none_or(|value| value != "1"), "{found}");
     if !there {
-        say(&found);
+        absent("REQUIRE_OPENCV", &versions::packages(&programs));
     }
     there
 }

@@ -1,16 +1,17 @@
-//! Both CPU renderers against images by an independent float64 renderer, which blends every pixel against every
-//! Gaussian in depth order.
+//! Both CPU renderers against images by an independent float64 renderer, which blends every pixel against
+//! every Gaussian in depth order.
 //!
-//! Limits (`data/golden/render`): mean absolute error 2e-5, 99.9 % at most 1e-3, maximum 5e-3. Two float32 effects lie
-//! between: a layer whose opacity is within rounding of 1/255 is blended or not (at most 1/255 of a colour), and pixel
-//! positions are rounded to 6e-5 px at 1000 px. The reference computes in float64 too: its mean error is below 1e-6,
-//! most of it the rounding of its images to 32 bits; its largest is a layer at 1/255 exactly.
+//! Limits (`tests/golden/render`): mean absolute error 2e-5, 99.9 % at most 1e-3, maximum 5e-3. Two float32
+//! effects lie between: a layer whose opacity is within rounding of 1/255 is blended or not (at most 1/255
+//! of a colour), and pixel positions are rounded to 6e-5 px at 1000 px. The reference computes in float64
+//! too: its mean error is below 1e-6, most of it the rounding of its images to 32 bits; its largest is a
+//! layer at 1/255 exactly.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table of differences")]
 
 use crate::support::gaussians::ALL;
-use crate::support::{ply, shared};
+use crate::support::{golden, ply, shared};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::{Size, luminance};
@@ -20,7 +21,7 @@ use gs2e::render::{Layering, Rendered, Renderer, Rules, Style, View, Work};
 use gs2e::scene::Gaussians;
 use gs2e::se3::Se3;
 use serde::Deserialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const MEAN_LIMIT: f64 = 2e-5;
@@ -108,8 +109,24 @@ impl Case {
     }
 }
 
-pub(super) fn cases(root: &Path) -> Vec<Case> {
+fn cases(root: &Path) -> Vec<Case> {
     serde_json::from_slice(&std::fs::read(root.join("manifest.json")).unwrap()).unwrap()
+}
+
+/// The folder of the synthetic cases, and all of them.
+pub(super) fn synthetic() -> (PathBuf, Vec<Case>) {
+    let root = golden::folder("render");
+    let cases = cases(&root);
+    (root, cases)
+}
+
+/// The folder of the cases of a captured scene, and all of them, where the optional test data is there.
+pub(super) fn captured() -> Option<(PathBuf, Vec<Case>)> {
+    let root = shared::path("data/golden/render")?;
+    let mut cases = cases(&root);
+    cases.retain(|case| case.name.starts_with("playbot"));
+    assert!(!cases.is_empty(), "the captured scene has cases");
+    Some((root, cases))
 }
 
 pub(super) fn npy(path: &Path) -> Vec<f32> {
@@ -135,13 +152,23 @@ pub(super) fn row(name: &str, what: &str, [mean, largest, share]: [f64; 3]) -> b
 
 #[test]
 fn every_golden_is_met() {
-    let Some(root) = shared::path("data/golden/render") else { return };
-    let cases = cases(&root);
+    let (root, cases) = synthetic();
+    assert_eq!(cases.len(), 20, "synthetic cases");
+    meets(&root, &cases);
+}
+
+#[test]
+fn every_golden_of_a_captured_scene_is_met() {
+    let Some((root, cases)) = captured() else { return };
+    meets(&root, &cases);
+}
+
+fn meets(root: &Path, cases: &[Case]) {
     println!("{:28} {:9} {:>9} {:>9} {:>9}", "case", "channel", "mean", "max", "> 1e-3");
     let mut fine = true;
-    for case in &cases {
+    for case in cases {
         let golden = case.same_as.as_ref().unwrap_or(&case.name);
-        let (found, work) = case.by_cpu(&root);
+        let (found, work) = case.by_cpu(root);
         let rgb = found.rgb.as_ref().unwrap().pixels();
         let wanted = npy(&root.join(format!("{golden}.rgb.npy")));
         fine &= row(&case.name, "rgb", difference(rgb.as_flattened(), &wanted));
@@ -164,8 +191,7 @@ fn every_golden_is_met() {
 
 #[test]
 fn cases_said_to_be_the_same_have_the_same_bits() {
-    let Some(root) = shared::path("data/golden/render") else { return };
-    let cases = cases(&root);
+    let (root, cases) = synthetic();
     for case in &cases {
         let Some(twin) = cases.iter().find(|c| Some(&c.name) == case.same_as.as_ref()) else { continue };
         let [a, b] = [case, twin].map(|case| case.by_cpu(&root).0.rgb);
@@ -175,10 +201,20 @@ fn cases_said_to_be_the_same_have_the_same_bits() {
 
 #[test]
 fn the_reference_is_the_goldens_to_their_rounding() {
-    let Some(root) = shared::path("data/golden/render") else { return };
-    for case in &cases(&root) {
+    let (root, cases) = synthetic();
+    reference_meets(&root, &cases);
+}
+
+#[test]
+fn the_reference_is_the_goldens_of_a_captured_scene() {
+    let Some((root, cases)) = captured() else { return };
+    reference_meets(&root, &cases);
+}
+
+fn reference_meets(root: &Path, cases: &[Case]) {
+    for case in cases {
         let golden = case.same_as.as_ref().unwrap_or(&case.name);
-        let (found, work) = case.render(&mut Reference::new(case.scene(&root), case.style()).unwrap());
+        let (found, work) = case.render(&mut Reference::new(case.scene(root), case.style()).unwrap());
         let wanted = npy(&root.join(format!("{golden}.rgb.npy")));
         let rgb = difference(found.rgb.as_ref().unwrap().pixels().as_flattened(), &wanted);
         let alpha = npy(&root.join(format!("{golden}.alpha.npy")));

@@ -9,7 +9,7 @@
 
 mod events;
 
-use crate::render_golden::{Case, cases, difference, npy, row};
+use crate::render_golden::{Case, captured, difference, npy, row, synthetic};
 use crate::support::gaussians::{ALL, OFFICIAL, ahead, crowd, scene};
 use crate::support::{gpu, ply, shared};
 use glam::DVec3;
@@ -130,13 +130,21 @@ fn check(device: &Device, name: &str, scene: &Arc<Gaussians>, style: Style, view
 
 #[test]
 fn every_golden_is_met_on_the_gpu() {
-    let (Some(root), Some(device)) = (shared::path("data/golden/render"), gpu::device()) else { return };
+    let Some(device) = gpu::device() else { return };
+    let (root, cases) = synthetic();
+    all_met(&root, &cases, &device);
+}
+
+#[test]
+fn every_golden_of_a_captured_scene_is_met_on_the_gpu() {
+    let (Some((root, cases)), Some(device)) = (captured(), gpu::device()) else { return };
+    all_met(&root, &cases, &device);
+}
+
+fn all_met(root: &Path, cases: &[Case], device: &Device) {
     println!("{}", device.fingerprint());
-    let mut fine = true;
-    for case in &cases(&root) {
-        fine &= golden(&root, case, &device);
-    }
-    assert!(fine, "a golden is missed, see the table");
+    let missed = cases.iter().filter(|case| !golden(root, case, device)).count();
+    assert_eq!(missed, 0, "goldens are missed, see the table");
 }
 
 /// Within the limits of the CPU's renderer.

@@ -110,18 +110,20 @@ fn luminance_is_that_of_the_colour_up_to_rounding() {
         let pairs =
             found.luminance.as_ref().unwrap().pixels().iter().zip(found.rgb.as_ref().unwrap().pixels());
         let worst = pairs.map(|(y, &rgb)| (y - luminance(rgb)).abs()).fold(0.0, f32::max);
-        // the limit of numerics.md 7.4
+        // the limit of docs/design/numerics-rendering.md, "Luminance channel"
         assert!(worst <= 2e-6, "{worst:e}");
     }
 }
 
-/// Tiles are looked at after every 64 of their splats. A wall of opacity 0.95 leaves 0.05, 0.0025 and 0.000125 of the
-/// light; its fourth layer would leave less than 0.0001, so that every pixel is finished there.
+/// Tiles are looked at after every 64 of their splats. A wall of opacity 0.95 leaves 0.05, 0.0025 and
+/// 0.000125 of the light; its fourth layer would leave less than 0.0001, so that every pixel is finished
+/// there.
 #[test]
 fn what_lies_behind_finished_tiles() {
     const LAYERS: usize = 200;
     const LOOK: usize = 64;
-    // the wall's deviation is 80 * 100 / 4 = 2000 px, so that its opacity falls by 1e-4 of itself towards the corners
+    // the wall's deviation is 80 * 100 / 4 = 2000 px, so that its opacity falls by 1e-4 of itself towards
+    // the corners
     let layer = |k: usize, x: f32, deviation: f32| Blob {
         position: [x, 0.0, 4.0 + 0.01 * k as f32],
         deviations: [deviation; 3],

@@ -1,27 +1,15 @@
-//! Real scene files, of which `../shared/data/README.md` says what they hold.
+//! Real scene files, described by the README of the optional test data, and synthetic ones of
+//! `tests/golden/render`.
 
-#![expect(
-    clippy::print_stderr,
-    clippy::unwrap_used,
-    reason = "a test says why it is not run, and panics to fail"
-)]
+#![expect(clippy::unwrap_used, reason = "a test panics to fail")]
 
+use crate::support::{golden, shared};
 use gs2e::scene::{self, Gaussians};
-use std::path::{Path, PathBuf};
 
-fn data(name: &str) -> Option<PathBuf> {
-    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    if shared.exists() {
-        return Some(shared.join(name));
-    }
-    eprintln!("not run: ../shared is absent");
-    None
-}
-
-/// Reads a scene of `count` Gaussians of this degree, nine tenths of which lie within `radius` of the origin along
-/// each axis, and whose scales and quaternions are those of a trained scene.
+/// Reads a scene of `count` Gaussians of this degree, nine tenths of which lie within `radius` of the
+/// origin along each axis, and whose scales and quaternions are those of a trained scene.
 fn check(name: &str, count: usize, degree: u8, radius: f32) -> Option<Gaussians> {
-    let scene = scene::read(&data(name)?).unwrap();
+    let scene = scene::read(&shared::path(&format!("data/{name}"))?).unwrap();
     assert_eq!((scene.len(), scene.sh_degree), (count, degree), "{name}");
     assert_eq!((scene.screening.read, scene.screening.non_finite), (count as u64, 0), "{name}");
     for axis in 0..3 {
@@ -61,8 +49,8 @@ fn an_spz_file_of_a_garden_is_read() {
     check("scenes/flowers.spz", 542_104, 2, 0.35);
 }
 
-/// The same scene as `.ply` at a coarse level and as `.spz`, each in its own axes: positions and the harmonic that is
-/// odd in y must agree in value and sign.
+/// The same scene as `.ply` at a coarse level and as `.spz`, each in its own axes: positions and the
+/// harmonic that is odd in y must agree in value and sign.
 #[test]
 fn ply_and_spz_agree_on_axes() {
     let Some(ply) = check("scenes/playbot_lod3.ply", 31_000, 2, 1.0) else { return };
@@ -80,15 +68,16 @@ fn ply_and_spz_agree_on_axes() {
     assert!(a < -0.02 && (a - b).abs() < 0.02, "harmonic in y: {a} and {b}");
 }
 
-/// Positions of 32 bits stay as they are, a million units away, too: the twin's lie on a grid that both can hold.
+/// A scene of the golden renders.
+fn synthetic(name: &str) -> Gaussians {
+    scene::read(&golden::folder("render").join(name)).unwrap()
+}
+
+/// Positions of 32 bits stay as they are, a million units away, too: the twin's lie on a grid that both can
+/// hold.
 #[test]
 fn a_far_scene_of_32_bits_is_not_recentred() {
-    let (Some(near), Some(far)) =
-        (data("golden/render/s_offset0.ply"), data("golden/render/s_offset1e6.ply"))
-    else {
-        return;
-    };
-    let (near, far) = (scene::read(&near).unwrap(), scene::read(&far).unwrap());
+    let [near, far] = ["s_offset0.ply", "s_offset1e6.ply"].map(synthetic);
     assert_eq!((near.origin, far.origin), (glam::DVec3::ZERO, glam::DVec3::ZERO));
     let moved: Vec<[f32; 3]> = near.positions.iter().map(|p| p.map(|x| x + 1e6)).collect();
     assert_eq!(far.positions, moved);
@@ -97,25 +86,22 @@ fn a_far_scene_of_32_bits_is_not_recentred() {
 /// NaN fields are dropped; what is left is the twin without them.
 #[test]
 fn a_scene_with_nan_equals_its_twin() {
-    let (Some(nan), Some(twin)) = (data("golden/render/s_nan.ply"), data("golden/render/s_nan_twin.ply"))
-    else {
-        return;
-    };
-    let (nan, twin) = (scene::read(&nan).unwrap(), scene::read(&twin).unwrap());
+    let [nan, twin] = ["s_nan.ply", "s_nan_twin.ply"].map(synthetic);
     assert_eq!(nan.screening.non_finite, 12);
     assert_eq!(Gaussians { screening: twin.screening, ..nan }, twin);
 }
 
 /// Reads a golden scene in a compressed form and what an independent decoder made of it.
-fn golden(name: &str) -> (Gaussians, Gaussians) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/scenes");
+fn decoded(name: &str) -> (Gaussians, Gaussians) {
+    let folder = golden::folder("scenes");
     let expected = folder.join(name).with_extension("expected.ply");
     (scene::read(&folder.join(name)).unwrap(), crate::support::ply::read(&expected))
 }
 
-/// Both sides compute in 64 bits and round once to 32. Where they take different ways, the last bit may differ: an ulp
-/// is at most 2^-23 of the value. Three components give the fourth of a unit quaternion: with an error of 64-bit
-/// arithmetic below 1e-15 in its square, its root is off by less than 4e-8 even where it is zero.
+/// Both sides compute in 64 bits and round once to 32. Where they take different ways, the last bit may
+/// differ: an ulp is at most 2^-23 of the value. Three components give the fourth of a unit quaternion:
+/// with an error of 64-bit arithmetic below 1e-15 in its square, its root is off by less than 4e-8 even
+/// where it is zero.
 #[test]
 fn compressed_forms_are_read_as_an_independent_decoder_reads_them() {
     let close = |what: &str, got: &[f32], wanted: &[f32], floor: f32| {
@@ -125,7 +111,7 @@ fn compressed_forms_are_read_as_an_independent_decoder_reads_them() {
         }
     };
     let t = |name: &str, count: usize, degree: u8, antialiased: Option<bool>| {
-        let (got, wanted) = golden(name);
+        let (got, wanted) = decoded(name);
         assert_eq!((got.len(), got.sh_degree, got.antialiased), (count, degree, antialiased), "{name}");
         assert_eq!((got.screening.read, got.screening.non_finite), (count as u64, 0), "{name}");
         close(name, got.positions.as_flattened(), wanted.positions.as_flattened(), 0.0);

@@ -113,7 +113,7 @@ fn the_library_makes_the_same() {
     let seconds = 12_345e-6;
     let rate = wanted.len() as f64 / SIZE.pixels() as f64 / seconds;
     assert!((told["events_per_pixel_second"].as_f64().unwrap() - rate).abs() < 1e-9 * rate);
-    // the table of numerics.md 1.1
+    // the table of docs/design/numerics-sensor.md, "Units and presets"
     assert!((told["contrast"][0].as_f64().unwrap() - 0.19).abs() < 0.001);
     assert!((told["noise"][3]["leak_hz"].as_f64().unwrap() - 0.74).abs() < 0.001);
     assert!(ended.stderr.contains("at grey 128: leak 0.7400 Hz"), "{}", ended.stderr);
@@ -334,8 +334,8 @@ fn the_scale_of_floats_is_decided_by_two_frames() {
     assert!(place.ok(&format!("{RIGHT} --law exact")).stderr.contains("full scale: 1"));
 }
 
-/// A crop of a real video. On the whole of such clips the sensors make 8.6 and 0.044 events a pixel and second
-/// (numerics.md 1.1), and this part moves as the rest does.
+/// A crop of a real video. On the whole of such clips the sensors make 8.6 and 0.044 events a pixel and
+/// second (docs/design/numerics-sensor.md, "Units and presets"), and this part moves as the rest does.
 #[test]
 fn a_real_clip_makes_as_many_events_as_such_clips_do() {
     let Some(folder) = shared::path("data/heldout") else { return };

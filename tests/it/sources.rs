@@ -13,19 +13,13 @@ mod transforms;
 mod undistortion;
 
 use gs2e::image::Size;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 fn size(width: u32, height: u32) -> Size {
     Size { width, height }
 }
 
-/// A path below `../shared/data`, or `None`, said on stderr.
-#[expect(clippy::print_stderr, reason = "a test that is not run says so")]
+/// A path below `../shared/data`; `None`, and the test is named as not run, where that is absent.
 fn shared(path: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(path);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("not run: ../shared is absent");
-    None
+    crate::support::shared::path(&format!("data/{path}"))
 }

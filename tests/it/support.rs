@@ -1,8 +1,10 @@
 //! What several features' tests share.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
+pub(crate) mod absent;
 pub(crate) mod gaussians;
 pub(crate) mod given;
+pub(crate) mod golden;
 pub(crate) mod gpu;
 pub(crate) mod pipe;
 pub(crate) mod ply;

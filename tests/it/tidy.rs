@@ -1,6 +1,7 @@
 //! The house's rules, read from its own sources. What rustc and clippy check is not checked again here.
 
 mod imports;
+mod references;
 mod source;
 mod words;
 
@@ -10,6 +11,7 @@ use std::fmt;
 use std::io::Write as _;
 
 /// A place where a rule is broken.
+#[derive(Clone)]
 struct Fault {
     place: String,
     what: String,
@@ -73,6 +75,11 @@ fn no_machine_is_named() {
 }
 
 #[test]
+fn references_lead_somewhere() {
+    none(&references::references_hold(&committed_texts()));
+}
+
+#[test]
 fn the_readme_starts_with_two_commands() {
     let text = std::fs::read_to_string(root().join("README.md")).expect("there is a README.md");
     none(&quick_start(&[Source::new("README.md", &text)]));
@@ -112,6 +119,20 @@ fn the_rule_of_words_bites() {
     t("src/image.rs", "unsafe { f() }", "#![forbid(unsafe_code)]");
     t("src/seed.rs", "let x = f(&mut rand::rng());", "#[cfg(test)]\nmod tests { fn f() { rand::rng() } }");
     bites(words::stages_hold_no_arithmetic, "src/stage/events.rs", "x as f64", "model.start(size)");
+}
+
+#[test]
+fn the_rule_of_references_bites() {
+    let t = |path, bad, good| bites(references::references_hold, path, bad, good);
+    t(
+        "src/image.rs",
+        "//! See `docs/absent.md`.",
+        "//! See `docs/checks.md`, src/seed.rs:7 and https://a.org/docs/b.md.",
+    );
+    t("src/image.rs", "// absent.md, section 2", "// README.md and DATASHEET.md; tests/it/{a,b}.rs");
+    t("docs/a.md", "[text](checks.md#nowhere)", "[text](../README.md#quick-start), [text](design/README.md)");
+    let citation = |heading: &str| format!("//! (docs/design/pipeline.md,\n//! \"{heading}\")");
+    t("src/image.rs", &citation("Nowhere"), &citation("Licences"));
 }
 
 #[test]

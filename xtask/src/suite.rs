@@ -1,6 +1,7 @@
-//! All tests through plain `cargo test`, what is left out named before, the total after.
+//! All tests through plain `cargo test`; the total after it, and last the tests that did not run.
 
 use crate::command::{Outcome, cargo, program, root, say};
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::Write as _;
 use std::time::Instant;
@@ -10,19 +11,50 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     name_what_is_absent();
     let begin = Instant::now();
     let mut total = Total::default();
+    let list = root().join("target/not-run.txt");
+    // A list of an earlier run would name tests that have run since.
+    match std::fs::remove_file(&list) {
+        Err(why) if why.kind() != std::io::ErrorKind::NotFound => {
+            return Err(format!("{}: {why}", list.display()));
+        }
+        _ => {}
+    }
     let test = cargo(&["test", "--workspace", "--no-fail-fast"]).args(args);
+    let test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
     let passed = test.each_line(|line| {
         total.add(line);
         // A reader that went away (`| head`) is no failed test.
         let _ = writeln!(std::io::stdout(), "{line}");
     })?;
     let _ = writeln!(std::io::stdout(), "{}", total.summary(passed, begin.elapsed().as_secs_f64()));
+    let _ = writeln!(std::io::stdout(), "{}", not_run(&std::fs::read_to_string(list).unwrap_or_default()));
     if passed { Ok(()) } else { Err("tests failed, see above".into()) }
+}
+
+/// The closing line: the tests of a list with lines `TEST (WHY)`, by the reason why they did not run in full.
+fn not_run(list: &str) -> String {
+    let mut by_reason: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for line in list.lines() {
+        let (test, why) = line.split_once(" (").unwrap_or((line, "no reason)"));
+        by_reason.entry(why.strip_suffix(')').unwrap_or(why)).or_default().push(test);
+    }
+    for tests in by_reason.values_mut() {
+        tests.sort_unstable();
+        // A test that asks for several files says so for each.
+        tests.dedup();
+    }
+    let count: usize = by_reason.values().map(Vec::len).sum();
+    let reasons: Vec<String> =
+        by_reason.iter().map(|(why, tests)| format!("{why}: {}", tests.join(", "))).collect();
+    match count {
+        0 => "0 tests not run".to_owned(),
+        _ => format!("{count} tests not run: {}", reasons.join("; ")),
+    }
 }
 
 fn name_what_is_absent() {
     if !root().join("../shared").is_dir() {
-        say("absent: ../shared (golden renders and events, real scenes): the tests over them are left out");
+        say("absent: ../shared (captured scenes and clips): the tests over them are left out");
     }
     let reads_back = program(OsStr::new("python3"), &["-c", "import h5py, numpy"]).succeeds();
     if !reads_back {
@@ -73,6 +105,14 @@ impl Total {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tests_that_did_not_run_are_named_once_by_reason() {
+        let list =
+            "b (../shared is absent)\na (../shared is absent)\nb (../shared is absent)\nc (no b3sum)\n";
+        assert_eq!(not_run(list), "3 tests not run: ../shared is absent: a, b; no b3sum: c");
+        assert_eq!(not_run(""), "0 tests not run");
+    }
 
     #[test]
     fn totals_add_up_cargos_lines_and_nothing_else() {

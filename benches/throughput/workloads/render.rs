@@ -37,12 +37,13 @@ pub(super) fn workloads() -> Vec<Workload> {
     all
 }
 
-/// What the CPU path of pierotofy/OpenSplat takes (`numerics.md` 11), by the same measure.
+/// Core-seconds of the CPU path of pierotofy/OpenSplat, by the same measure on the same kind of machine.
 const PEER: &str = "beside it: OpenSplat on one core takes 1.05 core-s a frame from outside and 3.79 from inside, \
                     of 542,000 Gaussians at 1280x720 in rgb";
 
-/// Where the time of a frame goes by every instruction set: the fastest of several, pass by pass. A core's time is the
-/// wall's times the number of threads, idle ones too: `RAYON_NUM_THREADS=1` gives that of one busy core.
+/// Where the time of a frame goes by every instruction set: the fastest of several, pass by pass. A core's
+/// time is the wall's times the number of threads, idle ones too: `RAYON_NUM_THREADS=1` gives that of one
+/// busy core.
 fn split(scene: &Arc<Gaussians>, view: View, want: Channels) -> String {
     const FRAMES: usize = 5;
     let mut renderer = Cpu::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");

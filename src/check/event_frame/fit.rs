@@ -1,4 +1,5 @@
-//! Events against frames at one instant: what each pixel counted, and what its brightness did since the first frame.
+//! Events against frames at one instant: the counts of each pixel, and the change of its brightness
+//! since the first frame.
 
 mod lag;
 
@@ -9,40 +10,42 @@ use crate::check::tally::Counts;
 use crate::frames::anchors::Anchors;
 use crate::image::Size;
 
-/// Fewest pixels that an edge is found from.
+/// Minimum number of pixels for an edge.
 const LEAST_NEAR: usize = 1000;
-/// An edge is the value that this share of its pixels does not exceed: the rest may be noise.
+/// The edge is the value that this share of its pixels does not exceed. The rest may be noise.
 const EDGE: f64 = 0.995;
-/// Events of the wrong sign show no threshold at all; this stands for it.
+/// Stands for an infinite threshold: all events have the wrong sign.
 const MOST_SHOWN: f64 = 1000.0;
-/// Pixels whose drift is known worse than this, in thresholds, blur an edge: with the 2 % that an edge is sharp to, a
-/// threshold that is off by a tenth is still told from a right one.
+/// Largest uncertainty of a pixel's drift, in thresholds, for its use in an edge. With an edge that
+/// is sharp to 2 %, an error of the threshold of a tenth is still visible.
 const MOST_BLUR: f64 = 0.04;
 
-/// The state of all pixels at one anchor, in numbers.
+/// The state of all pixels at one anchor, as statistics.
 ///
-/// For each pixel, `dv` is the drift since the first frame and `s = A on - B off` what its events say of it. The
-/// residual voltage is `dv - s`, less what the pixel began with: between `-B` and `A`.
+/// For each pixel, `dv` is the drift since the first frame, and `s = A on - B off` the drift
+/// according to its events. The residual voltage is `dv - s` minus the pixel's initial voltage:
+/// between `-B` and `A`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// Stamp of the anchor.
     pub t_us: i64,
-    /// Events so far.
+    /// Number of events so far.
     pub events: u64,
-    /// Sums over pixels that drifted by more than a threshold, up and down apart.
+    /// Sums over pixels with a drift of more than a threshold, separately for up and down.
     pub slopes: [Slope; 2],
-    /// Of these pixels, those whose residual is possible.
+    /// Number of these pixels with a possible residual.
     pub possible: u64,
-    /// Pixels that drifted by more than two thresholds, and those of them whose events have the same sign.
+    /// Number of pixels with a drift of more than two thresholds, and of those among them whose
+    /// events have the same sign.
     pub doubled: [u64; 2],
-    /// Of the former, those that have no event at all although no noise can be the reason.
+    /// Number of the former without any event, where noise cannot be the reason.
     pub silent: u64,
-    /// How late the events are, where a span of frames shows it.
+    /// Delay of the events, if a span of frames shows it.
     pub lag: Lag,
-    /// Where ON and OFF events happen, relative to the thresholds.
+    /// Thresholds at which ON and OFF events happen, relative to the stated ones.
     pub edges: [Option<Edge>; 2],
-    /// What the sum of `s` over pixels is expected to be: the drift, in whole thresholds towards 0 where voltages
-    /// start there, in the mean exact where they start anywhere.
+    /// Expected sum of `s` over pixels: the drift, in whole thresholds towards 0 if voltages start
+    /// at 0, and exact on average if they start anywhere.
     pub expected: f64,
 }
 
@@ -73,14 +76,14 @@ impl std::ops::Add for Slope {
 }
 
 impl Slope {
-    /// The factor that takes `s` nearest to `dv`: `<s, dv> / <s, s>`.
+    /// The factor that brings `s` nearest to `dv`: `<s, dv> / <s, s>`.
     #[must_use]
     pub fn factor(&self) -> f64 {
         self.products / self.squares
     }
 
-    /// How far a sound stream's factor may be from 1 because of the residuals alone: with `|dv - s| <= most`,
-    /// `|factor - 1| <= most <|s|> / <s, s>`.
+    /// Largest distance of a sound stream's factor from 1 that residuals alone can cause. With
+    /// `|dv - s| <= most`, `|factor - 1| <= most <|s|> / <s, s>`.
     #[must_use]
     pub fn allowance(&self, most: f64) -> f64 {
         most * self.sizes / self.squares
@@ -94,16 +97,16 @@ impl Slope {
     }
 }
 
-/// The voltage at which events of one polarity happen, found from the pixels that are just about to fire: no residual
-/// lies beyond the threshold, and many lie close to it.
+/// The voltage at which events of one polarity happen, measured from the pixels that are about to
+/// fire: no residual lies beyond the threshold, and many lie close to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edge {
-    /// Pixels that it was found from.
+    /// Number of pixels used.
     pub pixels: usize,
-    /// The threshold that the events show, over the stated one.
+    /// The measured threshold, relative to the stated one.
     pub shown: f64,
-    /// What a pixel that goes straight from the first frame to this one would show: near 1 where enough pixels are
-    /// about to fire; below, the stream cannot tell.
+    /// The value for pixels that drift straight from the first frame to this one: near 1 if enough
+    /// pixels are about to fire. If it is lower, the stream cannot show the threshold.
     pub reachable: f64,
 }
 
@@ -114,7 +117,8 @@ pub(in crate::check) struct Balance<'a> {
     anchors: &'a Anchors,
     first_logs: Vec<f64>,
     exposure: Vec<f64>,
-    /// Of each pixel's voltage by noise, where the noisier end of each interval stands for all of it.
+    /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
+    /// whole interval.
     variance: Vec<f64>,
     fits: Vec<Fit>,
     /// `dv - s` of each pixel at the last instant, in thresholds.
@@ -122,7 +126,7 @@ pub(in crate::check) struct Balance<'a> {
 }
 
 impl<'a> Balance<'a> {
-    /// At the first anchor; `None` where there are fewer than two.
+    /// Starts at the first anchor; `None` if there are fewer than two.
     pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a Anchors) -> Option<Self> {
         assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
         let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
@@ -132,17 +136,17 @@ impl<'a> Balance<'a> {
         Some(Self { law, anchors, first_logs, exposure: none(), variance: none(), fits, residuals })
     }
 
-    /// Stamp of the next anchor, after the last of which there is none.
+    /// Stamp of the next anchor; `None` after the last.
     pub(in crate::check) fn next_us(&self) -> Option<i64> {
         self.anchors.stamps_us.get(self.fits.len() + 1).copied()
     }
 
-    /// The fits, and what is left of each pixel's drift at the last of them, in thresholds.
+    /// The fits, and each pixel's residual drift at the last of them, in thresholds.
     pub(in crate::check) fn finish(self) -> (Vec<Fit>, Vec<f32>) {
         (self.fits, self.residuals)
     }
 
-    /// Takes stock at the next anchor.
+    /// Evaluates the next anchor.
     pub(in crate::check) fn settle(&mut self, counts: &Counts) {
         let number = self.fits.len() + 1;
         let [before, now] = [number - 1, number].map(|i| self.anchors.images[i].pixels());
@@ -156,7 +160,7 @@ impl<'a> Balance<'a> {
             span.map(|[from, _, to]| [*from, *to].map(|i| (stamps[i], self.anchors.images[i].pixels())));
         let at = stamps[number];
         for i in 0..now.len() {
-            // The trapezoid rule; numerics.md pass 10 asks for no more.
+            // The trapezoid rule is sufficient: anchors are close together.
             self.exposure[i] += step * 0.5 * (f64::from(before[i].max(0.0)) + f64::from(now[i].max(0.0)));
             let logs = self.law.log_brightness(now[i]) - self.first_logs[i];
             let noise = [before[i], now[i]].map(|l| self.law.noise(f64::from(l), step));
@@ -177,10 +181,10 @@ impl<'a> Balance<'a> {
     }
 }
 
-/// Sums over pixels on the way to a [`Fit`].
+/// Sums over pixels for a [`Fit`].
 struct Stock {
     thresholds: [f64; 2],
-    /// Larger differences of drift and events are impossible.
+    /// Largest possible difference of drift and events.
     most_residual: f64,
     /// Whether residuals are 0 at the first frame.
     from_zero: bool,
@@ -198,7 +202,7 @@ impl Stock {
     fn new(law: &DriftLaw, slack: f64) -> Self {
         Self {
             thresholds: law.thresholds,
-            // 2 % for events that the anchor's own microsecond holds and the law's finer steps.
+            // 2 % for events in the microsecond of the anchor, and for the law's finer steps.
             most_residual: 1.02 * law.most_residual() + slack,
             from_zero: law.from_zero,
             events: 0,
@@ -212,7 +216,7 @@ impl Stock {
         }
     }
 
-    /// Adds a pixel; what is left is its drift less what its events say of it.
+    /// Adds a pixel, and returns its drift minus that of its events.
     fn add(&mut self, dv: f64, [on, off]: [u32; 2], blur: f64) -> f64 {
         let [a, b] = self.thresholds;
         let s = a * f64::from(on) - b * f64::from(off);
@@ -241,15 +245,16 @@ impl Stock {
     }
 }
 
-/// In thresholds of its own side.
+/// In thresholds of its own polarity.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a picture")]
 fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
     (if left > 0.0 { left / on } else { left / off }) as f32
 }
 
-/// A residual below the threshold is `dv < s + threshold` at the true thresholds, so `dv / (s + threshold)` at the
-/// stated ones is below true over stated, and comes close to it where the pixel is about to fire. The second value
-/// is the same of a pixel whose events are the whole `steps` of its drift.
+/// A residual below the threshold means `dv < s + threshold` at the true thresholds. So
+/// `dv / (s + threshold)` at the stated thresholds is below the ratio of true to stated, and close
+/// to it if the pixel is about to fire. The second value is the same for a pixel whose events are
+/// the whole `steps` of its drift.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a limit of percents")]
 fn ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
     let shown = if s + threshold > 0.0 { (dv / (s + threshold)).min(MOST_SHOWN) } else { MOST_SHOWN };

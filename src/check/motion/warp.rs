@@ -1,10 +1,11 @@
-//! The events of a short window, in place and moved along the optical flow to the window's middle.
+//! The events of a short window, in place and moved along the optical flow to the middle of the
+//! window.
 
 use crate::event::{Event, Polarity};
 use crate::image::{Image, Size};
 use crate::render::flow::nearest_ranks;
 
-/// How the picture moves at an instant.
+/// The image motion at an instant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlowAt {
     /// The instant, microseconds after the first frame.
@@ -15,37 +16,37 @@ pub struct FlowAt {
 
 /// The longest half of a window, us.
 const LONGEST_US: f64 = 15_000.0;
-/// Half of a window is as long as the picture takes for so many px: enough to smear an edge, and little enough for a flow
-/// that is constant.
+/// Image motion in half a window, px: enough to blur an edge, and small enough for a constant flow.
 const HALF_PX: f64 = 4.0;
 
-/// What became of the events of a window.
+/// The statistics of a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sharpness {
-    /// Its middle, us.
+    /// Middle of the window, us.
     pub t_us: i64,
-    /// Way of the picture through the window in the median, px.
+    /// Median image motion over the window, px.
     pub moved_px: f64,
-    /// Events that were moved and stayed in the picture.
+    /// Number of events that stayed in the image after the move.
     pub events: u64,
-    /// Pixels.
+    /// Number of pixels.
     pub pixels: u64,
-    /// Variance over pixels of the counts in place, ON and OFF added.
+    /// Variance over pixels of the counts in place, summed over ON and OFF.
     pub in_place: f64,
-    /// The same of the counts at the moved places.
+    /// The same for the moved counts.
     pub moved: f64,
 }
 
 impl Sharpness {
-    /// The contrast that moving the events gives them: a ratio of variances.
+    /// The gain in contrast from moving the events: a ratio of variances.
     #[must_use]
     pub fn ratio(&self) -> f64 {
         self.moved / self.in_place
     }
 
-    /// Standard deviation of the ratio where events lie anywhere, at most: of Poisson counts of mean `m` the sample variance
-    /// over `n` pixels varies by `sqrt((2 + 1 / m) / n)` of itself. It is over ON and OFF, which makes it smaller by the root
-    /// of two, and of two samples, which makes it larger by as much where they have nothing in common.
+    /// Upper bound of the ratio's standard deviation for events without structure. For Poisson
+    /// counts of mean `m`, the sample variance over `n` pixels has a relative standard deviation of
+    /// `sqrt((2 + 1 / m) / n)`. The sum over ON and OFF reduces it by the root of two; the ratio of
+    /// two samples increases it by as much, if they are independent.
     #[must_use]
     pub fn noise(&self) -> f64 {
         let (n, mean) = (self.pixels as f64, self.events as f64 / self.pixels as f64 / 2.0);
@@ -53,7 +54,7 @@ impl Sharpness {
     }
 }
 
-/// A window that events pass by.
+/// The window that is being filled.
 #[derive(Debug)]
 struct Window<'a> {
     flow: &'a FlowAt,
@@ -66,22 +67,22 @@ struct Window<'a> {
     moved: [Vec<u16>; 2],
 }
 
-/// The windows that a stream passes by, one after the other.
+/// The windows of a stream, one after the other.
 #[derive(Debug)]
 pub(in crate::check) struct Windows<'a> {
     size: Size,
     end_us: i64,
-    /// Those to come, the next one last.
+    /// Windows to come, the next one last.
     waiting: Vec<&'a FlowAt>,
     open: Option<Window<'a>>,
     done: Vec<Sharpness>,
-    /// Events of the fullest window so far, and its counts in place and moved.
+    /// Number of events of the fullest window so far, and its counts in place and moved.
     shown: Option<(u64, [Vec<u16>; 2])>,
 }
 
 impl<'a> Windows<'a> {
     /// # Panics
-    /// If a flow is not of this size.
+    /// A flow has another size.
     pub(in crate::check) fn new(size: Size, end_us: i64, flows: &'a [FlowAt]) -> Self {
         assert!(flows.iter().all(|flow| flow.px_s.size() == size), "flows are of the sensor's size");
         let mut windows = Self {
@@ -96,7 +97,7 @@ impl<'a> Windows<'a> {
         windows
     }
 
-    /// Counts an event; events come in order of time.
+    /// Counts an event. Events must come in order of time.
     pub(in crate::check) fn see(&mut self, event: Event, t_us: i64) {
         while self.open.as_ref().is_some_and(|window| t_us > window.span_us[1]) {
             self.close();
@@ -106,7 +107,7 @@ impl<'a> Windows<'a> {
         }
     }
 
-    /// What was found, and the counts in place and moved of one window.
+    /// The statistics, and the counts of one window in place and moved.
     pub(in crate::check) fn finish(mut self) -> (Vec<Sharpness>, Option<[Vec<u16>; 2]>) {
         while self.open.is_some() {
             self.close();
@@ -125,7 +126,8 @@ impl<'a> Windows<'a> {
         self.open_next(until);
     }
 
-    /// Opens the next window that begins after the last one's end: an event is in one at most.
+    /// Opens the next window that begins after the end of the last one: an event is in at most one
+    /// window.
     fn open_next(&mut self, after_us: i64) {
         while let Some(flow) = self.waiting.pop() {
             let window = Window::new(flow, self.size, self.end_us);
@@ -195,7 +197,7 @@ fn add(mut a: Vec<u16>, b: &[u16]) -> Vec<u16> {
     a
 }
 
-/// Of counts below 2^16, whose sums are exact.
+/// The variance of counts below 2^16, whose sums are exact.
 fn variance(counts: &[u16]) -> f64 {
     let sum: u64 = counts.iter().map(|n| u64::from(*n)).sum();
     let squares: u64 = counts.iter().map(|n| u64::from(*n) * u64::from(*n)).sum();
@@ -217,7 +219,8 @@ mod tests {
         Event { t: Timestamp::from_micros(t_us), x, y, polarity: Polarity::On, label: Label::Signal }
     }
 
-    /// A bar of one column that moves right by a pixel every 500 us fires a row of events at each pixel that it enters.
+    /// A bar of one column that moves right by a pixel every 500 us makes a column of events at
+    /// each pixel that it enters.
     fn bar() -> Vec<Event> {
         (0..32).flat_map(|j| (0..8).map(move |y| event(500 * i64::from(j), 10 + j, y))).collect()
     }
@@ -233,16 +236,17 @@ mod tests {
 
     #[test]
     fn a_moving_bar_becomes_one_column() {
-        // 2000 px/s: half of the window is 2000 us, 9 columns, of which the middle is the bar at 8 ms.
+        // 2000 px/s: half of the window is 2000 us, which is 9 columns; the middle is the bar at 8
+        // ms.
         let right = found([2000.0, 0.0]);
         assert_eq!((right.events, right.moved_px, right.t_us), (72, 8.0, 8000));
-        // In place each of 72 pixels has one event, moved 8 pixels have nine.
+        // In place, each of 72 pixels has one event. Moved, 8 pixels have nine.
         let [p, n] = [72.0 / 512.0, 512.0];
         assert!((right.in_place - (p - p * p)).abs() < 1e-12);
         assert!((right.moved - (8.0 * 81.0 / n - p * p)).abs() < 1e-12);
         assert!(right.ratio() > 10.0);
-        // Against the motion the bar is smeared over twice the columns: as bright, so no less contrast in this sparse
-        // picture, and far from the gathered one.
+        // Against the motion, the bar is spread over twice the columns. In this sparse picture its
+        // contrast is not lower than in place, but far from the gathered one.
         assert!(found([-2000.0, 0.0]).ratio() < 1.01);
     }
 
@@ -277,7 +281,8 @@ mod tests {
         let found: Vec<Sharpness> = (1..=40).map(ratio).collect();
         let variance = found.iter().map(|s| (s.ratio() - 1.0).powi(2)).sum::<f64>() / 40.0;
         let share = variance.sqrt() / found[0].noise();
-        // The sample standard deviation of 40 varies by 11 %; both counts have their total in common.
+        // The sample standard deviation of 40 values varies by 11 %; both counts have the same
+        // total.
         assert!((0.25..1.2).contains(&share), "{share}");
     }
 }

@@ -6,33 +6,34 @@ use crate::frames::anchors::Anchors;
 use crate::image::Size;
 use crate::sensor::statistics::Renewal;
 
-/// A still pixel's drift stays within this share of a threshold at all instants that are known.
+/// Largest drift of a still pixel at all known instants, in thresholds.
 const STILL: f64 = 0.1;
-/// And with it those around it, so far that nothing passes unseen between two instants, px: at least, and at most.
+/// Smallest and largest radius, px, in which a pixel's neighbours must be still too, so that
+/// nothing passes unnoticed between two instants.
 const AROUND: [f64; 2] = [2.0, 24.0];
-/// Way over the whole clip below which a pixel with a depth is as good as still, px.
+/// Image motion over the whole clip, px, below which a pixel with a depth counts as still.
 const STANDS: f64 = 0.25;
-/// Bins of the common rate; each number is a time scale.
+/// Numbers of bins of the summed rate; each is a time scale.
 const BINS: [usize; 3] = [64, 256, 1024];
 
-/// What still pixels did.
+/// The statistics of still pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stillness {
     /// Number of still pixels.
     pub pixels: u64,
-    /// Their events.
+    /// Number of their events.
     pub events: u64,
-    /// The events that the sensor's noise makes of their brightness in the mean.
+    /// Expected number of events from noise at their brightness.
     pub expected: f64,
-    /// Mean intervals between events that fit into the clip.
+    /// Number of mean intervals between events in the clip.
     pub intervals: f64,
     /// Whether all voltages were 0 at the first frame.
     pub from_zero: bool,
-    /// The largest autocorrelation of their common rate, in standard deviations.
+    /// Largest autocorrelation of their summed rate, in standard deviations.
     pub rhythm: f64,
 }
 
-/// Watches the still pixels of a stream.
+/// Counts the events of still pixels in a stream.
 #[derive(Debug)]
 pub(in crate::check) struct Watch {
     still: Vec<bool>,
@@ -42,7 +43,7 @@ pub(in crate::check) struct Watch {
 }
 
 impl Watch {
-    /// Finds the still pixels; `None` where nothing says which those are.
+    /// Finds the still pixels; `None` if neither frames nor flow determine them.
     pub(in crate::check) fn new(
         size: Size,
         end_us: i64,
@@ -92,8 +93,8 @@ fn floor(law: &DriftLaw, luminance: f64) -> Renewal {
     Renewal { drift: law.drift(0.0, 1.0, luminance), variance: noise * noise, up, down }
 }
 
-/// The pixels whose brightness and that around them is the same at all instants, and that lie in front of nothing that
-/// moves.
+/// The pixels with constant brightness, in their neighbourhood too, at all instants, and with
+/// nothing moving behind them.
 fn still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[FlowAt]) -> Vec<bool> {
     let most = STILL * law.thresholds[0].min(law.thresholds[1]);
     let seconds = end_us as f64 * 1e-6;
@@ -103,7 +104,7 @@ fn still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[Fl
     for flow in flows {
         for (still, [u, v]) in still.iter_mut().zip(flow.px_s.pixels()) {
             let speed = f64::from(u * u + v * v).sqrt();
-            // NaN, where there is no depth, is below.
+            // NaN, which means no depth, counts as still.
             if speed > standing {
                 *still = false;
                 fastest = fastest.max(speed);
@@ -122,13 +123,14 @@ fn still(size: Size, end_us: i64, law: &DriftLaw, anchors: &Anchors, flows: &[Fl
     still
 }
 
-/// Takes away what lies within so many px of what is not still, in the larger of the two axes.
+/// Removes pixels within this distance, px, of pixels that are not still, in the larger of both
+/// axes.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 24")]
 fn erode(still: &mut [bool], size: Size, reach: f64) {
     let (width, height, reach) = (size.width as usize, size.height as usize, reach.ceil() as usize);
     let mut line = |at: &dyn Fn(usize) -> usize, length: usize| {
         let before: Vec<bool> = (0..length).map(|k| still[at(k)]).collect();
-        // Number of moving ones among the first k.
+        // Number of moving pixels among the first k.
         let mut moving = vec![0usize; length + 1];
         for k in 0..length {
             moving[k + 1] = moving[k] + usize::from(!before[k]);
@@ -142,8 +144,9 @@ fn erode(still: &mut [bool], size: Size, reach: f64) {
     (0..width).for_each(|x| line(&|y| y * width + x, height));
 }
 
-/// The largest autocorrelation of counts at any lag from two bins to half of them, in standard deviations of counts without
-/// any. Slow changes are taken out by differences, whose own correlation of -1/2 is that of neighbours alone.
+/// The largest autocorrelation of counts at lags from two bins to half of all bins, in standard
+/// deviations of uncorrelated counts. Slow changes are removed by differences, whose own
+/// correlation of -1/2 concerns neighbours only.
 fn repetition(bins: &[u32]) -> f64 {
     let steps: Vec<f64> = bins.windows(2).map(|w| f64::from(w[1]) - f64::from(w[0])).collect();
     let mean = steps.iter().sum::<f64>() / steps.len() as f64;
@@ -154,7 +157,7 @@ fn repetition(bins: &[u32]) -> f64 {
     }
     let at = |lag: usize| {
         let sum: f64 = steps.iter().zip(&steps[lag..]).map(|(a, b)| a * b).sum();
-        // Bartlett: the variance at large lags is (1 + 2 rho_1^2) / n, with rho_1 = -1/2.
+        // Bartlett's formula: the variance at large lags is (1 + 2 rho_1^2) / n, with rho_1 = -1/2.
         sum / energy / (1.5 / steps.len() as f64).sqrt()
     };
     (2..steps.len() / 2).map(at).fold(0.0, f64::max)
@@ -176,9 +179,9 @@ mod tests {
             repetition(&bins)
         };
         assert!(chance(&|bin, _| bin) < 5.0);
-        // A rate that rises: seven of ten in the later half.
+        // A rising rate: seven of ten events in the later half.
         assert!(chance(&|bin, pick| if pick < 4 { 128 + bin / 2 } else { bin }) < 5.0);
-        // A tenth of the events in step, every 32 bins.
+        // A tenth of the events is in step, every 32 bins.
         assert!(chance(&|bin, pick| if pick == 0 { 32 * (bin % 8) } else { bin }) > 8.0);
     }
 

@@ -1,23 +1,23 @@
-//! A few intervals of a stream at its frames and at twice as many, event by event.
+//! Some intervals of a stream with its frames and with twice as many, event by event.
 
 use crate::event::{Event, Polarity};
 use serde::{Deserialize, Serialize};
 
-/// A few intervals of a stream, and the same at twice the frames.
+/// The comparison of some intervals of a stream with twice the frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Resampled {
     /// Number of intervals.
     pub intervals: usize,
-    /// Events in them, of one row in four.
+    /// Number of events in them, in one row of four.
     pub events: u64,
-    /// Events at twice the frames.
+    /// Number of events with twice the frames.
     pub at_twice: u64,
-    /// Events of the same pixel and polarity in both, paired in order.
+    /// Number of events of the same pixel and polarity in both, paired in order.
     pub paired: u64,
-    /// Median time between the two of a pair, us; `None` where there is none.
+    /// Median time between the two events of a pair, us; `None` without pairs.
     pub shift_us: Option<f64>,
-    /// The error that the recipe allows between frames, thresholds, where it states one.
+    /// The error between frames that the recipe allows, in thresholds, if it states one.
     pub tolerance: Option<f64>,
 }
 
@@ -63,7 +63,8 @@ mod tests {
         let more =
             vec![event(14, 3, On), event(60, 3, On), event(70, 3, On), event(20, 1, On), event(33, 9, On)];
         let found = Resampled::of(4, few, more);
-        // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 is alone. Sorted: 3, 4, 10.
+        // 3 ON: 10 with 14, 50 with 60; 9 ON: 30 with 33; the OFF of 1 has no partner. Sorted: 3,
+        // 4, 10.
         let wanted = Resampled {
             intervals: 4,
             events: 4,

@@ -1,20 +1,20 @@
-//! How events are spread over the pixels.
+//! Distribution of events over the pixels.
 
-/// Standard deviations above the mean, and multiples of what all but one pixel in a thousand have, beyond which a pixel is
-/// hot.
+/// Standard deviations above the mean, and multiples of the count that all but one pixel in a
+/// thousand have, beyond which a pixel is hot.
 const DEVIATIONS: f64 = 5.0;
 const MULTIPLE: f64 = 5.0;
 
-/// Counts of events a pixel.
+/// Statistics of the events per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Busy {
     /// Mean.
     pub mean: f64,
-    /// A pixel with more events than this is hot.
+    /// Number of events above which a pixel is hot.
     pub bound: u32,
     /// Number of hot pixels.
     pub hot: u64,
-    /// Events of the busiest pixel.
+    /// Number of events of the busiest pixel.
     pub most: u32,
 }
 
@@ -26,7 +26,7 @@ impl Busy {
         let mean = counts.iter().map(|n| f64::from(*n)).sum::<f64>() / n;
         let variance =
             counts.iter().map(|n| (f64::from(*n) - mean) * (f64::from(*n) - mean)).sum::<f64>() / n;
-        // All but one in a thousand have at most this; where that is none, one.
+        // The count that all but one in a thousand pixels do not exceed; at least one.
         let at = counts.len() - 1 - counts.len() / 1000;
         let (_, usual, _) = counts.select_nth_unstable(at);
         let usual = f64::from((*usual).max(1));

@@ -1,10 +1,11 @@
-//! How often events of one window share a cell of the sensor.
+//! Pairs of events of one window that share a cell of the sensor.
 
 use crate::image::Size;
 
-/// Windows that a stream is cut into: short ones, in which an edge moves by little.
+/// Number of windows of a stream. They are short, so that an edge moves little within one.
 const WINDOWS: i64 = 100;
-/// Pixels along the side of a cell. A pixel seldom fires twice in a short window; the pixels along an edge all do.
+/// Side of a cell, px. A pixel seldom fires twice in a short window; the pixels along an edge all
+/// fire.
 const CELL: u32 = 4;
 
 /// Sums over the windows.
@@ -12,21 +13,23 @@ const CELL: u32 = 4;
 pub struct Crowding {
     /// Ordered pairs of events that share window and cell.
     pub pairs: f64,
-    /// How many there were in the mean if each event lay anywhere: `N (N - 1) / cells`.
+    /// Expected number of such pairs for uniformly distributed events: `N (N - 1) / cells`.
     pub anywhere: f64,
-    /// Variance of the pairs if each event lay anywhere: `2 N (N - 1) / cells`, that of `N^2 / 2` pairs of which each
-    /// shares a cell with probability `1 / cells` and counts twice.
+    /// Variance of the pairs for uniformly distributed events: `2 N (N - 1) / cells`, that of
+    /// `N^2 / 2` pairs that share a cell with probability `1 / cells` and count twice.
     pub variance: f64,
 }
 
 impl Crowding {
-    /// The event structural ratio over that of a stream without structure; NaN without events.
+    /// The event structural ratio relative to that of a stream without structure; NaN without
+    /// events.
     #[must_use]
     pub fn ratio(&self) -> f64 {
         (self.pairs / self.anywhere).sqrt()
     }
 
-    /// Standard deviation of [`Crowding::ratio`] for a stream without structure: half of that of its square.
+    /// Standard deviation of [`Crowding::ratio`] for a stream without structure: half of that of
+    /// its square.
     #[must_use]
     pub fn noise(&self) -> f64 {
         0.5 * self.variance.sqrt() / self.anywhere
@@ -104,7 +107,7 @@ mod tests {
         let z = (found.ratio() - 1.0) / found.noise();
         println!("ratio {:.4}, z {z:.2}", found.ratio());
         assert!(z.abs() < 4.5);
-        // On the upper half pairs are twice as many.
+        // On the upper half, there are twice as many pairs.
         let half = crowding(anywhere.iter().map(|pixel| pixel / 2));
         assert!((half.ratio() - 2f64.sqrt()).abs() < 6.0 * found.noise() * 2f64.sqrt(), "{}", half.ratio());
     }

@@ -1,20 +1,21 @@
-//! The two `FlatBuffers`: a size, the offset of a table, an identifier, the table; a table begins with the way back to
-//! the list of where its fields are.
+//! The two `FlatBuffers`: a size, the offset of a table, an identifier, and the table. A table
+//! begins with the offset of its list of fields.
 
 use super::{EVENT, EVENTS, HEADER};
 use crate::event::Event;
 
-/// Bytes before the events of a packet.
+/// Number of bytes before the events of a packet.
 const BEFORE_EVENTS: usize = 32;
 
-/// A header of LZ4 frames that says nothing of where packets lie. Numbers of 8 bytes lie at multiples of 8.
+/// A header for LZ4 frames without a table of packets. Numbers of 8 bytes are at multiples of 8.
 pub(super) fn header(info: &str) -> Vec<u8> {
     const LZ4: i32 = 1;
     const NO_TABLE: i64 = -1;
     let mut bytes = Vec::new();
     bytes.extend(20_u32.to_le_bytes()); // the table
     bytes.extend(HEADER);
-    // list of fields: its bytes, the table's, then where each of the three is
+    // The list of fields: its size, the size of the table, then the offset of each of the three
+    // fields.
     bytes.extend([10_u16, 20, 4, 8, 16, 0].map(u16::to_le_bytes).concat());
     bytes.extend(12_i32.to_le_bytes()); // back to the list
     bytes.extend(LZ4.to_le_bytes());
@@ -53,7 +54,7 @@ fn sized(bytes: Vec<u8>) -> Vec<u8> {
     [length(bytes.len()).to_le_bytes().to_vec(), bytes].concat()
 }
 
-/// A table of a buffer that is read.
+/// A table of a buffer.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Table<'a> {
     bytes: &'a [u8],
@@ -61,7 +62,7 @@ pub(super) struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// The root of a buffer without its size, if it carries this identifier.
+    /// The root table of a buffer without its size, if the buffer has this identifier.
     pub(super) fn root(bytes: &'a [u8], identifier: &[u8; 4]) -> Option<Self> {
         if bytes.get(4..8)? != identifier {
             return None;
@@ -69,7 +70,7 @@ impl<'a> Table<'a> {
         Some(Self { bytes, at: u32_at(bytes, 0)? })
     }
 
-    /// Where field `k` lies; `None` where it is absent and has its default.
+    /// Place of field `k`; `None` if it is absent and has its default.
     fn field(&self, k: usize) -> Option<usize> {
         let back = i32::from_le_bytes(array(self.bytes, self.at)?);
         let list = usize::try_from(i64::try_from(self.at).ok()? - i64::from(back)).ok()?;
@@ -89,7 +90,7 @@ impl<'a> Table<'a> {
         self.field(k).and_then(|at| Some(i64::from_le_bytes(array(self.bytes, at)?)))
     }
 
-    /// The elements, of so many bytes each, of a text or a vector.
+    /// The elements, of this size in bytes, of a text or a vector.
     pub(super) fn elements(&self, k: usize, bytes_each: usize) -> Option<&'a [u8]> {
         let field = self.field(k)?;
         let at = field.checked_add(u32_at(self.bytes, field)?)?;

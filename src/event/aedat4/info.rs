@@ -1,4 +1,4 @@
-//! What the header says of its streams, as XML.
+//! The description of streams in the header, as XML.
 
 use crate::image::Size;
 use roxmltree::{Document, Node};
@@ -35,7 +35,7 @@ pub(super) fn write(size: Size) -> String {
     )
 }
 
-/// The first stream of events; an error says what is missing.
+/// The first stream of events. The error says what is missing.
 pub(super) fn read(text: &str) -> Result<Stream, String> {
     let document = Document::parse(text).map_err(|e| format!("its description is no XML: {e}"))?;
     let streams = document.descendants().filter(|node| attribute(*node, "typeIdentifier") == Some("EVTS"));
@@ -51,7 +51,7 @@ fn number(node: Node<'_, '_>) -> Option<i32> {
     node.attribute("name")?.parse().ok()
 }
 
-/// The value of one of a node's own attributes, which are children of it.
+/// The value of one of a node's own attributes, which are its children.
 fn attribute<'a>(node: Node<'a, '_>, key: &str) -> Option<&'a str> {
     let is_it = |child: &Node<'_, '_>| child.has_tag_name("attr") && child.attribute("key") == Some(key);
     node.children().find(is_it)?.text()

@@ -9,25 +9,25 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// Headers and packets above this, once inflated, are of something else.
+/// Maximum size of a header or packet after decompression.
 const MOST_BYTES: u64 = 1 << 30;
 
-/// Reads the first stream of events of a file. Whether they are sorted is for others to judge.
+/// Reads the first stream of events of a file. Its order is not checked.
 #[derive(Debug)]
 pub struct Reader {
     file: BufReader<File>,
     compression: Compression,
     stream: Stream,
-    /// Bytes before the next packet.
+    /// Offset of the next packet.
     offset: u64,
-    /// Where packets end, if the file says it.
+    /// End of the packets, if the file states it.
     end: u64,
 }
 
 impl Reader {
     /// Opens a file and reads its header.
     ///
-    /// # Errors
+    /// The file is of another version, or its header names no stream of events or no sensor size.
     /// When it is of another version, or its header names no stream of events or no sensor's size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         let mut file = BufReader::new(File::open(path)?);
@@ -53,13 +53,13 @@ impl Reader {
         Ok(Self { file, compression, stream, offset: at + 4 + length, end })
     }
 
-    /// What the file says beside the events.
+    /// The properties that the file states.
     #[must_use]
     pub fn header(&self) -> Header {
         Header { size: self.stream.size, law: None, labelled: false }
     }
 
-    /// The next packet's stream and content; `None` after the last.
+    /// The stream and the content of the next packet; `None` after the last.
     fn packet(&mut self) -> Result<Option<(i32, Vec<u8>)>, EventFileError> {
         let mut head = Vec::new();
         if self.offset < self.end {
@@ -78,12 +78,12 @@ impl Reader {
         Ok(Some((stream, bytes)))
     }
 
-    /// The events of a packet that begins at `at`.
+    /// The events of a packet at offset `at`.
     fn events(&self, packet: &[u8], at: u64, out: &mut Vec<Event>) -> Result<(), EventFileError> {
         let inflated = self.inflate(packet).map_err(|e| wrong(at, &format!("the packet: {e}")))?;
         let table = inflated.get(4..).and_then(|bytes| Table::root(bytes, EVENTS));
         let table = table.ok_or_else(|| wrong(at, "the packet holds no events"))?;
-        // A packet without its one field is one of no events.
+        // A packet without its field has no events.
         for bytes in table.elements(0, EVENT).unwrap_or_default().chunks_exact(EVENT) {
             let event = self.event(bytes).map_err(|because| wrong(at, &because))?;
             out.push(event);
@@ -136,7 +136,7 @@ impl EventSource for Reader {
     }
 }
 
-/// So many bytes, or `None` where the file ends before.
+/// This many bytes, or `None` if the file ends before.
 fn exactly(file: &mut impl Read, length: u64) -> std::io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     file.by_ref().take(length).read_to_end(&mut bytes)?;

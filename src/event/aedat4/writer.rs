@@ -9,13 +9,14 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
 
-/// Events of a packet.
+/// Number of events in a packet.
 const PACKET: usize = 8192;
 
-/// The number of the one stream.
+/// The index of the stream.
 const STREAM: i32 = 0;
 
-/// Writes one stream, in memory that does not grow with it. The bytes do not depend on how it is cut into chunks.
+/// Writes one stream in constant memory. The bytes do not depend on how the stream is divided into
+/// chunks.
 #[derive(Debug)]
 pub struct Writer {
     file: BufWriter<File>,
@@ -24,10 +25,10 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins a file of a stream from a sensor of this size.
+    /// Creates a file for a stream from a sensor of this size.
     ///
     /// # Errors
-    /// When the sensor has more than 32,768 columns or rows, or the file cannot be created.
+    /// The sensor has more than 32,768 columns or rows, or the file cannot be created.
     pub fn create(path: &Path, size: Size) -> Result<Self, EventFileError> {
         if size.width > EDGE || size.height > EDGE {
             let because = format!("a sensor of {size}, and AEDAT 4 has at most {EDGE} columns and rows");
@@ -39,10 +40,10 @@ impl Writer {
         Ok(Self { file, order: Order::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
     }
 
-    /// Ends the file and returns the number of events.
+    /// Completes the file, and returns the number of events.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// Writing fails.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
         self.packet()?;
         self.file.flush()?;

@@ -1,5 +1,5 @@
-//! EVT 2.0: bits 31..28 are the kind of a word. An event has 6 bits of time, 11 of x and 11 of y; a word of time has the
-//! 28 bits above.
+//! EVT 2.0: bits 31..28 are the kind of a word. An event has 6 bits of time, 11 of x and 11 of y; a
+//! time word has the 28 higher bits of the time.
 
 use super::reader::{Decoder, Found};
 use crate::event::{Event, Polarity};
@@ -9,13 +9,13 @@ const TRIGGER: u32 = 0xa;
 const OTHERS: u32 = 0xe;
 const CONTINUED: u32 = 0xf;
 
-/// Bits of a time in an event.
+/// Number of time bits in an event.
 const LOW: u32 = 6;
 
-/// Times have 34 bits: 4.8 hours.
+/// Number of time bits in total, 34: 4.8 hours.
 pub(super) const END_US: i64 = 1 << 34;
 
-/// Turns events into words.
+/// Encodes events as words.
 #[derive(Debug, Default)]
 pub(super) struct Encoder {
     high: Option<u32>,
@@ -35,12 +35,12 @@ impl Encoder {
     }
 }
 
-/// Turns words into events.
+/// Decodes words into events.
 #[derive(Debug, Default)]
 pub(super) struct State {
-    /// The part of the time that words of time carry; `None` before the first.
+    /// The part of the time from time words; `None` before the first.
     high: Option<u32>,
-    /// Times began anew this often.
+    /// Number of overflows of the time.
     turns: i64,
 }
 
@@ -63,7 +63,7 @@ impl Decoder for State {
             }
             TIME_HIGH => {
                 let high = word & 0x0fff_ffff;
-                // Far back is no disorder but the counter's end.
+                // A large step backwards is an overflow of the counter, not disorder.
                 self.turns += i64::from(self.high.is_some_and(|last| last > high && last - high > 1 << 27));
                 self.high = Some(high);
                 Ok(())

@@ -1,5 +1,6 @@
-//! EVT 3.0: bits 15..12 are the kind of a word, the others its value. Time has 12 + 12 bits and begins anew every 16.8
-//! seconds; row and time hold until they are replaced; a run of pixels is a base and masks of 12 or 8 pixels.
+//! EVT 3.0: bits 15..12 are the kind of a word, the others its value. Time has 12 + 12 bits and
+//! overflows every 16.8 seconds. Row and time hold until they are replaced. A run of pixels is a
+//! base and masks of 12 or 8 pixels.
 
 use super::reader::{Decoder, Found};
 use crate::event::{Event, Polarity};
@@ -16,18 +17,18 @@ const TRIGGER: u16 = 0xa;
 const OTHERS: u16 = 0xe;
 const CONTINUED_12: u16 = 0xf;
 
-/// Bits of either part of a time.
+/// Number of bits of each part of a time.
 const PART: u32 = 12;
 /// Largest value of a word.
 const VALUE: u16 = (1 << PART) - 1;
 
-/// Fewest events that a base and a mask are shorter for.
+/// Minimum number of events for which a base and a mask are shorter.
 const WORTH_A_MASK: usize = 3;
 
-/// Turns events into words. Events of one time, row and polarity wait for one another.
+/// Encodes events as words. Events of one time, row and polarity are collected.
 #[derive(Debug, Default)]
 pub(super) struct Encoder {
-    /// Time over 2^12, unbounded; `None` before the first.
+    /// Time divided by 2^12, without overflow; `None` before the first.
     high: Option<i64>,
     low: Option<u16>,
     row: Option<u16>,
@@ -47,7 +48,7 @@ impl Encoder {
         self.waiting.push(*event);
     }
 
-    /// Writes those that wait.
+    /// Writes the collected events.
     pub(super) fn flush(&mut self, out: &mut Vec<u8>) {
         let Some(&first) = self.waiting.first() else { return };
         self.time(first.t.floor_micros(), out);
@@ -67,7 +68,7 @@ impl Encoder {
             }
             word(BASE_X, x | polarity, out);
             let (mut base, mut mask, mut taken) = (x, mask, taken);
-            // The base moves on by itself: each further mask costs no more than one event would.
+            // The base advances by itself: each further mask costs no more than one event.
             while taken > 0 {
                 word(MASK_12, mask, out);
                 rest = &rest[taken..];
@@ -80,7 +81,8 @@ impl Encoder {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "masked to 12 bits")]
     fn time(&mut self, t_us: i64, out: &mut Vec<u8>) {
         let (high, low) = (t_us >> PART, (t_us as u16) & VALUE);
-        // A reader sees that time began anew by a step down; steps of a quarter leave no doubt how often.
+        // Readers recognise an overflow by a backward step. Steps of at most a quarter leave no
+        // doubt about their number.
         let quarter = 1 << (PART - 2);
         let mut at = self.high.unwrap_or(0);
         while high - at > quarter {
@@ -98,7 +100,8 @@ impl Encoder {
     }
 }
 
-/// The mask of the leading columns within 12 of `base`, and how many they are; a column that is there twice ends it.
+/// The mask of the leading columns within 12 of `base`, and their number. A repeated column ends
+/// it.
 fn window(columns: &[u16], base: u16) -> (u16, usize) {
     let mut mask = 0;
     let mut taken = 0;
@@ -113,7 +116,7 @@ fn window(columns: &[u16], base: u16) -> (u16, usize) {
     (mask, taken)
 }
 
-/// Turns words into events.
+/// Decodes words into events.
 #[derive(Debug, Default)]
 pub(super) struct State {
     high: Option<u16>,
@@ -125,7 +128,7 @@ pub(super) struct State {
 }
 
 impl State {
-    /// An event in the row and at the time that hold.
+    /// An event in the present row and at the present time.
     fn event(&self, x: u16, on: bool, found: &mut Found<'_>) -> Result<(), String> {
         let (Some(high), Some(y)) = (self.high, self.row) else {
             found.untimed += 1;
@@ -159,7 +162,7 @@ impl Decoder for State {
             MASK_8 => return self.run(value & 0xff, 8, found),
             TIME_LOW => self.low = value,
             TIME_HIGH => {
-                // Far back is no disorder but the counter's end.
+                // A large step backwards is an overflow of the counter, not disorder.
                 self.turns += i64::from(self.high.is_some_and(|last| last > value && last - value > 1 << 11));
                 if self.high != Some(value) {
                     (self.high, self.low) = (Some(value), 0);

@@ -1,11 +1,11 @@
-//! The lines before the words.
+//! The header lines before the words.
 
 use super::{EDGE, Version};
 use crate::event::EventFileError;
 use crate::image::Size;
 use std::io::{BufRead, Read as _, Write};
 
-/// Longer headers are of something else.
+/// Maximum length of a header, bytes.
 const MOST_BYTES: u64 = 1 << 16;
 
 /// Writes the header of a stream from a sensor of this size.
@@ -22,7 +22,7 @@ pub(super) fn write(out: &mut impl Write, version: Version, size: Size) -> std::
     )
 }
 
-/// Reads the header, and how many bytes it takes.
+/// Reads the header, and returns its length as well.
 pub(super) fn read(input: &mut impl BufRead) -> Result<(Version, Size, u64), EventFileError> {
     let (mut version, mut size) = (None, None);
     let mut bytes = 0;

@@ -8,16 +8,16 @@ use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::Path;
 
-/// Bytes that are read at a time.
+/// Number of bytes read at a time.
 const BLOCK: usize = 1 << 18;
 
-/// Reads one stream. Whether the events are sorted is for others to judge.
+/// Reads one stream. Its order is not checked.
 #[derive(Debug)]
 pub struct Reader {
     file: BufReader<File>,
     header: Header,
     state: State,
-    /// Bytes before the next word.
+    /// Offset of the next word.
     offset: u64,
     untimed: u64,
 }
@@ -28,25 +28,25 @@ enum State {
     Evt3(evt3::State),
 }
 
-/// Turns words into events.
+/// Decodes words into events.
 pub(super) trait Decoder {
-    /// Of a word.
+    /// Size of a word, bytes.
     const BYTES: usize;
 
-    /// The next word; an error says what is wrong with it.
+    /// Takes the next word. The error says what is wrong with it.
     fn take(&mut self, word: &[u8], found: &mut Found<'_>) -> Result<(), String>;
 }
 
-/// What words have come to.
+/// The decoded events.
 pub(super) struct Found<'a> {
     events: &'a mut Vec<Event>,
     size: Size,
-    /// Events before the first full time or row.
+    /// Number of events before the first complete time or row.
     pub(super) untimed: u64,
 }
 
 impl Found<'_> {
-    /// An event, if it lies on the sensor and in time.
+    /// Adds an event if it is on the sensor and in the range of times.
     pub(super) fn push(&mut self, t_us: i64, [x, y]: [u16; 2], polarity: Polarity) -> Result<(), String> {
         if u32::from(x) >= self.size.width || u32::from(y) >= self.size.height {
             return Err(format!("pixel ({x}, {y}) lies outside the sensor of {}", self.size));
@@ -63,7 +63,7 @@ impl Reader {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// When the header does not name one of the two formats and the sensor's size.
+    /// The header does not name one of the two formats and the sensor size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         let mut file = BufReader::with_capacity(BLOCK, File::open(path)?);
         let (version, size, offset) = header::read(&mut file)?;
@@ -74,7 +74,7 @@ impl Reader {
         Ok(Self { file, header: Header { size, law: None, labelled: false }, state, offset, untimed: 0 })
     }
 
-    /// What the file says beside the events.
+    /// The properties that the file states.
     #[must_use]
     pub fn header(&self) -> Header {
         self.header

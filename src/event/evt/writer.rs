@@ -8,7 +8,8 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
 
-/// Writes one stream, in memory that does not grow with it. The bytes do not depend on how it is cut into chunks.
+/// Writes one stream in constant memory. The bytes do not depend on how the stream is divided into
+/// chunks.
 #[derive(Debug)]
 pub struct Writer {
     file: BufWriter<File>,
@@ -24,10 +25,10 @@ enum Encoder {
 }
 
 impl Writer {
-    /// Begins a file of a stream from a sensor of this size.
+    /// Creates a file for a stream from a sensor of this size.
     ///
     /// # Errors
-    /// When the sensor has more than 2,048 columns or rows, or the file cannot be created.
+    /// The sensor has more than 2,048 columns or rows, or the file cannot be created.
     pub fn create(path: &Path, version: Version, size: Size) -> Result<Self, EventFileError> {
         if size.width > EDGE || size.height > EDGE {
             let because = format!("a sensor of {size}, and EVT has at most {EDGE} columns and rows");
@@ -42,10 +43,10 @@ impl Writer {
         Ok(Self { file, order: Order::new(size, end_us), encoder, words: Vec::new() })
     }
 
-    /// Ends the file and returns the number of events.
+    /// Completes the file, and returns the number of events.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// Writing fails.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
         if let Encoder::Evt3(encoder) = &mut self.encoder {
             encoder.flush(&mut self.words);

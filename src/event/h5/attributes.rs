@@ -1,7 +1,8 @@
-//! Numeric attributes of the root group, which rust-hdf5 0.7 writes but has no call to read.
+//! Numeric attributes of the root group, which rust-hdf5 0.7 can write but not read.
 //!
-//! Only files of the oldest layout are understood (superblock 0 or 1, version 1 object headers), as [`super::Writer`],
-//! h5py and the C library write them by default; of others no attribute is found.
+//! Only files of the oldest layout are supported (superblock 0 or 1, version 1 object headers), as
+//! [`super::Writer`], h5py and the C library write them by default. In others, no attribute is
+//! found.
 
 use crate::event::EventFileError;
 use rust_hdf5::H5Type;
@@ -14,7 +15,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Most bytes read of one block of an object header, and most blocks.
+/// Maximum number of bytes in one block of an object header, and maximum number of blocks.
 const MOST: u64 = 1 << 20;
 
 /// The attributes of a file's root.
@@ -60,7 +61,7 @@ impl Attributes {
         Ok(Self(found))
     }
 
-    /// The value of a scalar attribute; `None` when it is absent or of another type.
+    /// The value of a scalar attribute; `None` if it is absent or of another type.
     pub(super) fn value<T: H5Type + FromBytes>(&self, name: &str) -> Option<T> {
         let attribute = self.0.iter().find(|a| a.name == name && a.datatype == T::hdf5_type())?;
         T::from_bytes(&attribute.data)
@@ -84,7 +85,7 @@ impl FromBytes for f64 {
     }
 }
 
-/// The messages of a continuation block, given as a version 1 header of its own.
+/// The messages of a continuation block, in the form of a version 1 header.
 fn continued(
     file: &mut File,
     message: &[u8],

@@ -1,8 +1,8 @@
-//! How the elements of a chunk are stored.
+//! Filters of chunks.
 //!
-//! Every filter but none is a shuffle (all first bytes of the elements, all second bytes, …) and then a compressor. Deflate
-//! is in every HDF5 library; zstd (registered filter 32015) and LZ4 (32004) need the plug-ins that Python's `hdf5plugin`
-//! and Debian's `hdf5-plugin-*` bring.
+//! Every filter except `none` is a shuffle (all first bytes of the elements, all second bytes, …)
+//! followed by a compressor. Every HDF5 library has deflate. Zstandard (registered filter 32015)
+//! and LZ4 (32004) need the plug-ins in Python's `hdf5plugin` and Debian's `hdf5-plugin-*`.
 
 use super::CHUNK;
 use flate2::{Compress, Compression, FlushCompress, Status};
@@ -13,13 +13,13 @@ use std::fmt;
 use std::io;
 use std::str::FromStr;
 
-/// Bytes of a block of LZ4: the filter's own default, beyond which no chunk of ours reaches.
+/// Block size of LZ4, bytes: the filter's default, which no chunk here exceeds.
 const LZ4_BLOCK: u32 = 1 << 30;
 
-/// What chunks pass through on their way to the file.
+/// The filter of a file's chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Filter {
-    /// Nothing: bytes as they are.
+    /// None: plain bytes.
     None,
     /// Deflate of this level, 0 to 9.
     Gzip(u32),
@@ -47,7 +47,7 @@ impl fmt::Display for Filter {
     }
 }
 
-/// Why a text is no [`Filter`].
+/// The reason why a text is not a [`Filter`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is none of gzip[:0-9], zstd[:1-19], lz4, none")]
 pub struct FilterError(String);
@@ -74,7 +74,7 @@ impl FromStr for Filter {
 }
 
 impl Filter {
-    /// What the file says of it, of elements of `width` bytes; `None` where there is nothing to say.
+    /// The filter's parameters in the file, for elements of `width` bytes; `None` without a filter.
     pub(super) fn pipeline(self, width: usize) -> Option<FilterPipeline> {
         let stage = |id, cd_values| Stage { id, flags: FLAG_OPTIONAL, cd_values };
         let compressor = match self {
@@ -87,8 +87,8 @@ impl Filter {
         Some(FilterPipeline { filters: vec![stage(FILTER_SHUFFLE, vec![width]), compressor] })
     }
 
-    /// The stored form of a chunk of little-endian elements of `width` bytes, padded with zeros to a whole chunk, as the
-    /// format wants it.
+    /// The stored form of a chunk of little-endian elements of `width` bytes, padded with zeros to
+    /// a whole chunk, as the format requires.
     pub(super) fn apply(self, bytes: &[u8], width: usize) -> io::Result<Vec<u8>> {
         match self {
             Self::None => {
@@ -117,7 +117,7 @@ fn shuffled(bytes: &[u8], width: usize) -> Vec<u8> {
 }
 
 fn deflated(bytes: &[u8], level: u32) -> Vec<u8> {
-    // A stored block of zlib adds 5 bytes to each 16 KiB or more, and 6 around the stream.
+    // A stored block of zlib adds 5 bytes per 16 KiB or more, and 6 bytes per stream.
     let mut out = Vec::with_capacity(bytes.len() + bytes.len() / 1024 + 64);
     let status =
         Compress::new(Compression::new(level), true).compress_vec(bytes, &mut out, FlushCompress::Finish);
@@ -125,8 +125,8 @@ fn deflated(bytes: &[u8], level: u32) -> Vec<u8> {
     out
 }
 
-/// One block, as the registered filter lays it out: length of the whole, length of a block, length of the stored block,
-/// big endian, and the block, which is stored as it is where it would not shrink.
+/// One block in the layout of the registered filter: total length, block length, stored length (big
+/// endian), and the block, which is stored plain if it does not shrink.
 fn lz4(bytes: &[u8]) -> Vec<u8> {
     let len = u32::try_from(bytes.len()).expect("a chunk is small");
     let packed = lz4_flex::block::compress(bytes);

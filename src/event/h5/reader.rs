@@ -10,16 +10,17 @@ use rust_hdf5::{H5Dataset, H5File, H5Type};
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
 
-/// More elements of a dataset for each byte of the file than zlib can compress into it (its ratio is below 1,032).
+/// Maximum number of elements per byte of the file: zlib's ratio is below 1,032.
 const MOST_PER_BYTE: u64 = 1_040;
 
-/// Most elements read at once, and most of a chunk: the library allocates a whole chunk on the file's word.
+/// Maximum number of elements read at once, and in a chunk: the library allocates a whole chunk.
 const MOST_AT_ONCE: usize = 1 << 20;
 
 /// Reads one stream.
 ///
-/// It judges what makes bytes an event stream: the datasets, their types and lengths, polarities and labels of 0 and 1.
-/// Whether the events are sorted and on the sensor is for checks to judge, which measure it.
+/// It checks that the bytes are an event stream: the datasets, their types and lengths, and
+/// polarities and labels of 0 and 1. The checks measure whether the events are sorted and on the
+/// sensor.
 pub struct Reader {
     header: Option<Header>,
     offset_us: i64,
@@ -43,14 +44,14 @@ impl std::fmt::Debug for Reader {
     }
 }
 
-/// Entries of an index up to the last time that 32 bits hold, and one past it.
+/// Number of entries of an index up to the last time that 32 bits can hold, plus one.
 const MOST_ENTRIES: usize = u32::MAX as usize / 1000 + 2;
 
 impl Reader {
-    /// Opens a file and reads what it says about the stream.
+    /// Opens a file and reads the properties of the stream.
     ///
     /// # Errors
-    /// When it is no HDF5 file, a dataset is missing or of another type, or their lengths differ.
+    /// It is not an HDF5 file, a dataset is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         guarded(|| Self::open_unguarded(path))
     }
@@ -81,19 +82,20 @@ impl Reader {
         Ok(reader)
     }
 
-    /// What the file says about its stream; `None` in a file without `width` and `height`, as DSEC's own are.
+    /// The properties of the stream; `None` for a file without `width` and `height`, such as DSEC's
+    /// own.
     #[must_use]
     pub fn header(&self) -> Option<Header> {
         self.header
     }
 
-    /// What the times of the file count from; those of the events that are given have it added.
+    /// Origin of the times in the file. It is added to the times of returned events.
     #[must_use]
     pub fn offset_us(&self) -> i64 {
         self.offset_us
     }
 
-    /// Whether the events are labelled as signal or noise.
+    /// Whether the events are labelled.
     #[must_use]
     pub fn labelled(&self) -> bool {
         self.labels.is_some()
@@ -105,17 +107,17 @@ impl Reader {
         self.count as u64
     }
 
-    /// `ms_to_idx`: entry `k` is the number of the first event with `t >= 1000 k` of the file's own times. What it says is
-    /// not held against the times, see [`Reader::verify_index`].
+    /// `ms_to_idx`: entry `k` is the index of the first event with `t >= 1000 k` in the file's own
+    /// times. It is not compared with the times here; see [`Reader::verify_index`].
     ///
     /// # Errors
-    /// When it has more entries than times of 32 bits have milliseconds, or cannot be read.
+    /// It has more entries than 32-bit times have milliseconds, or cannot be read.
     pub fn index(&self) -> Result<Vec<u64>, EventFileError> {
         let entries = self.entries()?;
         if entries == 0 { Ok(Vec::new()) } else { read(&self.ms_to_idx, MS_TO_IDX, 0, entries) }
     }
 
-    /// Has the next chunk be the one that holds event `number`, or nothing where there are fewer.
+    /// Makes the next chunk the one with event `number`; the end if there are fewer events.
     pub fn seek(&mut self, number: u64) {
         let number = usize::try_from(number).map_or(self.count, |number| number.min(self.count));
         self.next = if number == self.count { number } else { number - number % self.step };
@@ -132,10 +134,10 @@ impl Reader {
         Ok(entries)
     }
 
-    /// Holds `ms_to_idx` against its definition, in a pass over the times alone.
+    /// Compares `ms_to_idx` with its definition, in one pass over the times.
     ///
     /// # Errors
-    /// At the first entry that is wrong, or when the times are not sorted, so that no index can be right.
+    /// The first wrong entry; or the times are not sorted, so that no index is right.
     pub fn verify_index(&self) -> Result<(), EventFileError> {
         let entries = self.entries()?;
         let mut stored = Stored { dataset: &self.ms_to_idx, len: entries, at: 0, held: Vec::new() };
@@ -191,7 +193,7 @@ impl EventSource for Reader {
     }
 }
 
-/// The stored `ms_to_idx`, walked once.
+/// The stored `ms_to_idx`, read once.
 struct Stored<'a> {
     dataset: &'a H5Dataset,
     len: usize,
@@ -200,7 +202,7 @@ struct Stored<'a> {
 }
 
 impl Stored<'_> {
-    /// The next `entries` entries equal `value`.
+    /// Requires that the next `entries` entries equal `value`.
     fn expect(&mut self, value: u64, entries: u64) -> Result<(), EventFileError> {
         for _ in 0..entries {
             let found = self.next()?;
@@ -230,7 +232,7 @@ fn wrong(dataset: &'static str, index: u64, found: impl Into<i128>, wanted: Stri
     EventFileError::Value { dataset, index, found: found.into(), wanted }
 }
 
-/// A one-dimensional dataset of `T`, and its length.
+/// A one-dimensional dataset of `T`, with its length.
 fn column<T: H5Type>(file: &H5File, name: &'static str) -> Result<(H5Dataset, usize), EventFileError> {
     let refusal = |because| EventFileError::Dataset { dataset: name, because };
     let dataset = file.dataset(name).map_err(|e| refusal(e.to_string()))?;
@@ -276,8 +278,8 @@ fn read<T: H5Type>(
     })
 }
 
-/// Runs what reads with rust-hdf5, of which 0.7.9 panics on some damaged files (a datatype whose size overflows): in
-/// a file from a stranger that is one fault more, not a crash.
+/// Runs code of rust-hdf5. Version 0.7.9 panics on some damaged files (a datatype with an
+/// overflowing size); such a panic becomes an error.
 fn guarded<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
     std::panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
         Err(EventFileError::Container(

@@ -8,13 +8,15 @@ use rayon::prelude::*;
 use rust_hdf5::{H5Dataset, H5File, H5Group, H5Type, LibverBound};
 use std::path::{Path, PathBuf};
 
-/// Chunks that are filtered together: enough to occupy the cores, few enough to be small in memory (17 MB of events).
+/// Number of chunks that are filtered together: enough for all cores, and small in memory (17 MB of
+/// events).
 const BATCH: usize = 16;
 
-/// Writes one stream, in memory that does not grow with it (but for the index of chunks, some 40 bytes for each
-/// 65,536 events).
+/// Writes one stream in constant memory, except for the index of chunks with some 40 bytes per
+/// 65,536 events.
 ///
-/// A writer that is dropped before [`Writer::finish`] removes its file, so that nothing half-written looks whole.
+/// A writer that is dropped before [`Writer::finish`] removes its file, so that no partial file
+/// looks complete.
 pub struct Writer {
     path: PathBuf,
     file: Option<H5File>,
@@ -37,15 +39,16 @@ impl Writer {
     /// Creates the file, or replaces it.
     ///
     /// # Errors
-    /// When the file cannot be created.
+    /// The file cannot be created.
     pub fn create(path: &Path, header: &Header) -> Result<Self, EventFileError> {
         Self::create_as(path, header, Options::default())
     }
 
-    /// The same with chunks and times as `options` say; the events' own times count from `options.t_offset_us`.
+    /// Creates a file with these chunks and times. The times of events count from
+    /// `options.t_offset_us`.
     ///
     /// # Errors
-    /// When the file cannot be created.
+    /// The file cannot be created.
     pub fn create_as(path: &Path, header: &Header, options: Options) -> Result<Self, EventFileError> {
         let Options { filter, t_offset_us } = options;
         let file = H5File::options().no_locking().libver(LibverBound::Earliest).create(path)?;
@@ -75,11 +78,11 @@ impl Writer {
         })
     }
 
-    /// Completes the file of a stream whose last frame has this stamp, and returns the number of events. The bytes are
-    /// handed to the operating system; to make them durable is for whoever publishes the file.
+    /// Completes the file of a stream with this last stamp, and returns the number of events. The
+    /// bytes are passed to the operating system; the caller syncs them if necessary.
     ///
     /// # Errors
-    /// When the stamp is outside `0..2^32`, or the rest cannot be written.
+    /// The stamp is outside `0..2^32`, or writing fails.
     pub fn finish(mut self, last_stamp_us: i64) -> Result<u64, EventFileError> {
         let count = self.order.count();
         let end_us = last_stamp_us.max(self.order.last_us().unwrap_or(0));
@@ -124,7 +127,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes the first `count` of the held events, a whole number of chunks but at the end of the stream.
+    /// Writes the first `count` of the held events: whole chunks, except at the end of the stream.
     fn store_chunks(&mut self, count: usize) -> Result<(), EventFileError> {
         let filter = self.filter;
         for batch in self.held[..count].chunks(BATCH * CHUNK) {
@@ -164,13 +167,13 @@ impl EventSink for Writer {
 impl Drop for Writer {
     fn drop(&mut self) {
         if self.file.is_some() {
-            // A failed removal leaves the file to whoever handles the failure that dropped this writer.
+            // If the removal fails, the file is left to the code that handles the original failure.
             let _ = std::fs::remove_file(&self.path);
         }
     }
 }
 
-/// Microseconds as the file holds them.
+/// The microseconds as stored in the file.
 fn micros(event: &Event) -> u32 {
     u32::try_from(event.t.floor_micros()).expect("the order admits 0 <= t < 2^32 us only")
 }
@@ -186,13 +189,13 @@ fn write_attributes(file: &H5File, header: &Header) -> Result<(), EventFileError
     Ok(())
 }
 
-/// Appends an event's element, little endian, to the bytes of a column.
+/// Appends an event's element to the bytes of a column, little endian.
 type Encode = fn(&Event, &mut Vec<u8>);
 
-/// One growing dataset.
+/// A dataset that grows.
 struct Column {
     dataset: H5Dataset,
-    /// Its chunks are stored as they are.
+    /// Whether its chunks are stored without a filter.
     plain: bool,
     width: usize,
     encode: Encode,
@@ -215,7 +218,7 @@ impl Column {
         Ok(Self { dataset: dataset.create(name)?, plain: filter == Filter::None, width, encode, len: 0 })
     }
 
-    /// Stores the next chunk, filtered already, of `count` elements: `CHUNK` but for the last.
+    /// Stores the next filtered chunk of `count` elements: `CHUNK`, except for the last.
     fn store(&mut self, count: usize, bytes: &[u8]) -> Result<(), EventFileError> {
         let chunk = self.len / CHUNK;
         self.len += count;

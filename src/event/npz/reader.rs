@@ -1,4 +1,4 @@
-//! Reading: the arrays are inflated side by side.
+//! Reading: all arrays are decompressed in parallel streams.
 
 use super::{ARRAYS, END_US, LABEL};
 use crate::event::{Event, EventFileError, EventSource, Label, Polarity};
@@ -12,13 +12,13 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 use zip::{CompressionMethod, ZipArchive};
 
-/// Events of a chunk.
+/// Number of events in a chunk.
 const CHUNK: usize = 65_536;
 
 /// Reads one stream.
 ///
-/// It judges what makes arrays an event stream: their names, types and lengths, times from 0, polarities and labels of 0
-/// and 1. Whether the events are sorted is for checks to judge, which measure it.
+/// It checks that the arrays are an event stream: names, types and lengths, times from 0, and
+/// polarities and labels of 0 and 1. The checks measure whether the events are sorted.
 #[derive(Debug)]
 pub struct Reader {
     columns: [Column; 4],
@@ -28,10 +28,10 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Opens an archive and reads the heads of its arrays.
+    /// Opens an archive and reads the headers of its arrays.
     ///
     /// # Errors
-    /// When it is no zip archive, an array is missing or of another type, or their lengths differ.
+    /// It is not a zip archive, an array is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
         let mut archive = ZipArchive::new(BufReader::new(File::open(path)?))?;
         let [t, x, y, p] = ARRAYS.map(|(name, kind)| Column::open(path, &mut archive, name, kind));
@@ -55,7 +55,7 @@ impl Reader {
         self.count
     }
 
-    /// Whether the events are labelled as signal or noise.
+    /// Whether the events are labelled.
     #[must_use]
     pub fn labelled(&self) -> bool {
         self.labels.is_some()
@@ -105,7 +105,7 @@ impl EventSource for Reader {
     }
 }
 
-/// One array, read from its own handle.
+/// One array, read through its own file handle.
 struct Column {
     name: &'static str,
     count: u64,
@@ -163,7 +163,7 @@ impl Column {
         }
     }
 
-    /// Holds the array's checksum against the archive's, once everything is read.
+    /// Compares the array's checksum with the archive's, after everything is read.
     fn verify(&mut self) -> Result<(), EventFileError> {
         let refusal = |because| EventFileError::Dataset { dataset: self.name, because };
         let extra = std::io::copy(&mut self.data, &mut std::io::sink())?;

@@ -1,4 +1,5 @@
-//! Writing: an array's length stands before its elements, so columns wait in files beside the archive.
+//! Writing: the length of an array stands before its elements, so columns are kept in temporary
+//! files.
 
 use super::{ARRAYS, END_US, LABEL};
 use crate::event::order::Order;
@@ -10,13 +11,13 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Level of deflate: half of level 6's time for 2 % more bytes.
+/// Level of deflate: half the time of level 6 for 2 % more bytes.
 const LEVEL: i64 = 4;
 
-/// Writes one stream, in memory that does not grow with it.
+/// Writes one stream in constant memory.
 ///
-/// The archive appears only with [`Writer::finish`]; until then columns lie in `<path>.t.part` and its like, which are
-/// removed whatever happens.
+/// The archive appears with [`Writer::finish`]. Until then, the columns are in `<path>.t.part` and
+/// similar files, which are always removed.
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,
@@ -26,10 +27,10 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins an archive of a stream.
+    /// Starts an archive for a stream.
     ///
     /// # Errors
-    /// When no file can be created beside `path`.
+    /// A file next to `path` cannot be created.
     pub fn create(path: &Path, header: &Header) -> Result<Self, EventFileError> {
         let [t, x, y, p] = ARRAYS.map(|(name, _)| Spool::create(path, name));
         let labels = header.labelled.then(|| Spool::create(path, LABEL.0)).transpose()?;
@@ -37,14 +38,15 @@ impl Writer {
         Ok(Self { path: path.to_owned(), order, columns: [t?, x?, y?, p?], labels })
     }
 
-    /// Writes the archive and returns the number of events.
+    /// Writes the archive, and returns the number of events.
     ///
     /// # Errors
-    /// When it cannot be written; then there is none.
+    /// Writing fails; there is no archive then.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
         let written = self.write_archive();
         if written.is_err() {
-            // A failed removal leaves an archive without a directory, which no reader takes for whole.
+            // If the removal fails, the archive has no directory, so no reader takes it for
+            // complete.
             let _ = std::fs::remove_file(&self.path);
         }
         written
@@ -82,7 +84,7 @@ impl EventSink for Writer {
     }
 }
 
-/// How every entry is stored; 64-bit sizes always, so that the bytes do not depend on a guess.
+/// Options of every entry. Sizes always have 64 bits, so that the bytes do not depend on a guess.
 fn entry() -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -121,7 +123,7 @@ impl Spool {
 
 impl Drop for Spool {
     fn drop(&mut self) {
-        // A failed removal leaves a `.part` that nothing reads.
+        // If the removal fails, a `.part` file remains that nothing reads.
         let _ = std::fs::remove_file(&self.path);
     }
 }

@@ -1,4 +1,4 @@
-//! Event rate over time as bars: ON upwards in red, OFF downwards in blue, both on one scale that is written beside them.
+//! Event rate over time as bars: ON upwards in red, OFF downwards in blue, with one labelled scale.
 
 use super::text;
 use crate::event::{Event, EventSink};
@@ -6,13 +6,13 @@ use crate::image::{Image, Size};
 use crate::units::amount;
 use std::ops::Range;
 
-/// Most bars: where a stream goes on for longer, neighbours are put together.
+/// Maximum number of bars. For longer streams, neighbours are merged.
 const MOST_BARS: usize = 1024;
-/// Least width of the plot.
+/// Minimum width of the plot.
 const LEAST_WIDTH: usize = 640;
-/// Height of the ON half, and of the OFF half.
+/// Height of the ON half and of the OFF half.
 const HALF: usize = 120;
-/// Around the plot: room for the labels above and below.
+/// Margins of the plot: space for the labels above and below.
 const MARGIN: usize = 14;
 
 const WHITE: [u8; 3] = [255; 3];
@@ -25,7 +25,7 @@ const OFF: [u8; 3] = [31, 87, 180];
 #[derive(Debug, Clone)]
 pub struct Rate {
     window_us: Range<i64>,
-    /// Where the first bar begins.
+    /// Start of the first bar.
     begin_us: Option<i64>,
     /// Length of a bar; a power of two.
     bar_us: i64,
@@ -34,8 +34,8 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// No events yet, of those with `window_us.start <= t < window_us.end`, which may be `i64::MIN` and `i64::MAX`: from the
-    /// first event, to the last.
+    /// An empty plot for the events with `window_us.start <= t < window_us.end`. With `i64::MIN`
+    /// and `i64::MAX`, the window is from the first event to the last.
     #[must_use]
     pub fn new(window_us: Range<i64>) -> Self {
         let begin_us = (window_us.start != i64::MIN).then_some(window_us.start);
@@ -47,7 +47,7 @@ impl Rate {
         rate
     }
 
-    /// Events per second of each bar: ON and OFF.
+    /// Events per second in each bar: ON and OFF.
     #[must_use]
     pub fn per_second(&self) -> Vec<[f64; 2]> {
         let hz = |count: u64| count as f64 * 1e6 / self.bar_us as f64;
@@ -60,7 +60,7 @@ impl Rate {
         self.bar_us
     }
 
-    /// The picture of what was seen so far.
+    /// The plot of the events so far.
     #[must_use]
     pub fn image(&self) -> Image<[u8; 3]> {
         let wide = LEAST_WIDTH.div_ceil(self.bars.len().max(1)).max(1);
@@ -87,7 +87,7 @@ impl Rate {
         image
     }
 
-    /// What the highest bar is, and the times of both ends.
+    /// The labels: the value of the highest bar, and the times of both ends.
     fn label(&self, image: &mut Image<[u8; 3]>, most: u64) {
         let Size { width, height } = image.size();
         let hz = u128::from(most) * 1_000_000 / u128::from(self.bar_us.unsigned_abs());
@@ -101,7 +101,7 @@ impl Rate {
         text::write(image, [width.saturating_sub(3 + text::width(&end)), bottom], &end);
     }
 
-    /// Makes room for a time after the first bar's beginning.
+    /// Extends the bars up to a time after the start of the first.
     fn reach(&mut self, after_us: i64) -> usize {
         let number = loop {
             let number = usize::try_from(after_us / self.bar_us).unwrap_or(usize::MAX);
@@ -120,7 +120,7 @@ impl Rate {
 }
 
 impl EventSink for Rate {
-    /// Never fails; events outside the window are left out.
+    /// Never fails. Events outside the window are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         for event in events {
             let t = event.t.floor_micros();
@@ -134,7 +134,7 @@ impl EventSink for Rate {
     }
 }
 
-/// Rows of a bar; one event at least is seen.
+/// Number of rows of a bar; at least one if there is an event.
 fn tall(count: u64, most: u64) -> usize {
     let rows = (u128::from(count) * HALF as u128).div_ceil(u128::from(most));
     usize::try_from(rows).unwrap_or(HALF)

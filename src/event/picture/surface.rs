@@ -1,16 +1,16 @@
-//! A time surface: how fresh the last event of each pixel is, red where it was ON, blue where it was OFF, on white.
+//! A time surface: the age of the last event of each pixel, red for ON, blue for OFF, on white.
 //!
-//! An event of age `a` at the end of the window has `exp(-a/tau)` of the full colour, as in the surfaces of Lagorce et
-//! al. (HOTS, PAMI 2017); pixels without an event in the window are white.
+//! An event of age `a` at the end of the window has `exp(-a/tau)` of the full colour, as in the
+//! surfaces of Lagorce et al. (HOTS, PAMI 2017). Pixels without an event in the window are white.
 
 use crate::event::{Event, EventSink, Polarity};
 use crate::image::{Image, Size};
 use std::ops::Range;
 
-/// Of a window without end, time constants that its last events reach back.
+/// For a window without end: length that is kept, in time constants.
 const REACH: i64 = 4;
 
-/// Keeps the last event of each pixel within a window.
+/// Stores the last event of each pixel in a window.
 #[derive(Debug, Clone)]
 pub struct Surface {
     window_us: Range<i64>,
@@ -20,14 +20,16 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// A white picture of a sensor of `size`, for the events with `window_us.start <= t < window_us.end`, which may be
-    /// `i64::MIN` and `i64::MAX`: from the first event, to the last.
+    /// An empty surface of a sensor of `size` for the events with
+    /// `window_us.start <= t < window_us.end`. With `i64::MIN` and `i64::MAX`, the window is from
+    /// the first event to the last.
     #[must_use]
     pub fn new(size: Size, window_us: Range<i64>) -> Self {
         Self { window_us, first_us: None, last_us: 0, latest: Image::filled(size, None) }
     }
 
-    /// A quarter of the window, or of the stream where it has no bounds: the time constant where none is asked for.
+    /// The default time constant: a quarter of the window, or of the stream if the window has no
+    /// bounds.
     #[must_use]
     pub fn usual_tau_us(&self) -> f64 {
         let begin =
@@ -35,7 +37,7 @@ impl Surface {
         (self.end_us().saturating_sub(begin) / REACH).max(1) as f64
     }
 
-    /// The picture of what was seen so far, by a time constant in microseconds.
+    /// The picture of the events so far, with a time constant in microseconds.
     #[must_use]
     pub fn image(&self, tau_us: f64) -> Image<[u8; 3]> {
         let end = self.end_us();
@@ -58,7 +60,7 @@ impl Surface {
 }
 
 impl EventSink for Surface {
-    /// Never fails; events outside the window or the picture are left out.
+    /// Never fails. Events outside the window or the picture are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         let Size { width, height } = self.latest.size();
         for event in events {
@@ -99,7 +101,8 @@ mod tests {
     #[test]
     fn the_last_event_fades_by_its_age() {
         let image = seen(0..101).image(100.0);
-        // of ages 96, 11 and 1 of 100: exp(-0.96) = 0.38289, exp(-0.11) = 0.89583, exp(-0.01) = 0.99005
+        // Of ages 96, 11 and 1 of 100: exp(-0.96) = 0.38289, exp(-0.11) = 0.89583, exp(-0.01) =
+        // 0.99005.
         let wanted = [[255, 157, 157], [255, 27, 27], [3, 3, 255], [255; 3]];
         assert_eq!(image.pixels(), wanted);
     }

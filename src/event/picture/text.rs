@@ -1,12 +1,12 @@
-//! Labels in pictures: the few letters that numbers and units need, 5 columns by 7 rows.
+//! Labels in pictures: the letters of numbers and units, 5 columns by 7 rows.
 
 use crate::image::{Image, Size};
 
-/// From one letter to the next.
+/// Distance between letters, px.
 const STEP: u32 = 6;
 const COLOUR: [u8; 3] = [64; 3];
 
-/// Columns of a letter, the top row in the lowest bit; of what is not known a gap.
+/// Columns of a letter, with the top row in the lowest bit. Unknown letters are blank.
 fn glyph(letter: char) -> [u8; 5] {
     match letter {
         '0' => [0x3e, 0x51, 0x49, 0x45, 0x3e],
@@ -32,12 +32,12 @@ fn glyph(letter: char) -> [u8; 5] {
     }
 }
 
-/// Columns of a text.
+/// Width of a text, px.
 pub(super) fn width(text: &str) -> u32 {
     STEP * u32::try_from(text.chars().count()).expect("labels are short")
 }
 
-/// Writes a text with its upper left corner at a pixel; what lies outside the picture is left out.
+/// Draws a text with its upper left corner at a pixel. Parts outside the picture are clipped.
 pub(super) fn write(image: &mut Image<[u8; 3]>, [left, top]: [u32; 2], text: &str) {
     let Size { width, height } = image.size();
     for (place, letter) in (0u32..).zip(text.chars()) {

@@ -8,10 +8,10 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 
-/// Events of a chunk.
+/// Number of events in a chunk.
 const CHUNK: usize = 65_536;
 
-/// What a time counts.
+/// Unit of times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeUnit {
     /// Seconds.
@@ -25,7 +25,7 @@ pub enum TimeUnit {
 }
 
 impl TimeUnit {
-    /// Digits after the point down to nanoseconds.
+    /// Number of digits after the point that reach nanoseconds.
     fn digits(self) -> usize {
         match self {
             Self::Second => 9,
@@ -36,26 +36,26 @@ impl TimeUnit {
     }
 }
 
-/// Reads one stream. Whether the events are sorted is for others to judge.
+/// Reads one stream. Its order is not checked.
 #[derive(Debug)]
 pub struct Reader {
     lines: std::io::Lines<BufReader<File>>,
-    /// Lines so far.
+    /// Number of lines so far.
     number: u64,
-    /// The first line of events, read with the header.
+    /// The first line of events, which was read with the header.
     first: Option<String>,
-    /// Where time, column, row and polarity stand in a line.
+    /// Columns of time, column, row and polarity in a line.
     places: [usize; 4],
     unit: Option<TimeUnit>,
     header: Header,
 }
 
 impl Reader {
-    /// Opens a file and reads what stands before the events. `size` and `unit` are what the user says; what the file
-    /// itself says of its size must agree.
+    /// Opens a file and reads the lines before the events. `size` and `unit` are given by the user;
+    /// a size stated in the file must agree.
     ///
     /// # Errors
-    /// When nobody says the sensor's size, or the line of names lacks one.
+    /// The sensor size is unknown, or the line of names lacks a column.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TimeUnit>) -> Result<Self, EventFileError> {
         let mut head = Head { size, places: [0, 1, 2, 3] };
         let mut lines = BufReader::new(File::open(path)?).lines();
@@ -75,7 +75,7 @@ impl Reader {
         Ok(Self { lines, number, first, places: head.places, unit, header })
     }
 
-    /// What the file says beside the events.
+    /// The properties that the file states.
     #[must_use]
     pub fn header(&self) -> Header {
         self.header
@@ -131,17 +131,17 @@ impl EventSource for Reader {
     }
 }
 
-/// What stands before the events.
+/// The lines before the events.
 struct Head {
     size: Option<Size>,
     places: [usize; 4],
 }
 
 impl Head {
-    /// Whether a line is of the head; what it says is noted.
+    /// Whether a line belongs to the head. Its content is stored.
     fn takes(&mut self, line: &str) -> Result<bool, String> {
         if let Some(comment) = line.trim().strip_prefix('#') {
-            // our own: `t x y p in us; sensor 640x360`
+            // Our own form: `t x y p in us; sensor 640x360`.
             let size = comment.split_once("sensor ").and_then(|(_, size)| size.trim().split_once('x'));
             return self.sized(size).map(|()| true);
         }
@@ -187,8 +187,8 @@ fn fields(line: &str) -> impl Iterator<Item = &str> {
     line.split(|c: char| c.is_whitespace() || c == ',' || c == ';').filter(|field| !field.is_empty())
 }
 
-/// A decimal time, digit by digit: seconds since 1970 to the microsecond have more of them than an f64 holds. What lies
-/// below a nanosecond is cut off.
+/// A decimal time, digit by digit: seconds since 1970 to the microsecond have more digits than an
+/// f64. Digits below a nanosecond are cut off.
 fn time(text: &str, unit: Option<TimeUnit>) -> Result<Timestamp, String> {
     let refuse = || format!("t = {text}, wanted a decimal number");
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
 
-/// Writes one stream, in memory that does not grow with it.
+/// Writes one stream in constant memory.
 #[derive(Debug)]
 pub struct Writer {
     file: BufWriter<File>,
@@ -17,10 +17,10 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins a file of a stream from a sensor of this size.
+    /// Creates a file for a stream from a sensor of this size.
     ///
     /// # Errors
-    /// When the file cannot be created.
+    /// The file cannot be created.
     pub fn create(path: &Path, table: Table, size: Size) -> Result<Self, EventFileError> {
         let mut file = BufWriter::new(File::create(path)?);
         let separator = match table {
@@ -36,10 +36,10 @@ impl Writer {
         Ok(Self { file, order: Order::new(size, END_US), separator })
     }
 
-    /// Ends the file and returns the number of events.
+    /// Completes the file, and returns the number of events.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// Writing fails.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
         self.file.flush()?;
         Ok(self.order.count())

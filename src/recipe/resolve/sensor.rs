@@ -15,7 +15,8 @@ use crate::sensor::{Sensor, Sensors};
 use crate::units::Hertz;
 use std::collections::BTreeMap;
 
-/// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not negative.
+/// Of `k1` to `k6`: the gain and the offset of the logarithm are positive, standard deviations are not
+/// negative.
 const K: [Range; 6] = [
     Range::above(0.0, 1e12),
     Range::above(0.0, 1e12),
@@ -122,7 +123,8 @@ impl Resolver<'_> {
         Some(Sensor::Voltmeter(voltmeter))
     }
 
-    /// Whether the sensor makes a stream that can be used (numerics 1.1); if not, that is reported.
+    /// Whether the sensor makes a stream that can be used (docs/design/numerics-sensor.md, "Screening"); if
+    /// not, that is reported.
     fn possible(&self, sensor: &Sensor, rate: Hertz, place: Place) -> bool {
         let screened = sensor.screen(rate).map_err(|error| {
             let problem = Problem::of_key(format!("is no usable sensor: {error}"));

@@ -1,4 +1,5 @@
-//! Whether the release is lawful, as far as it can be said from the tree (pipeline.md section 9).
+//! Whether the release is lawful, as far as it can be said from the tree (docs/design/pipeline.md,
+//! "Licences").
 
 use super::{Code, Fault, Tree};
 use crate::licence::{Asset, Expression, LicenceError, SourceKind, is_metadata, ledger};
@@ -185,8 +186,8 @@ pub(super) fn texts(manifest: &Manifest, tree: &Tree<'_>) -> Vec<Fault> {
     faults
 }
 
-/// What `REUSE.toml` says of every file is what the scenes say, all of which are given; and the datasheet states the terms
-/// of the whole.
+/// What `REUSE.toml` says of every file is what the scenes say, all of which are given; and the datasheet
+/// states the terms of the whole.
 pub(super) fn files(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault> {
     let read = |path: &str| {
         let absent =

@@ -1,4 +1,5 @@
-//! What of a Gaussian no view changes: its scaled axes and its opacity, laid out for many to be projected at a time.
+//! View-independent properties of Gaussians (scaled axes, opacity, reach), laid out in blocks for
+//! projection.
 
 use super::extent;
 use crate::render::Rules;
@@ -6,53 +7,55 @@ use crate::scene::{Gaussians, sh};
 use glam::{DMat3, DQuat};
 use rayon::prelude::*;
 
-/// Gaussians that are projected together.
+/// Number of Gaussians that are projected together.
 pub(super) const LANES: usize = 64;
 
-/// One value of each of them.
+/// One value for each Gaussian of a block.
 pub(super) type Lane = [f32; LANES];
 
-/// Gaussians as every view uses them, in the order of the file.
+/// Gaussians in activated form, in the order of the file.
 #[derive(Debug, Clone)]
 pub(super) struct Block {
-    /// How many; what lies in the lanes beyond has no meaning.
+    /// Number of Gaussians in the block. Lanes beyond it are padding.
     pub(super) len: usize,
-    /// Their numbers in the scene.
+    /// Indices of the Gaussians in the scene.
     pub(super) numbers: [u32; LANES],
     /// Means relative to the scene's origin.
     pub(super) positions: [Lane; 3],
-    /// World directions of a Gaussian's own axes, each as long as the standard deviation along it: the columns of
-    /// `Rq S`. NaN where a stored field is not finite, so that no view draws it.
+    /// The columns of `Rq S`: world directions of a Gaussian's axes, scaled by the standard
+    /// deviation along each. NaN if a stored field is not finite, so that no view draws the
+    /// Gaussian.
     pub(super) axes: [[Lane; 3]; 3],
     /// Opacity at the mean, 0..1.
     pub(super) opacity: Lane,
-    /// [`extent::reach`] of it.
+    /// [`extent::reach`] of the opacity.
     pub(super) reach: Lane,
 }
 
-/// A Gaussian as every view uses it: see [`Block`].
+/// One Gaussian in activated form: see [`Block`].
 #[derive(Debug, Clone, Copy)]
 pub(in crate::render) struct Activated {
     pub(in crate::render) axes: [[f32; 3]; 3],
     pub(in crate::render) opacity: f32,
 }
 
-/// Applies the activations to one Gaussian, in f64 before the result is rounded.
+/// Applies the activations to one Gaussian in f64, and rounds the result.
 pub(in crate::render) fn one(scene: &Gaussians, i: usize) -> Activated {
     Activated { axes: axes(scene, i), opacity: opacity(scene.opacity_logits[i]) }
 }
 
-/// Least norm that a quaternion is divided by (`torch.nn.functional.normalize`).
+/// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
 const LEAST_NORM: f64 = 1e-12;
 
-/// Applies the activations to the Gaussians of these numbers.
+/// Applies the activations to the Gaussians with these indices.
 pub(super) fn activate(scene: &Gaussians, rules: Rules, numbers: &[u32]) -> Vec<Block> {
     numbers.par_chunks(LANES).map(|numbers| block(scene, rules, numbers)).collect()
 }
 
-/// The highest degree with a harmonic that is not zero in the whole scene. Leaving out those above changes no bit: a
-/// colour's sum begins at +0 and so never is -0, and added to anything else a zero of either sign leaves it as it is.
-/// (Coefficients that are NaN belong to Gaussians that no view draws.)
+/// The highest degree with a harmonic that is not zero somewhere in the scene. Leaving out higher
+/// degrees changes no bit: the sum of a colour begins at +0, so it is never -0, and adding a zero
+/// of either sign to anything else leaves it unchanged. (Gaussians with NaN coefficients are never
+/// drawn.)
 pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
     let is_used = |degree: u8| {
         let band = sh::len(degree - 1)..sh::len(degree);
@@ -108,8 +111,8 @@ fn is_finite(scene: &Gaussians, i: usize) -> bool {
         && scene.sh_of(i).iter().all(triple)
 }
 
-/// The rotation of a stored quaternion `w, x, y, z` of any length. A zero one gives the identity, as does, nearly,
-/// one far below [`LEAST_NORM`].
+/// The rotation of a stored quaternion `w, x, y, z` of any length. A zero quaternion gives the
+/// identity, and one far below [`LEAST_NORM`] nearly does.
 fn rotation(stored: [f32; 4]) -> DMat3 {
     let [w, x, y, z] = stored.map(f64::from);
     let norm = (w * w + x * x + y * y + z * z).sqrt().max(LEAST_NORM);
@@ -129,7 +132,7 @@ mod tests {
 
     #[test]
     fn quaternions_of_any_length_turn_alike_and_zero_does_not_turn() {
-        // half of sqrt 2: a quarter turn about z takes x to y
+        // Half of sqrt 2 in w and z: a quarter turn about z, which takes x to y.
         for length in [1e-6_f32, 1.0, 1e6] {
             let turned = rotation([length, 0.0, 0.0, length]) * DVec3::X;
             assert!((turned - DVec3::Y).length() < 1e-15, "{length}: {turned}");
@@ -142,7 +145,7 @@ mod tests {
     #[test]
     fn opacity_keeps_its_full_range() {
         assert_eq!([0.0, 40.0].map(|x| opacity(x).to_bits()), [0.5_f32, 1.0].map(f32::to_bits));
-        // far down the logistic function is the exponential
+        // Far below zero, the logistic function is the exponential function.
         assert!((f64::from(opacity(-80.0)) / libm::exp(-80.0) - 1.0).abs() < 1e-7);
     }
 }

@@ -1,4 +1,4 @@
-//! Pass 3: for each tile, the splats that may touch it, front to back.
+//! Pass 3: the list of splats that may touch each tile, front to back.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -13,20 +13,21 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Splats that one task bins: the lists of a tile are read chunk by chunk, so threads never share one.
+/// Number of splats that one task bins. The list of a tile is the concatenation of its chunks'
+/// lists, so threads never write to the same list.
 const CHUNK: usize = 1 << 15;
-/// Entries of a chunk between two looks at whether there is room for them.
+/// Number of entries after which a chunk checks whether the budget is exceeded.
 const STEP: usize = 1 << 12;
 
-/// Splats that are read at a time.
+/// Number of splats that are copied at a time.
 const NEAR: usize = 32;
 
-/// The image cut into tiles, row by row.
+/// The division of an image into tiles, row by row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
-    /// Of the image.
+    /// Size of the image.
     pub(super) size: Size,
-    /// Tiles a row.
+    /// Tiles per row.
     pub(super) columns: usize,
     /// Rows of tiles.
     pub(super) rows: usize,
@@ -39,28 +40,29 @@ impl Grid {
         Self { size, columns: count(size.width), rows: count(size.height) }
     }
 
-    /// How many.
+    /// Number of tiles.
     pub(super) fn len(&self) -> usize {
         self.columns * self.rows
     }
 }
 
-/// Entries that the lists of all tiles may have at once: about 100 MB at [`Pair`]'s 8 bytes and 4 more.
+/// Maximum number of entries that all lists may have at once: about 100 MB at 8 bytes per [`Pair`]
+/// plus 4.
 pub(super) const BUDGET: usize = 1 << 23;
 
-/// The lists of a band of tiles: of all of them, where they are within the budget.
+/// The lists of a band of tiles. The band covers all tiles if they are within the budget.
 #[derive(Debug)]
 pub(super) struct Lists {
     budget: usize,
-    /// The tiles, by their numbers in the grid.
+    /// Indices of the band's tiles in the grid.
     band: Range<usize>,
     chunks: Vec<Chunk>,
 }
 
-/// The lists of one run of splats in the frame's order.
+/// The lists of one chunk of splats in the frame's order.
 #[derive(Debug, Default)]
 struct Chunk {
-    /// Where each tile's list begins in `places`; the end of the last one at the end.
+    /// Start of each tile's list in `places`, then the end of the last list.
     starts: Vec<u32>,
     places: Vec<u32>,
     pairs: Vec<Pair>,
@@ -68,30 +70,31 @@ struct Chunk {
 
 #[derive(Debug, Clone, Copy)]
 struct Pair {
-    /// Counted from the band's first.
+    /// Index of the tile, counted from the band's first.
     tile: u32,
     place: u32,
 }
 
-/// What a frame's lists are made of.
+/// The input of the pass.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ordered<'a> {
-    /// The frame's order.
+    /// The frame's front-to-back order.
     pub(super) order: &'a [u64],
-    /// Where its places lead.
+    /// The splats to which the order refers.
     pub(super) splats: &'a [Splat],
-    /// The tiles.
+    /// The division into tiles.
     pub(super) grid: Grid,
 }
 
 impl Lists {
-    /// None yet, and never more than `budget` entries at once, but for a tile that by itself has more.
+    /// Empty lists. They will never hold more than `budget` entries at once, unless a single tile
+    /// has more.
     pub(super) fn new(budget: usize) -> Self {
         Self { budget, band: 0..0, chunks: Vec::new() }
     }
 
-    /// Lists the splats of every tile, band by band, and calls `each` with the lists of each band; returns the number
-    /// of entries. One band, where all tiles are within the budget.
+    /// Lists the splats of every tile, band by band, and calls `each` with the lists of each band.
+    /// Returns the number of entries. There is one band if all tiles are within the budget.
     pub(super) fn run(&mut self, frame: Ordered<'_>, mut each: impl FnMut(&Self)) -> u64 {
         let all = 0..frame.grid.len();
         if let Some(pairs) = self.fill(frame, all, self.budget) {
@@ -106,19 +109,19 @@ impl Lists {
         pairs
     }
 
-    /// The tiles that there are lists of.
+    /// The band of tiles that are listed.
     pub(super) fn band(&self) -> Range<usize> {
         self.band.clone()
     }
 
-    /// The splats of a tile of the band, front to back, in runs.
+    /// The splats of a tile of the band, front to back, in one slice per chunk.
     pub(super) fn of(&self, tile: usize) -> impl Iterator<Item = &[u32]> {
         let tile = tile - self.band.start;
         self.chunks.iter().map(move |c| &c.places[c.starts[tile] as usize..c.starts[tile + 1] as usize])
     }
 
-    /// Lists the splats of the band's tiles and counts the entries; `None`, and no lists, where there are more than
-    /// `bound`.
+    /// Lists the splats of the band's tiles, and returns the number of entries. Returns `None` if
+    /// there are more than `bound`; the lists are then invalid.
     fn fill(&mut self, frame: Ordered<'_>, band: Range<usize>, bound: usize) -> Option<u64> {
         let used = frame.order.len().div_ceil(CHUNK);
         if used.saturating_mul(band.len()) > bound {
@@ -128,12 +131,12 @@ impl Lists {
         self.band = band.clone();
         let room = Room { bound, taken: AtomicUsize::new(0) };
         let fill = |(chunk, order): (&mut Chunk, _)| chunk.run(Ordered { order, ..frame }, &band, &room);
-        // A sum that is above the bound is seen to be so by whoever adds to it last, in whichever order.
+        // If the total exceeds the bound, the chunk that adds last sees it, whatever the order.
         let within = self.chunks.par_iter_mut().zip(frame.order.par_chunks(CHUNK)).all(fill);
         within.then(|| room.taken.into_inner() as u64)
     }
 
-    /// Bands within the budget, from the first tile to the last.
+    /// Divides the tiles into bands within the budget.
     fn bands(&self, frame: Ordered<'_>) -> Vec<Range<usize>> {
         let most = (self.budget / frame.order.len().div_ceil(CHUNK)).max(1);
         let mut bands: Vec<Range<usize>> = Vec::new();
@@ -152,10 +155,11 @@ impl Lists {
     }
 }
 
-/// How long the list of each tile is.
+/// Length of each tile's list.
 fn lengths(frame: Ordered<'_>) -> Vec<u32> {
     let none = || vec![0_u32; frame.grid.len() + 1];
-    // One more where a run of tiles begins and one less where it ends; modulo 2^32, since no tile has more splats.
+    // A difference array: plus one where a run of tiles begins, minus one where it ends. Arithmetic
+    // is modulo 2^32; no tile has more splats than that.
     let steps = frame.order.par_iter().with_min_len(CHUNK).fold(none, |mut steps, &key| {
         each_run(&frame.splats[sort::place(key) as usize], frame.grid, &(0..frame.grid.len()), |run| {
             steps[run.start] = steps[run.start].wrapping_add(1);
@@ -176,21 +180,22 @@ fn lengths(frame: Ordered<'_>) -> Vec<u32> {
     lengths
 }
 
-/// How many entries there are of as many as there may be.
+/// Number of entries so far, and its limit.
 struct Room {
     bound: usize,
     taken: AtomicUsize,
 }
 
 impl Room {
-    /// Whether there are this many more.
+    /// Adds entries, and returns whether the total is within the bound.
     fn take(&self, entries: usize) -> bool {
         self.taken.fetch_add(entries, Ordering::Relaxed) + entries <= self.bound
     }
 }
 
 impl Chunk {
-    /// Lists the splats for the band; `false`, with nothing listed, where there is no room for that.
+    /// Lists the chunk's splats for the band. Returns `false`, with nothing listed, if that exceeds
+    /// the bound.
     fn run(&mut self, frame: Ordered<'_>, band: &Range<usize>, room: &Room) -> bool {
         self.pairs.clear();
         self.starts.clear();
@@ -198,7 +203,7 @@ impl Chunk {
         let mut told = 0;
         let mut near = [Splat::default(); NEAR];
         for keys in frame.order.chunks(NEAR) {
-            // Copied first: reads that do not wait for one another overlap, and most of them miss the cache.
+            // Copied first: most of these reads miss the cache, and a plain copy lets them overlap.
             for (near, &key) in near.iter_mut().zip(keys) {
                 *near = frame.splats[sort::place(key) as usize];
             }
@@ -226,9 +231,10 @@ impl Chunk {
         within
     }
 
-    /// Counting sort of the pairs by tile, stable, so that each list keeps the frame's order.
+    /// Counting sort of the pairs by tile. It is stable, so each list keeps the frame's order.
     fn scatter(&mut self) {
-        // Running sums make each entry the end of its list; filling from the back moves it to the beginning.
+        // Running sums make each entry the end of its list. Filling from the back moves it to the
+        // beginning.
         let mut sum = 0;
         for count in &mut self.starts {
             sum += *count;
@@ -248,7 +254,8 @@ fn tiles([first, end]: [u16; 2]) -> Range<usize> {
     usize::from(first) / TILE..usize::from(end).div_ceil(TILE)
 }
 
-/// Calls `each` with every run of tiles of the band, row by row, that the splat's ellipse may touch.
+/// Calls `each` with every run of tiles, row by row, in the band that the splat's ellipse may
+/// touch.
 fn each_run(splat: &Splat, grid: Grid, band: &Range<usize>, mut each: impl FnMut(Range<usize>)) {
     let rows = tiles(splat.rows);
     let one_row_or_column = rows.len() == 1 || tiles(splat.columns).len() == 1;

@@ -2,32 +2,33 @@
 
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f32x16};
 
-/// Minimax polynomial of `2^f` over [-1/2, 1/2] with constant term 1, coefficients of `f` to `f^5`, each rounded to
-/// 32 bits before the next was fitted; relative error 9.2e-8 before rounding.
+/// Minimax polynomial of `2^f` over [-1/2, 1/2] with constant term 1: coefficients of `f` to `f^5`,
+/// each rounded to 32 bits before the next was fitted. Relative error 9.2e-8 before rounding.
 #[expect(clippy::approx_constant, reason = "fitted: six units in the last place below ln 2")]
 const POWER: [f32; 5] = [0.693_147, 0.240_222_47, 0.055_507_11, 0.009_671_291, 0.001_326_952_1];
 
-/// Adding `1.5 * 2^23` rounds to an integer, ties to even, and leaves it in the low bits.
+/// Adding `1.5 * 2^23` rounds to an integer (ties to even) and leaves it in the low bits.
 const ROUNDER: f32 = 12_582_912.0;
 
-/// Larger arguments count as this one; their layers are far below the least opacity that is blended.
+/// Larger arguments are replaced by this one. Their layers are far below the smallest opacity that
+/// is blended.
 const LARGEST: f32 = 125.0;
 
-/// `2^-q` for `q >= 0`, relative error at most 2e-7 (tested) up to `q = 125`, and `2^-125` beyond. `q = 0` gives
-/// exactly 1.
+/// `2^-q` for `q >= 0`. The relative error is at most 2e-7 (tested) up to `q = 125`; beyond, the
+/// result is `2^-125`. `q = 0` gives exactly 1.
 #[inline(always)]
 pub(super) fn exp2_neg<S: Simd>(simd: S, q: f32x16<S>) -> f32x16<S> {
     let all = |v: f32| f32x16::splat(simd, v);
     let [c1, c2, c3, c4, c5] = POWER;
     let q = q.min(LARGEST);
     let shifted = all(ROUNDER) - q;
-    // minus the fraction: the signs of the odd terms turn, and no rounding does
+    // The fraction is negated: the signs of the odd terms turn, and no rounding changes.
     let g = q + (shifted - ROUNDER);
     let p = all(1.0) - g * (all(c1) - g * (all(c2) - g * (all(c3) - g * (all(c4) - g * c5))));
     f32x16::from_bits(p.to_bits() + (shifted.to_bits() << 23))
 }
 
-/// [`exp2_neg`] of one value.
+/// [`exp2_neg`] for one value.
 #[cfg(test)]
 pub(super) fn of_one(q: f32) -> f32 {
     #[inline(always)]
@@ -44,7 +45,8 @@ mod tests {
     #[test]
     fn error_stays_within_the_bound() {
         let mut worst = 0.0_f64;
-        // every 1/8192: all fractions that the reduction can leave near its ends and in between
+        // Every 1/8192: all fractions that the reduction can leave near its ends, and many in
+        // between.
         for k in 0..(125 * 8192) {
             let q = k as f32 / 8192.0 + 1e-5 * (k % 7) as f32;
             let exact = libm::exp2(-f64::from(q));

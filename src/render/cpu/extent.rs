@@ -1,21 +1,23 @@
-//! Which pixels a projected Gaussian may touch under each of the rules.
+//! The pixels that a projected Gaussian may touch, under each of the rules.
 
 use super::splat::{edge_margin, pixels_within, within};
 use crate::render::Rules;
 use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TILE, least_alpha};
 
-/// The exponent `q` at which `opacity * 2^-q` has fallen to the least opacity that is blended, `log2(255 opacity)` but
-/// under `soft`, and a little more: the exponential errs by 2e-7 of its value, and `q` itself by some units of 2^-24.
+/// The exponent `q` at which `opacity * 2^-q` falls to the smallest opacity that is blended, which
+/// is `log2(255 opacity)` except under `soft`, plus a margin: the exponential has a relative error
+/// of 2e-7, and `q` itself of some units of 2^-24.
 pub(super) fn reach(rules: Rules, opacity: f32) -> f32 {
     libm::log2f(opacity / least_alpha(rules)).max(0.0) * (1.0 + 1e-5) + 1e-5
 }
 
-/// First and end of the columns and of the rows that may be touched by a Gaussian of dilated covariance
-/// `[[a, b], [b, c]]`, px^2; empty ranges where the image has none of them.
-/// Without a branch once the rules are known, so that the compiler does several Gaussians at once.
+/// First and end columns and rows that a Gaussian of dilated covariance `[[a, b], [b, c]]`, px^2,
+/// may touch. Empty ranges if it touches no pixel of the image. The function has no branch once the
+/// rules are known, so the compiler processes several Gaussians at once.
 ///
-/// Under `official` and `gsplat` these are the pixels of the published tiles that the ellipse's bounding box reaches: pixels of a
-/// tile beyond the box are skipped for their opacity there, so leaving them out changes nothing.
+/// Under `official` and `gsplat`, these are the pixels of the published tiles that overlap the
+/// ellipse's bounding box. Pixels of a tile outside the box are skipped there because of their
+/// opacity, so omitting them changes nothing.
 #[inline(always)]
 pub(super) fn pixels(
     rules: Rules,
@@ -29,12 +31,12 @@ pub(super) fn pixels(
     [side(0, a).pixels(rules), side(1, c).pixels(rules)]
 }
 
-/// What an extent along one axis of the image depends on.
+/// Inputs of the extent along one image axis.
 struct Side {
     mean: f32,
-    /// Along the axis, px^2.
+    /// Variance along the axis, px^2.
     variance: f32,
-    /// The largest along any line, px^2.
+    /// Largest variance along any direction, px^2.
     longest: f32,
     reach: f32,
     size: f32,
@@ -43,14 +45,14 @@ struct Side {
 impl Side {
     #[inline(always)]
     fn pixels(&self, rules: Rules) -> [u16; 2] {
-        // q = log2(e)/2 * d^T S^-1 d, so the box's half-widths are sqrt(2 ln 2 q S_ii)
+        // q = log2(e)/2 * d^T S^-1 d, so the half-widths of the box are sqrt(2 ln 2 q S_ii).
         let half = (2.0 * std::f32::consts::LN_2 * self.reach * self.variance).sqrt();
         let wide = half + edge_margin(half);
         let within = pixels_within(self.mean - wide, self.mean + wide, self.size);
         match rules {
             Rules::Exact | Rules::Soft => within,
             Rules::Gsplat => {
-                // 2 ln(255 opacity) is 2 ln 2 times the reach
+                // 2 ln(255 opacity) is 2 ln 2 times the reach.
                 let sigmas = (2.0 * std::f32::consts::LN_2 * self.reach).sqrt().min(GSPLAT_SIGMAS);
                 let radius = (sigmas * self.variance.sqrt()).ceil();
                 common(within, gsplat(self.mean, radius, self.size))
@@ -63,7 +65,7 @@ impl Side {
     }
 }
 
-/// The pixels of both ranges.
+/// The pixel ranges of both axes.
 #[inline(always)]
 fn common([a0, a1]: [u16; 2], [b0, b1]: [u16; 2]) -> [u16; 2] {
     [a0.max(b0), a1.min(b1)]
@@ -76,14 +78,15 @@ fn longest([a, b, c]: [f32; 3]) -> f32 {
     middle + (half * half + b * b).max(EXTENT_ROOT_FLOOR).sqrt()
 }
 
-/// The published square rounded out to tiles, in pixels: `trunc((c - r) / 16)` to `trunc((c + r + 15) / 16)`.
+/// The published square, rounded outwards to tiles, in pixels: `trunc((c - r) / 16)` to `trunc((c +
+/// r + 15) / 16)`.
 #[inline(always)]
 fn official(centre: f32, radius: f32, size: f32) -> [u16; 2] {
     let last = centre + radius + (TILE_PX - 1.0);
     tiles([((centre - radius) / TILE_PX).trunc(), (last / TILE_PX).trunc()], size)
 }
 
-/// The published extent along one axis rounded out to tiles, in pixels.
+/// The published extent along one axis, rounded outwards to tiles, in pixels.
 #[inline(always)]
 fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
     tiles([((centre - radius) / TILE_PX).floor(), ((centre + radius) / TILE_PX).ceil()], size)
@@ -92,7 +95,7 @@ fn gsplat(centre: f32, radius: f32, size: f32) -> [u16; 2] {
 #[expect(clippy::cast_precision_loss, reason = "a tile's edge is small")]
 const TILE_PX: f32 = TILE as f32;
 
-/// First and end of the pixels of a range of whole tiles.
+/// First and end pixels of a range of whole tiles.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -109,7 +112,7 @@ mod tests {
 
     #[test]
     fn official_squares_are_rounded_out_to_tiles() {
-        // variance 4 px^2: r = ceil(3 sqrt(4 + sqrt(.1))) = 7, from the mean's pixel index
+        // Variance 4 px^2: r = ceil(3 sqrt(4 + sqrt(.1))) = 7, from the pixel index of the mean.
         let t = |centre: f32, wanted: [u16; 2]| assert_eq!(official(centre, 7.0, 100.0), wanted, "{centre}");
         t(24.0, [16, 32]); // 17..31
         t(23.0, [16, 32]); // 16..30
@@ -132,7 +135,7 @@ mod tests {
                 reach(Rules::Exact, opacity),
                 [1000.0, 600.0],
             );
-            // alpha = opacity exp(-d^2 / 2 variance) >= 1/255
+            // alpha = opacity exp(-d^2 / 2 variance) >= 1/255.
             let radius = (2.0 * f64::from(variance) * (255.0 * f64::from(opacity)).ln()).sqrt();
             let counts = |k: u32, mean: f64| (f64::from(k) + 0.5 - mean).abs() <= radius;
             for (range, mean) in [(columns, 500.25), (rows, 300.375)] {

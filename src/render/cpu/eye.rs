@@ -1,5 +1,6 @@
-//! A view, and how a point and an ellipsoid look in it (`numerics.md` 7.1, 7.2): `f64` up to camera coordinates, so that
-//! scenes far from the world's origin lose nothing, `f32` in the stable forms from there on.
+//! The view transform: projection of a point and of an ellipsoid. Positions are `f64` up to camera
+//! coordinates, so that scenes far from the world's origin lose no precision; from there on, stable
+//! forms in `f32`.
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
@@ -9,32 +10,32 @@ use crate::render::shared::{DILATION, FRUSTUM_SLACK, GSPLAT_SLACK};
 use crate::render::{Rules, Velocity, View};
 use glam::{DMat3, DVec3};
 
-/// `sqrt(log2(e) / 2)`: makes `exp(-x^2 / 2)` into `2^-x^2`.
+/// `sqrt(log2(e) / 2)`. Scaling by it turns `exp(-x^2 / 2)` into `2^-x^2`.
 const TO_BINARY: f32 = 0.849_321_8;
 
-/// A view in the form that every Gaussian needs it in.
+/// A view, prepared for the projection of many Gaussians.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Eye {
     pub(super) camera_from_world: DMat3,
-    /// The same rounded, row by row.
+    /// `camera_from_world`, rounded to `f32`, by rows.
     rows: [[f32; 3]; 3],
-    /// The scene's local origin minus the camera's centre, world axes.
+    /// The scene's local origin minus the camera's centre, in world axes.
     origin: DVec3,
     focal: [f64; 2],
     centre: [f64; 2],
     /// [`slack`] of the camera.
     slack: [[f64; 2]; 2],
-    /// Of the image, px.
+    /// Size of the image, px.
     pub(super) size: [f32; 2],
-    /// Of the camera, in its own axes.
+    /// Velocity of the camera, in its own axes.
     velocity: Velocity,
-    /// Its angular part, rounded.
+    /// Angular velocity, rounded to `f32`.
     turning: [f32; 3],
-    /// How fast the ray from the camera to any point of the scene changes: world axes, units a second.
+    /// Rate of the ray from the camera to any fixed point: world axes, units per second.
     ray_rate: DVec3,
 }
 
-/// Least and largest `x / z`, then `y / z`, at which the projection's derivative is taken.
+/// Bounds of `x / z`, then of `y / z`, at which the derivative of the projection is taken.
 pub(in crate::render) fn slack(camera: &Camera, rules: Rules) -> [[f64; 2]; 2] {
     let along = |focal: f64, centre: f64, edge: u32| match rules {
         Rules::Official | Rules::Exact | Rules::Soft => {
@@ -51,7 +52,7 @@ pub(in crate::render) fn slack(camera: &Camera, rules: Rules) -> [[f64; 2]; 2] {
 }
 
 impl Eye {
-    /// The view of a scene whose positions are relative to `origin`.
+    /// Prepares the view of a scene with positions relative to `origin`.
     pub(super) fn new(view: &View, origin: DVec3, rules: Rules) -> Self {
         let camera = view.camera;
         let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
@@ -72,7 +73,7 @@ impl Eye {
     }
 }
 
-/// A Gaussian's dilated covariance `[[a, b], [b, c]]` on the image, px^2, and what else is read off its axes.
+/// The dilated covariance `[[a, b], [b, c]]` of a Gaussian on the image, px^2, and related values.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Footprint<S> {
     /// Variance along x.
@@ -81,7 +82,7 @@ pub(super) struct Footprint<S> {
     pub(super) b: S,
     /// Variance along y.
     pub(super) c: S,
-    /// Determinant.
+    /// Determinant of the dilated covariance.
     pub(super) det: S,
     /// Determinant before dilation.
     pub(super) det0: S,
@@ -90,7 +91,8 @@ pub(super) struct Footprint<S> {
 }
 
 impl<S: Real<Plain = f32>> Footprint<S> {
-    /// `w1, w2, w3` of [`Splat`]. `w2` is `-b / sqrt(c det)` without the product, which overflows first.
+    /// `w1, w2, w3` of [`Splat`]. `w2` is computed as `-b / sqrt(c) / sqrt(det)`: the product `c
+    /// det` overflows first.
     #[inline(always)]
     pub(super) fn weights(&self) -> [S; 3] {
         let to_binary = S::with_rate(TO_BINARY, 0.0);
@@ -99,23 +101,24 @@ impl<S: Real<Plain = f32>> Footprint<S> {
     }
 }
 
-/// Where a Gaussian's mean is seen.
+/// The projection of a Gaussian's mean.
 pub(super) struct Sight<S> {
     pub(super) depth: S,
-    /// px
+    /// Position on the image, px.
     pub(super) mean: [S; 2],
-    /// `x / z` and `y / z` where the projection's derivative is taken.
+    /// `x / z` and `y / z`, clamped, at which the derivative of the projection is taken.
     pub(super) slopes: [S; 2],
 }
 
 impl Eye {
-    /// From the camera's centre to a point relative to the scene's origin, world axes.
+    /// The vector from the camera's centre to a point relative to the scene's origin, in world
+    /// axes.
     #[inline(always)]
     pub(super) fn ray(&self, [x, y, z]: [f32; 3]) -> DVec3 {
         self.origin + DVec3::new(x.into(), y.into(), z.into())
     }
 
-    /// A point in camera axes; `qdot = -v - w x q` while the camera moves.
+    /// A point in camera axes. While the camera moves, `qdot = -v - w x q`.
     #[inline(always)]
     pub(super) fn sight<S: Real<Plain = f32>>(&self, point: DVec3) -> Sight<S> {
         let rate = -self.velocity.linear - self.velocity.angular.cross(point);
@@ -137,13 +140,13 @@ impl Eye {
     fn clamped<S: Real<Plain = f32>>(&self, k: usize, slope: f64, rate: f64) -> S {
         let [low, high] = self.slack[k];
         let inside = (low < slope) & (slope < high);
-        // `f64::clamp` without its look at the bounds
+        // `f64::clamp` without its check of the bounds.
         let slope = if slope < low { low } else { slope };
         let slope = if slope > high { high } else { slope };
         S::with_rate(slope as f32, if inside { rate as f32 } else { 0.0 })
     }
 
-    /// The footprint of a Gaussian with these scaled world axes.
+    /// The covariance on the image of a Gaussian with these scaled world axes.
     #[inline(always)]
     pub(super) fn footprint<S: Real<Plain = f32>>(
         &self,
@@ -153,8 +156,8 @@ impl Eye {
     ) -> Footprint<S> {
         let [m0, m1, m2] = [self.turned(axes[0]), self.turned(axes[1]), self.turned(axes[2])];
         let along = [m0[2], m1[2], m2[2]];
-        // rows of the projection's derivative times the axes: they stay in the Gaussian's own axes, where the
-        // cross product does not cancel
+        // Rows of the projection's derivative times the axes. In the Gaussian's own axes, the cross
+        // product that gives the determinant does not cancel, which matters for needles.
         let scale = |k: usize| S::with_rate(self.focal[k] as f32, 0.0) / depth;
         let (s0, s1) = (scale(0), scale(1));
         let a0 = [row(s0, slopes[0], m0, 0), row(s0, slopes[0], m1, 0), row(s0, slopes[0], m2, 0)];
@@ -173,7 +176,7 @@ impl Eye {
         }
     }
 
-    /// A direction of the world in camera axes, which turn against the camera.
+    /// A world direction in camera axes. It turns against the camera.
     #[inline(always)]
     fn turned<S: Real<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
         let seen = [dot(self.rows[0], axis), dot(self.rows[1], axis), dot(self.rows[2], axis)];
@@ -181,7 +184,8 @@ impl Eye {
         [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
     }
 
-    /// The direction from the camera to such a point. The ray turns by what of its own rate is across it.
+    /// The direction from the camera to a point. Only the component of the rate across the ray
+    /// turns it.
     #[inline(always)]
     pub(super) fn direction<S: Real<Plain = f32>>(&self, point: [f32; 3]) -> [S; 3] {
         let ray = self.ray(point);

@@ -1,11 +1,11 @@
-//! Instruction sets: the one that the machine has, or a lesser one.
+//! Instruction sets: the widest that the machine has, or a narrower one.
 //!
-//! The raster's arithmetic is written once, over vectors that each set splits into its own. No set fuses a
-//! multiplication with an addition, so that every one gives the same bits.
+//! The raster's arithmetic is written once, over vectors that each instruction set splits into its
+//! own. No set fuses a multiplication with an addition, so all sets give the same bits.
 
 use fearless_simd::Level;
 
-/// An instruction set that this machine has.
+/// An instruction set that this machine supports.
 #[derive(Debug, Clone, Copy)]
 pub struct Instructions {
     pub(super) level: Level,
@@ -13,7 +13,7 @@ pub struct Instructions {
 }
 
 impl Instructions {
-    /// The widest.
+    /// The widest instruction set.
     ///
     /// # Panics
     /// Never: every machine has one.
@@ -22,7 +22,7 @@ impl Instructions {
         *Self::all().last().expect("every machine has a set of instructions")
     }
 
-    /// All that this machine has, the widest last.
+    /// All instruction sets of this machine, the widest last.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let best = Level::new();
@@ -43,7 +43,7 @@ impl Instructions {
         all
     }
 
-    /// Its name.
+    /// Name of the instruction set.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name

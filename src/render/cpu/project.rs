@@ -1,6 +1,10 @@
-//! Pass 1: every Gaussian onto the image plane, or out.
+//! Pass 1: projects every Gaussian onto the image plane, or culls it.
 //!
-//! How a Gaussian looks is in `eye`; here blocks of them go through it lane by lane.
+//! The projection of one Gaussian is in `eye`. This file applies it to blocks, lane by lane.
+//!
+//! Each step is a loop over all lanes of a block without a branch: culled lanes are computed as
+//! well and discarded at the end. Wasted lanes cost less than branches would, because the compiler
+//! turns such loops into vector code.
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
@@ -18,49 +22,50 @@ use crate::scene::{Gaussians, sh};
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
-/// Gaussians that one task projects; the first of them decides where their splats lie in the pass's output.
+/// Number of Gaussians that one task projects. Its multiples are the places at which the tasks'
+/// output begins.
 pub(super) const CHUNK: usize = 4096;
 
-/// What becomes of a Gaussian.
+/// Whether a Gaussian is drawn, and why not if it is not.
 type Fate = u32;
 const DRAWN: Fate = 0;
 const BEHIND: Fate = 1;
 const DEGENERATE: Fate = 2;
 const OUTSIDE: Fate = 3;
 
-/// What the pass reads.
+/// The input of the pass.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projection<'a> {
     /// The scene.
     pub(super) scene: &'a Gaussians,
-    /// What of it may be seen, in its activated form: all blocks but the last are full.
+    /// Gaussians that the view may see, in activated form. All blocks but the last are full.
     pub(super) blocks: &'a [Block],
-    /// Degree that its harmonics are evaluated to.
+    /// Highest degree of harmonics that is evaluated.
     pub(super) sh_degree: u8,
-    /// Parameters.
+    /// Rendering parameters.
     pub(super) style: Style,
-    /// View.
+    /// The view.
     pub(super) eye: Eye,
-    /// Which features the splats carry.
+    /// The features that the splats carry.
     pub(super) want: Channels,
     /// The instruction set.
     pub(super) level: Level,
 }
 
-/// Splats of one [`CHUNK`] of Gaussians and what happened to them.
+/// Counts for one [`CHUNK`] of Gaussians.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Projected {
-    /// How many of the chunk's places in `splats` are filled, from the first on.
+    /// Number of splats at the front of the chunk's part of `splats`.
     pub(super) drawn: usize,
     /// Counts.
     pub(super) work: Work,
 }
 
-/// A number, or one with its rate, of which a block has one of each Gaussian.
+/// A number, or a number with its rate, stored as one array per block.
 trait Each: Real<Plain = f32> {
-    /// One for each lane.
+    /// The array for a block.
     type Lanes: Copy;
-    /// All zero.
+    /// An array of zeros.
     const ZEROS: Self::Lanes;
     /// Whether there are rates.
     const MOVING: bool;
@@ -102,14 +107,13 @@ impl Each for Dual<f32> {
     }
 }
 
-/// What a block's Gaussians come to, lane by lane: each loop over it is without a branch, so that the compiler does
-/// several at once.
+/// The projection of a block, lane by lane.
 struct Seen<S: Each> {
     fate: [Fate; LANES],
     depth: S::Lanes,
     mean: [S::Lanes; 2],
     slopes: [S::Lanes; 2],
-    /// `a`, `b`, `c` of [`Footprint`].
+    /// `a`, `b` and `c` of [`Footprint`].
     covariance: [Lane; 3],
     depth_deviation: Lane,
     w: [S::Lanes; 3],
@@ -117,17 +121,17 @@ struct Seen<S: Each> {
     reach: Lane,
     columns: [[u16; LANES]; 2],
     rows: [[u16; LANES]; 2],
-    /// Lanes of those drawn, in order.
+    /// Lanes that are drawn, in order.
     drawn: [u8; LANES],
-    /// Means of those drawn, one after another.
+    /// Means of the drawn lanes, without gaps.
     positions: [Lane; 3],
-    /// The harmonics in the directions of those drawn, one after another.
+    /// Harmonics in the directions of the drawn lanes, without gaps.
     basis: [S::Lanes; sh::MAX_LEN],
 }
 
 impl Projection<'_> {
-    /// Projects all Gaussians: those of chunk `k` come to lie from `splats[k * CHUNK]` on, in file order; their rates
-    /// likewise, where a channel is a rate.
+    /// Projects all Gaussians. The splats of chunk `k` start at `splats[k * CHUNK]`, in file order.
+    /// The same holds for `rates`, if a channel needs rates.
     pub(super) fn run(&self, splats: &mut Vec<Splat>, rates: &mut Vec<Rates>, chunks: &mut Vec<Projected>) {
         let count = self.blocks.iter().map(|block| block.len).sum();
         splats.resize(count, Splat::default());
@@ -143,7 +147,8 @@ impl Projection<'_> {
         }
     }
 
-    /// One chunk. Inlined, as is all below, into a function for each instruction set.
+    /// Projects one chunk. This function and all that it calls are inlined into one copy per
+    /// instruction set.
     #[inline(always)]
     fn chunk<S: Each>(&self, blocks: &[Block], splats: &mut [Splat], rates: &mut [Rates]) -> Projected {
         let mut done = Projected::default();
@@ -198,7 +203,7 @@ impl Projection<'_> {
         }
     }
 
-    /// The values to blend, one after another as [`Channels`] lists them.
+    /// The features to blend, in the order of [`Channels`].
     #[inline(always)]
     fn features<S: Each>(&self, colour: [f32; 3], seen: &Seen<S>, i: usize) -> [f32; MAX_FEATURES] {
         let mut features = [0.0; MAX_FEATURES];
@@ -244,7 +249,7 @@ impl<S: Each> Seen<S> {
         }
     }
 
-    /// Where the means are seen.
+    /// Projects the means.
     #[inline(always)]
     fn locate(&mut self, eye: &Eye, rules: Rules, block: &Block) {
         let [x, y, z] = &block.positions;
@@ -265,7 +270,7 @@ impl<S: Each> Seen<S> {
         }
     }
 
-    /// Their footprints, their opacities with them where they are `ANTIALIASED`.
+    /// Projects the covariances. If `ANTIALIASED`, the opacities are scaled too.
     #[inline(always)]
     fn shape<const ANTIALIASED: bool>(&mut self, eye: &Eye, rules: Rules, block: &Block) {
         let least = least_alpha(rules);
@@ -297,7 +302,7 @@ impl<S: Each> Seen<S> {
         }
     }
 
-    /// How far their weakened opacities reach.
+    /// The reach of the scaled opacities.
     #[inline(always)]
     fn reach_anew(&mut self, rules: Rules) {
         for i in 0..LANES {
@@ -307,7 +312,7 @@ impl<S: Each> Seen<S> {
         }
     }
 
-    /// Which pixels they may touch.
+    /// The pixel ranges that the splats may touch.
     #[inline(always)]
     fn bound(&mut self, rules: Rules, size: [f32; 2]) {
         let [a, b, c] = &self.covariance;
@@ -323,7 +328,7 @@ impl<S: Each> Seen<S> {
         }
     }
 
-    /// Lists those that are drawn among the first lanes, and counts all.
+    /// Lists the drawn lanes among the first `len`, and counts all outcomes.
     #[inline(always)]
     fn count(&mut self, len: usize, work: &mut Work) -> usize {
         let mut drawn = 0;
@@ -343,13 +348,13 @@ impl<S: Each> Seen<S> {
         drawn
     }
 
-    /// Whether its deviation in depth is above this share of its depth.
+    /// Whether the standard deviation of depth exceeds this share of the depth.
     #[inline(always)]
     fn is_deeper(&self, i: usize, share: f32) -> bool {
         self.depth_deviation[i] > share * S::at(&self.depth, i).value()
     }
 
-    /// The harmonics in the directions of the drawn ones.
+    /// The harmonics in the directions of the drawn lanes.
     #[inline(always)]
     fn face(&mut self, eye: &Eye, block: &Block, degree: u8, count: usize) {
         for k in 0..count {
@@ -368,7 +373,8 @@ impl<S: Each> Seen<S> {
 
     #[inline(always)]
     fn face_to(&mut self, eye: &Eye, degree: u8, count: usize) {
-        // Whole vectors of the widest set; the lanes beyond hold what an earlier block left there.
+        // Whole vectors of the widest set. Lanes beyond `count` hold values of an earlier block,
+        // which nothing reads.
         for k in 0..count.next_multiple_of(16) {
             let [x, y, z] = &self.positions;
             let basis = sh::basis(degree, eye.direction::<S>([x[k], y[k], z[k]]));
@@ -378,7 +384,8 @@ impl<S: Each> Seen<S> {
         }
     }
 
-    /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::colour`], the channels side by side.
+    /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::colour`] for three
+    /// channels at once.
     #[inline(always)]
     fn colour(&self, k: usize, coefficients: &[f32]) -> [S; 3] {
         let (mut sum, mut rate) = ([0.0_f32; 4], [0.0_f32; 4]);

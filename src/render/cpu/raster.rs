@@ -1,8 +1,22 @@
 //! Pass 4: blends each tile's splats, front to back.
 //!
-//! A tile is cut into blocks of 4x4 pixels. Splats come in batches: `cover` says which of a batch may touch which
-//! block, and `block` blends those of one block while its pixels stay in registers: in one of AVX-512, in several of
-//! the others, whose operations then need not wait for one another.
+//! ```text
+//! tile of 16x16 px       batch of 64 splats          block of 4x4 px
+//! +---+---+---+---+      fill:  copy the splats      16 lanes: light, sums, rates
+//! |   |   |   |   |      cover: one mask per block   blend: one splat after the other
+//! +---+---+---+---+             bit i = splat i      store: back to the tile's planes
+//! |   | # | # |   |
+//! +---+---+---+---+      # blocks that splat i may touch
+//! ```
+//!
+//! A splat's list entry says only that it touches the tile. Most splats are smaller than a tile, so
+//! a mask per block saves most of the work: a block visits the splats of its own mask and skips the
+//! others without loading them. The state of a block (position, light, sums) stays in vector
+//! registers for a whole batch. That is one register per value with AVX-512, and several with
+//! narrower sets, where the independent halves hide each other's latency.
+//!
+//! The order of operations at a pixel does not depend on tiles, batches or the instruction set, so
+//! the image is the same on every machine.
 
 mod blended;
 mod block;
@@ -30,15 +44,16 @@ const LANES: usize = SIDE * SIDE;
 /// Blocks of a tile.
 const BLOCKS: usize = PIXELS / LANES;
 
-/// Splats between two looks at whether a tile is finished: as many as a mask has bits.
+/// Number of splats in a batch: the bits of a mask. A tile checks after each batch whether all its
+/// pixels are finished.
 const BATCH: usize = 64;
 
-/// What the pass reads.
+/// The input of the pass.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame<'a> {
     /// Projected Gaussians.
     pub(super) splats: &'a [Splat],
-    /// Their rates, where they are asked for.
+    /// The splats' rates; empty if rates were not requested.
     pub(super) rates: &'a [Rates],
     /// The lists of the tiles.
     pub(super) lists: &'a Lists,
@@ -46,22 +61,23 @@ pub(super) struct Frame<'a> {
     pub(super) grid: Grid,
     /// The rules.
     pub(super) rules: Rules,
-    /// How layers lie.
+    /// The order in which layers are blended.
     pub(super) order: Layering,
-    /// What is left out.
+    /// Work that the pass may skip.
     pub(super) omit: Omit,
     /// The instruction set.
     pub(super) level: Level,
 }
 
-/// Planes of a tile with so many features, and the rates of luminance and of the light behind, or without.
+/// Number of planes of a tile: one per feature, the transmittance, and two rates if they are
+/// wanted.
 pub(super) fn planes(features: usize, rate: bool) -> usize {
     features + 1 + 2 * usize::from(rate)
 }
 
-/// Blends every tile with `N` features a splat; `SOFT` where layers fade in, `RATE` where luminance's rate is wanted. A
-/// tile's part of `out` is [`planes`] of [`PIXELS`] values: the sums of weight times feature, what is left of the light
-/// behind, then the rates of luminance and of that.
+/// Blends every tile with `N` features per splat. `SOFT` fades layers in, `RATE` computes the rate
+/// of the luminance. A tile's part of `out` is [`planes`] of [`PIXELS`] values: the sums of weight
+/// times feature, the transmittance, then the rates of luminance and transmittance.
 pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
     frame: Frame<'_>,
     out: &mut Vec<f32>,
@@ -90,7 +106,7 @@ pub(super) fn run<const N: usize, const SOFT: bool, const RATE: bool>(
         })
 }
 
-/// The splats of a tile that are blended next.
+/// The next splats of a tile, copied out of the frame's array.
 struct Batch {
     splats: [Splat; BATCH],
     rates: [Rates; BATCH],
@@ -98,8 +114,8 @@ struct Batch {
 }
 
 impl Batch {
-    /// Takes the next splats of a list. Copied at once: reads that do not wait for one another overlap, and most of
-    /// them miss the cache.
+    /// Copies the splats at `places`. Most of these reads miss the cache; a plain copy loop lets
+    /// them overlap, where the blending loop would wait for each.
     #[inline(always)]
     fn fill<const RATE: bool>(&mut self, frame: Frame<'_>, places: &[u32]) {
         for (near, &place) in self.splats.iter_mut().zip(places) {
@@ -114,7 +130,8 @@ impl Batch {
     }
 }
 
-/// One tile. Inlined, as is all that it calls, into a function for each instruction set.
+/// Blends one tile. This function and all that it calls are inlined into one copy per instruction
+/// set.
 #[inline(always)]
 fn blend<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
     simd: S,
@@ -133,6 +150,7 @@ fn blend<S: Simd, const N: usize, const SOFT: bool, const RATE: bool>(
     let whole = frame.omit == Omit::Nothing;
     for run in frame.lists.of(index) {
         for places in run.chunks(BATCH) {
+            // Nothing behind an opaque tile can change it, so the rest of the list is only counted.
             if pixels.is_finished() && !whole {
                 work.hidden += places.len() as u64;
                 continue;

@@ -1,4 +1,4 @@
-//! Pass 5: the tiles' sums become images: background behind, depth normalised.
+//! Pass 5: turns the sums of the tiles into images, with the background added and depth normalised.
 
 use super::bin::Grid;
 use super::raster::PIXELS;
@@ -7,18 +7,18 @@ use crate::render::shared::{DEPTH_MIN_ALPHA, TILE};
 use crate::render::{Channels, Rendered};
 use rayon::prelude::*;
 
-/// The blended tiles of a frame, as the raster pass left them.
+/// The blended tiles of a frame, as written by the raster pass.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Blended<'a> {
     /// Planes of all tiles.
     pub(super) tiles: &'a [f32],
-    /// Features a splat.
+    /// Number of features per splat.
     pub(super) features: usize,
-    /// Tiles.
+    /// The division into tiles.
     pub(super) grid: Grid,
 }
 
-/// Makes the images that are wanted.
+/// Writes the requested images.
 pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], out: &mut Rendered) {
     let mut first = 0;
     let mut next = |n: usize| {
@@ -44,7 +44,7 @@ pub(super) fn run(blended: Blended<'_>, want: Channels, background: [f32; 3], ou
     fill(&mut out.luminance_rate, 0.0, rate, blended, |pixel, f| pixel.sum(f) + pixel.sum(f + 1) * behind);
 }
 
-/// One pixel's values in the planes of its tile.
+/// The values of one pixel in the planes of its tile.
 struct Pixel<'a> {
     tile: &'a [f32],
     index: usize,
@@ -61,7 +61,7 @@ impl Pixel<'_> {
     }
 }
 
-/// Fills one image from the feature that its values begin at, or takes it away where it is not wanted.
+/// Fills one image from its first feature, or removes it if it is not requested.
 fn fill<T: Copy + Send>(
     image: &mut Option<Image<T>>,
     blank: T,

@@ -1,8 +1,9 @@
-//! Pass 2: one front-to-back order for the whole frame.
+//! Pass 2: one front-to-back order of all splats of a frame.
 //!
-//! The order of the frame before is of no help. At 2,400 frames a second and 0.3 rad/s around 500,000 Gaussians each
-//! moves by 10 places, and mending that (insertion) takes three times as long as ordering from nothing; where few
-//! enough move, with tens of thousands of Gaussians, both take less than a hundredth of the frame.
+//! The order of the previous frame does not help. At 2,400 frames per second, 0.3 rad/s and 500,000
+//! Gaussians, each moves by about 10 places, and repairing the order by insertion takes three times
+//! as long as sorting from scratch. With tens of thousands of Gaussians, few move, but both methods
+//! take less than a hundredth of the frame.
 
 #![expect(clippy::cast_possible_truncation, reason = "keys are taken apart into 32-bit halves and digits")]
 
@@ -10,19 +11,20 @@ use super::project::{CHUNK, Projected};
 use super::splat::Splat;
 use rayon::prelude::*;
 
-/// The most bits of a digit: its counts stay in the nearest cache, and two digits hold the depths of most frames.
+/// Maximum number of bits of a digit. Its counters stay in the first-level cache, and two digits
+/// cover the depths of most frames.
 const DIGIT_BITS: u32 = 13;
 
-/// Orders splats by the bits of their depth, ties by their place in the file.
+/// Sorts splats by the bits of their depth; ties keep the order of the file.
 #[derive(Debug, Default)]
 pub(super) struct Sorter {
-    /// Depth bits above the splat's place.
+    /// Position of the depth bits, above the splat's place.
     keys: Vec<u64>,
     spare: Vec<u64>,
 }
 
 impl Sorter {
-    /// The order of the splats that the projection left: one key each, its low half the splat's place.
+    /// The order of the projected splats: one key each, with the splat's place in its low half.
     pub(super) fn run(&mut self, splats: &[Splat], chunks: &[Projected]) -> &[u64] {
         let [low, high] = self.lay_down(splats, chunks);
         let bits = u32::BITS - high.saturating_sub(low).leading_zeros();
@@ -35,7 +37,7 @@ impl Sorter {
         &self.keys
     }
 
-    /// Lays down the keys in file order; returns the bits of the least and the largest depth.
+    /// Writes the keys in file order, and returns the bits of the smallest and largest depth.
     fn lay_down(&mut self, splats: &[Splat], chunks: &[Projected]) -> [u32; 2] {
         self.keys.resize(chunks.iter().map(|chunk| chunk.drawn).sum(), 0);
         let mut rest = self.keys.as_mut_slice();
@@ -54,8 +56,8 @@ impl Sorter {
         ends.reduce(|| [u32::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
-    /// One stable counting sort. Depths are positive, so their bits are in the order of their values; and as keys
-    /// were laid down in file order, a stable sort by depth alone leaves ties in it.
+    /// One stable counting sort. Depths are positive, so their bits sort as their values do. Keys
+    /// start in file order, so a stable sort by depth leaves ties in that order.
     fn by_digit(&mut self, digit: impl Fn(u64) -> usize) {
         let mut starts = [0_u32; 1 << DIGIT_BITS];
         for &key in &self.keys {
@@ -74,7 +76,7 @@ impl Sorter {
     }
 }
 
-/// The splat's place that a key ends in.
+/// The splat's place, from the low half of a key.
 pub(super) fn place(key: u64) -> u32 {
     key as u32
 }
@@ -85,7 +87,7 @@ mod tests {
 
     fn check(depths: &[f32]) {
         let splats: Vec<Splat> = depths.iter().map(|&depth| Splat { depth, ..Splat::default() }).collect();
-        // the last of each chunk is not drawn
+        // The last splat of each chunk is not drawn.
         let chunks: Vec<Projected> = splats
             .chunks(CHUNK)
             .map(|chunk| Projected { drawn: chunk.len() - 1, ..Projected::default() })
@@ -94,7 +96,7 @@ mod tests {
         let mut wanted: Vec<usize> = (0..depths.len()).filter(drawn).collect();
         wanted.sort_by(|&a, &b| depths[a].total_cmp(&depths[b]));
         let mut sorter = Sorter::default();
-        // twice, since buffers are used again
+        // Twice, because buffers are reused.
         for _ in 0..2 {
             let order = sorter.run(&splats, &chunks);
             let order: Vec<usize> = order.iter().map(|&key| place(key) as usize).collect();
@@ -104,11 +106,11 @@ mod tests {
 
     #[test]
     fn depths_ascend_and_ties_follow_the_file() {
-        // few distinct values over all magnitudes, so that many tie
+        // Few distinct values over all magnitudes, so that many tie.
         let draw = |i: u32| i.wrapping_mul(2_654_435_761);
         let n = 10_000;
         check(&(0..n).map(|i| 2.0_f32.powi((draw(i) >> 26) as i32 - 2) * 1.5).collect::<Vec<_>>());
-        // one octave; all equal; at both ends of what is positive; none
+        // One octave; all equal; both ends of the positive range; none.
         check(&(0..n).map(|i| f32::from_bits(1.0_f32.to_bits() + (draw(i) >> 9))).collect::<Vec<_>>());
         check(&[0.2; 5000]);
         check(&[f32::MAX, 0.2, f32::MIN_POSITIVE, 1.0, 0.0]);

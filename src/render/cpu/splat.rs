@@ -1,4 +1,4 @@
-//! A projected Gaussian: what the passes after the projection know of it.
+//! A projected Gaussian, as the later passes use it.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -6,12 +6,13 @@
     reason = "pixel coordinates are clamped to the image before they become integers"
 )]
 
-/// Images that a splat can carry a value for, one after another: colour, luminance, depth, doubt.
+/// Maximum number of feature values of a splat: colour, luminance, depth, doubt.
 pub(super) const MAX_FEATURES: usize = 6;
 
-/// A Gaussian on the image plane. Its opacity at a pixel is `opacity * 2^-q`,
-/// `q = (w1 dx + w2 dy)^2 + (w3 dy)^2` with `(dx, dy)` the pixel's centre minus the mean: the stable form of
-/// `numerics.md` 7.2 with `w` scaled by `sqrt(log2(e) / 2)`.
+/// A Gaussian on the image plane. Its opacity at a pixel is `opacity * 2^-q` with `q = (w1 dx + w2
+/// dy)^2 + (w3 dy)^2`, where `(dx, dy)` is the pixel's centre minus the mean. This is the Cholesky
+/// form of the exponent, with `w` scaled by `sqrt(log2(e) / 2)`: a sum of squares, so rounding
+/// cannot make it negative.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub(super) struct Splat {
@@ -21,54 +22,56 @@ pub(super) struct Splat {
     pub(super) w: [f32; 3],
     /// Opacity at the mean.
     pub(super) opacity: f32,
-    /// No pixel with `q` above this reaches the least opacity that is blended; includes a margin for rounding.
+    /// Largest `q` at which a pixel can reach the smallest blended opacity, with a margin for
+    /// rounding.
     pub(super) reach: f32,
-    /// First and end column and row of the pixels that it may touch; never empty.
+    /// First and end column and row of the pixels that it may touch. Never empty.
     pub(super) columns: [u16; 2],
-    /// See `columns`.
+    /// As `columns`.
     pub(super) rows: [u16; 2],
-    /// What is blended, in the order of the layout that was asked for.
+    /// Feature values, in the order of the requested channels.
     pub(super) features: [f32; MAX_FEATURES],
     /// Depth along the optical axis, scene units.
     pub(super) depth: f32,
 }
 
-/// What of a splat changes while the camera moves, each a second.
+/// Rates of a splat's values while the camera moves, per second.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Rates {
-    /// Of the mean, px.
+    /// Rate of the mean, px.
     pub(super) mean: [f32; 2],
-    /// Of `w1, w2, w3`.
+    /// Rates of `w1, w2, w3`.
     pub(super) w: [f32; 3],
-    /// Of the opacity at the mean, over it.
+    /// Rate of the opacity at the mean, divided by the opacity.
     pub(super) opacity: f32,
-    /// Of the depth, scene units.
+    /// Rate of the depth, scene units.
     pub(super) depth: f32,
-    /// The luminance itself.
+    /// The luminance.
     pub(super) grey: f32,
-    /// Its rate.
+    /// Rate of the luminance.
     pub(super) grey_rate: f32,
 }
 
-/// Bound on what rounding moves an edge of an extent by, px, where the edge lies `distance` px from the mean: the
-/// raster forms `w1 dx + w2 dy` from terms of that size, each rounded twice at 2^-24 of it, and pixel coordinates
-/// below 65,536 are rounded at 2^-8.
+/// Bound on the error that rounding adds to an edge of an extent, px, where the edge is `distance`
+/// px from the mean. The raster computes `w1 dx + w2 dy` from terms of that size, each rounded
+/// twice at 2^-24 of it; pixel coordinates below 65,536 are rounded at 2^-8.
 #[inline(always)]
 pub(super) fn edge_margin(distance: f32) -> f32 {
     MARGIN[0] + MARGIN[1] * distance
 }
 
-/// The margin at no distance, px, and what it grows by.
+/// The margin at distance 0, px, and its growth per px.
 pub(super) const MARGIN: [f32; 2] = [0.02, 1e-6];
 
-/// The pixels whose centres lie between `low` and `high`: first and end, within `0..end`.
+/// First and end of the pixels with centres between `low` and `high`, within `0..end`.
 #[inline(always)]
 pub(super) fn pixels_within(low: f32, high: f32, end: f32) -> [u16; 2] {
-    // floor(low + 1/2): after the clamp, truncation is floor
+    // floor(low + 1/2). After the clamp, truncation equals floor.
     [within(low + 0.5, end) as u16, within(high + 0.5, end) as u16]
 }
 
-/// The value clamped to `0..=end`; NaN becomes 0. Two choices, where `f32::clamp` looks whether its bounds are sound.
+/// The value clamped to `0..=end`; NaN becomes 0. Two selections, where `f32::clamp` also checks
+/// its bounds.
 #[inline(always)]
 pub(super) fn within(value: f32, end: f32) -> f32 {
     let value = if value > 0.0 { value } else { 0.0 };
@@ -76,8 +79,8 @@ pub(super) fn within(value: f32, end: f32) -> f32 {
 }
 
 impl Splat {
-    /// Where the ellipse `q <= reach` begins and ends in x on the line `dy` px below the mean, or `None` where the
-    /// line misses it.
+    /// The interval in x that the ellipse `q <= reach` covers on the line `dy` px below the mean,
+    /// or `None` if the line misses it.
     #[inline(always)]
     pub(super) fn chord(&self, dy: f32) -> Option<[f32; 2]> {
         let [w1, w2, w3] = self.w;
@@ -93,7 +96,7 @@ impl Splat {
         Some([middle - wide, middle + wide])
     }
 
-    /// Its outline.
+    /// The outline of the splat.
     #[inline(always)]
     pub(super) fn outline(&self) -> Outline<'_> {
         let [w1, w2, w3] = self.w;
@@ -108,16 +111,16 @@ impl Splat {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Outline<'a> {
     splat: &'a Splat,
-    /// Half its width with the margin for rounding, px.
+    /// Half its width, with the margin for rounding, px.
     wide: f32,
-    /// It is widest to the right where `dy = turn`, to the left where `dy = -turn`.
+    /// The ellipse is widest to the right at `dy = turn`, to the left at `dy = -turn`.
     turn: f32,
-    /// What rounding may move these by, px.
+    /// Bound on the rounding of these values, px.
     slack: f32,
 }
 
 impl Outline<'_> {
-    /// The columns that may be touched in rows `first..end`, which lie within the splat's own.
+    /// The columns that may be touched in rows `first..end`, which lie within the splat's rows.
     #[inline(always)]
     pub(super) fn columns_in(&self, first: u16, end: u16) -> [u16; 2] {
         let Self { splat, wide, turn, slack } = *self;
@@ -147,7 +150,8 @@ pub(super) mod tests {
 
     pub(in crate::render::cpu) const EDGE: u16 = 96;
 
-    /// A splat of standard deviations `long`, `short` px before dilation, its long axis turned by `angle`.
+    /// A splat with standard deviations `long` and `short`, px before dilation, and its long axis
+    /// turned by `angle`.
     fn splat(mean: [f32; 2], long: f32, short: f32, angle: f32, opacity: f32) -> Option<Splat> {
         let (s, c) = angle.sin_cos();
         let [a0, a1] = [[long * c, -short * s], [long * s, short * c]];
@@ -171,7 +175,7 @@ pub(super) mod tests {
         Some(Splat { mean, w, opacity, reach, columns, rows, ..Splat::default() })
     }
 
-    /// The raster pass's own arithmetic, at a pixel.
+    /// The raster pass's own arithmetic at one pixel.
     pub(in crate::render::cpu) fn counts(splat: &Splat, x: u16, y: u16) -> bool {
         let [w1, w2, w3] = splat.w;
         let dy = f32::from(y) + 0.5 - splat.mean[1];
@@ -180,7 +184,7 @@ pub(super) mod tests {
     }
 
     prop_compose! {
-        /// From dots to needles 100,000 px long, on and off the image.
+        /// From dots to needles of 100,000 px, on and off the image.
         pub(in crate::render::cpu) fn planted()(
             mean in prop::array::uniform2(prop_oneof![3 => -40.0..140.0_f32, 1 => -5e4..5e4_f32]),
             long in (-3.0..11.5_f32).prop_map(f32::exp),
@@ -199,7 +203,7 @@ pub(super) mod tests {
             ..ProptestConfig::default()
         })]
 
-        /// What the extents leave out never counts.
+        /// Pixels outside the extents never count.
         #[test]
         fn no_pixel_that_counts_is_left_out(found in planted()) {
             for y in 0..EDGE {
@@ -231,7 +235,8 @@ pub(super) mod tests {
             let [first, end] = needle.outline().columns_in(row * 16, row * 16 + 16);
             usize::from(end).div_ceil(TILE) - usize::from(first) / TILE
         };
-        // it runs through the tiles' corners, so each row has its own tile and the corners' two neighbours
+        // It runs through the corners of tiles, so each row has its own tile and the two neighbours
+        // of the corners.
         assert_eq!((0..6).map(tiles).collect::<Vec<_>>(), [2, 3, 3, 3, 3, 2]);
     }
 }

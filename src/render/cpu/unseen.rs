@@ -1,34 +1,40 @@
-//! What no view of a path can see: a bound, so that what is left out touches no pixel of any of them.
+//! Gaussians that no view of a path can see. The bound is conservative: what is left out touches no
+//! pixel of any view.
 //!
-//! **One view.** Let `q` be a Gaussian's mean in camera axes, `s` its largest standard deviation, `o` its opacity. It is
-//! drawn only where `q.z` is above the near plane, and along x it touches no pixel farther from its mean `fx u + cx`,
-//! `u = q.x / q.z`, than `k sqrt(a)`: under all rules extents lie within the box of `opacity >= least`, for which
-//! `k = sqrt(2 ln(o / least))`; antialiasing only lowers `o`. Of the dilated variance `a = |a0|^2 + 0.3`, `a0` is the row
-//! `fx/z (1, 0, -uc)` of the projection's derivative times `M`, whose norm is `s`; and `uc`, the slope at which it is
-//! taken, is clamped to `|uc| <= U`. So `sqrt(a) <= fx/z s V + sqrt(0.3)` with `V = sqrt(1 + U^2)`, and a pixel at or
-//! right of the image's left edge is touched only if
+//! **One view.** Let `q` be the mean of a Gaussian in camera axes, `s` its largest standard
+//! deviation and `o` its opacity. It is drawn only if `q.z` is above the near plane. Along x, it
+//! touches no pixel farther from its mean `fx u + cx`, `u = q.x / q.z`, than `k sqrt(a)`: under all
+//! rules, extents lie within the box of `opacity >= least`, with `k = sqrt(2 ln(o / least))`;
+//! antialiasing only lowers `o`. The dilated variance is `a = |a0|^2 + 0.3`, where `a0` is the row
+//! `fx/z (1, 0, -uc)` of the projection's derivative times `M`, a matrix of norm `s`. The slope
+//! `uc` at which the derivative is taken is clamped to `|uc| <= U`. So `sqrt(a) <= fx/z s V +
+//! sqrt(0.3)` with `V = sqrt(1 + U^2)`, and a pixel at or right of the image's left edge is touched
+//! only if
 //!
 //! ```text
 //! fx u + cx + k (fx/z s V + sqrt(0.3)) >= 0,    that is, as z > 0,    q.x + L q.z >= -k s V,    L = (cx + m) / fx
 //! ```
 //!
-//! with `m >= k sqrt(0.3)` for every opacity. That is a plane through the camera's centre, widened by `k s V`; the other
-//! three edges give the like. With the unit normal `n = (1, 0, L) / h` it reads `n.q >= -k s V / h`; the near plane is
-//! `n = (0, 0, 1)` with `n.q >= near`.
+//! with `m >= k sqrt(0.3)` for every opacity. That is a plane through the camera's centre, widened
+//! by `k s V`. The other three edges are alike. With the unit normal `n = (1, 0, L) / h` the
+//! condition reads `n.q >= -k s V / h`. The near plane is `n = (0, 0, 1)` with `n.q >= near`.
 //!
-//! **A run of views** with centres `C_j` and normals `N_j = R_j n` in the world. For any point `c` and any `N`
+//! **A run of views** has centres `C_j` and normals `N_j = R_j n` in the world. For any point `c`
+//! and any `N`
 //!
 //! ```text
 //! N_j.(p - C_j) = N.(p - c) + (N_j - N).(p - c) + N_j.(c - C_j) <= N.(p - c) + turn |p - c| + shift
 //! ```
 //!
-//! with `turn` the largest `|N_j - N|` and `shift` the largest `N_j.(c - C_j)` of the run. Where the right side is below
-//! the plane's bound, no view of the run sees the Gaussian. Runs are halves of halves of the path, so that most
-//! Gaussians are settled by few of them; one that the shortest run about it cannot exclude is kept.
+//! with `turn` the largest `|N_j - N|` and `shift` the largest `N_j.(c - C_j)` of the run. If the
+//! right side is below the plane's bound, no view of the run sees the Gaussian. Runs are obtained
+//! by halving the path, so a few runs decide most Gaussians. A Gaussian that the shortest run
+//! cannot exclude is kept.
 //!
-//! **Rounding.** The projection's 32 bits err by some units of 2^-24 of each term and its extents add 0.02 px and a
-//! millionth: [`SPREAD`] on `k s V` and [`GRACE_PX`] on `m` are far above both. 64-bit positions err by some units of
-//! 2^-53 of the largest coordinate: [`ROUNDING`] of it.
+//! **Rounding.** The 32-bit projection has errors of some units of 2^-24 of each term, and its
+//! extents add 0.02 px and a millionth. [`SPREAD`] on `k s V` and [`GRACE_PX`] on `m` are far above
+//! both. 64-bit positions have errors of some units of 2^-53 of the largest coordinate, below
+//! [`ROUNDING`] of it.
 
 #![expect(clippy::cast_possible_truncation, reason = "a scene has fewer than 2^32 Gaussians")]
 
@@ -43,25 +49,27 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::LN_2;
 
-/// Shortest runs that a path is cut into, at most.
+/// Maximum number of shortest runs of a path.
 const RUNS: usize = 64;
-/// More of a spread than any rounding of it.
+/// Factor on a spread that exceeds any rounding of it.
 const SPREAD: f64 = 1.0 + 1e-4;
-/// More than the projection adds to an extent or rounds it by, px: 0.02 and a few units of 2^-8.
+/// Bound on what the projection adds to an extent or rounds it by, px: 0.02 and a few units of
+/// 2^-8.
 const GRACE_PX: f64 = 0.1;
-/// More than 64-bit sums of coordinates err by, of the largest.
+/// Bound on the error of 64-bit sums of coordinates, relative to the largest.
 const ROUNDING: f64 = 1e-14;
-/// Nothing is left out of images with a larger focal length or principal point, px: extents could overflow.
+/// Largest focal length or principal point, px, with which anything is left out. Beyond, extents
+/// could overflow.
 const LARGEST_PX: f64 = 1e6;
-/// Nor is a Gaussian with a larger standard deviation, scene units.
+/// Largest standard deviation, scene units, with which a Gaussian is left out.
 const LARGEST_DEVIATION: f64 = 1e9;
 
-/// The numbers of all Gaussians.
+/// The indices of all Gaussians.
 pub(super) fn all(scene: &Gaussians) -> Vec<u32> {
     (0..scene.len()).map(|i| i as u32).collect()
 }
 
-/// The numbers of the Gaussians that some of the poses may see, in order; of all where there is no pose.
+/// The indices of the Gaussians that some pose may see, in order; all of them if there is no pose.
 pub(super) fn seen(scene: &Gaussians, rules: Rules, camera: &Camera, poses: &[Se3]) -> Vec<u32> {
     let px = [camera.fx, camera.fy, camera.cx, camera.cy];
     if poses.is_empty() || !px.iter().all(|v| v.abs() <= LARGEST_PX) {
@@ -71,17 +79,17 @@ pub(super) fn seen(scene: &Gaussians, rules: Rules, camera: &Camera, poses: &[Se
     all(scene).into_par_iter().filter(|&i| !hull.excludes(scene, i as usize)).collect()
 }
 
-/// A plane in camera axes that what is seen lies in front of.
+/// A plane in camera axes. Visible points lie in front of it.
 struct Plane {
-    /// Of unit length, inwards.
+    /// Unit normal, pointing inwards.
     normal: DVec3,
-    /// Least distance in front of it, scene units.
+    /// Smallest distance in front of the plane, scene units.
     least: f64,
-    /// How much less for each `k s`.
+    /// Reduction of that distance per `k s`.
     spread: f64,
 }
 
-/// The near plane and the image's edges.
+/// The near plane and the edges of the image.
 fn frustum(rules: Rules, camera: &Camera) -> [Plane; 5] {
     let near = if rules == Rules::Gsplat { GSPLAT_NEAR } else { NEAR };
     let widest = sigmas(extent::reach(rules, 1.0));
@@ -101,30 +109,30 @@ fn frustum(rules: Rules, camera: &Camera) -> [Plane; 5] {
     [near, edge(0, 1.0), edge(0, -1.0), edge(1, 1.0), edge(1, -1.0)]
 }
 
-/// Standard deviations that an extent of this reach is wide.
+/// Width of an extent of this reach, in standard deviations.
 fn sigmas(reach: f32) -> f64 {
     (2.0 * LN_2 * f64::from(reach)).sqrt()
 }
 
-/// The planes of a path's runs.
+/// The bounding planes of a path's runs.
 struct Hull {
     planes: [Plane; 5],
     rules: Rules,
-    /// Each run before its halves.
+    /// Runs as a tree in preorder: each run before its halves.
     runs: Vec<Run>,
 }
 
 struct Run {
-    /// Where it is about, relative to the scene's origin.
+    /// Centre of the run, relative to the scene's origin.
     centre: DVec3,
     faces: [Face; 5],
-    /// Whether it has no halves.
+    /// Whether the run has no halves.
     shortest: bool,
-    /// Place behind the last of its parts.
+    /// Index after the last of its parts.
     end: usize,
 }
 
-/// A plane over a run: see the module's head.
+/// A plane over a run: see the head of the module.
 struct Face {
     normal: DVec3,
     turn: f64,
@@ -138,7 +146,7 @@ impl Hull {
         hull
     }
 
-    /// Adds the run of these poses and, while it is longer than the `shortest`, its halves.
+    /// Adds the run of these poses, and its halves while they are longer than `shortest`.
     fn cut(&mut self, origin: DVec3, poses: &[Se3], shortest: usize) {
         let place = self.runs.len();
         self.runs.push(Run::new(&self.planes, origin, poses));
@@ -155,7 +163,7 @@ impl Hull {
     /// Whether no pose sees the Gaussian.
     fn excludes(&self, scene: &Gaussians, i: usize) -> bool {
         let opacity = activate::opacity(scene.opacity_logits[i]);
-        // a hair below, since the antialiased rule may round a factor of 1 up
+        // Slightly below the exact bound, because the antialiased rule may round a factor of 1 up.
         if opacity < 0.999 * least_alpha(self.rules) {
             return true;
         }
@@ -198,7 +206,7 @@ impl Run {
         Self { centre: centre - origin, faces, shortest: true, end: 0 }
     }
 
-    /// Whether none of its poses sees a Gaussian of this mean, `wide` being `k s`.
+    /// Whether none of the run's poses sees a Gaussian with this mean; `wide` is `k s`.
     fn excludes(&self, planes: &[Plane; 5], position: DVec3, wide: f64) -> bool {
         let from_centre = position - self.centre;
         let distance = from_centre.length();
@@ -209,7 +217,7 @@ impl Run {
     }
 }
 
-/// The larger of the two; NaN where one is, so that a pose that is not finite excludes nothing.
+/// The larger of the two; NaN if one is NaN, so that a pose that is not finite excludes nothing.
 fn larger(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }

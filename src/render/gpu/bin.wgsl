@@ -1,16 +1,17 @@
-// Pass 3: (tile, splat) pairs in the frame's order, and after their sort by tile where each tile's list begins and ends.
+// Pass 3: (tile, splat) pairs in the frame's order, and after their sort by tile, the begin and end
+// of each tile's list.
 
 @group(1) @binding(0) var<storage, read> splats: array<vec4u>;
 @group(1) @binding(1) var<storage, read> order: array<vec2u>;
-// Tiles that each splat of the order touches.
+// Number of tiles that each splat of the order touches.
 @group(1) @binding(2) var<storage, read_write> touched: array<u32>;
 @group(1) @binding(3) var<storage, read_write> sums: array<u32>;
 @group(1) @binding(4) var<storage, read> totals: array<u32>;
 @group(1) @binding(5) var<storage, read_write> pairs: array<vec2u>;
-// First and end of each tile's list.
+// Begin and end of each tile's list.
 @group(1) @binding(6) var<storage, read_write> lists: array<vec2u>;
 
-// The tile of a pair that is none.
+// The tile index of an empty pair.
 const NO_TILE: u32 = 0xffffffffu;
 
 var<workgroup> counts: array<u32, GROUP>;
@@ -23,7 +24,7 @@ fn outline_of(at: u32) -> Outline {
     return Outline(first.xy, vec3f(first.zw, second.x), second.z, unpack(box.x), unpack(box.y));
 }
 
-// The tiles of a row of tiles that the splat may touch: first and end.
+// The tiles of one row of tiles that the splat may touch: first and end.
 fn tiles_in(splat: Outline, row: u32, whole: bool) -> vec2u {
     if whole {
         return tiles_of(splat.columns, frame.first.x, frame.end.x);
@@ -87,8 +88,9 @@ fn emit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lo
     }
 }
 
-// Writes exactly `count` pairs from `at` on: what another rounding of the same formula would add is left out, and what it would
-// leave out is filled up, since the places were given away by that count.
+// Writes exactly `count` pairs from `at` on. The count was computed by another shader, and the same
+// formula may round differently here. Extra pairs are dropped and missing ones filled with empty
+// pairs, because the places of later splats are fixed.
 fn list(splat_at: u32, at: u32, count: u32) {
     let splat = outline_of(splat_at);
     let whole = is_one_row_or_column(splat);

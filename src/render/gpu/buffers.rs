@@ -1,4 +1,4 @@
-//! The device's memory for a frame in the making, and what binds it to the passes.
+//! The device memory of a frame, and its bindings for the passes.
 
 use super::device::{Device, GpuError};
 use super::passes::Layouts;
@@ -10,20 +10,20 @@ use wgpu::{
     BufferDescriptor, BufferSize, BufferUsages,
 };
 
-/// How much there is room for.
+/// Capacities of the buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Room {
     pub(super) splats: u32,
     pub(super) pairs: u32,
     pub(super) tiles: u32,
-    /// Floats of all images.
+    /// Number of floats of all images.
     pub(super) floats: u64,
-    /// Rows of a splat.
+    /// Rows of four words per splat.
     pub(super) splat_rows: u32,
 }
 
 impl Room {
-    /// Room for the larger of each.
+    /// The larger of both capacities, field by field.
     pub(super) fn or(self, o: Self) -> Self {
         Self {
             splats: self.splats.max(o.splats),
@@ -35,24 +35,25 @@ impl Room {
     }
 }
 
-/// Most splats with so many rows that a device can bind, and dispatches can reach.
+/// Maximum number of splats of this many rows that the device can bind and dispatches can reach.
 pub(super) fn most_splats(limit: u64, splat_rows: u32) -> u32 {
     let bound = (limit / (16 * u64::from(splat_rows))).min(u64::from(MOST_GROUPS * GROUP));
     u32::try_from(bound).unwrap_or(u32::MAX)
 }
 
-/// Most pairs that a device can bind, and dispatches can reach.
+/// Maximum number of pairs that the device can bind and dispatches can reach.
 pub(super) fn most_pairs(limit: u64) -> u32 {
     let bound = (limit / 8).min(u64::from(MOST_GROUPS) * u64::from(BLOCK));
     u32::try_from(bound).unwrap_or(u32::MAX)
 }
 
-/// Uniform entries of the sorts: the lowest bit of the digit, and what is sorted. Devices align them to this.
+/// Distance between the sorts' uniform entries (lowest bit of the digit; kind of entries), bytes.
+/// Devices align dynamic offsets to this.
 pub(super) const ALIGNED: u32 = 256;
-/// Digits of a key.
+/// Number of digits of a key.
 pub(super) const DIGITS: u32 = 32 / DIGIT_BITS;
 
-/// The memory, with what binds it.
+/// The buffers of a frame, with their bind groups.
 #[derive(Debug)]
 pub(super) struct Buffers {
     pub(super) room: Room,
@@ -68,22 +69,22 @@ pub(super) struct Buffers {
 #[derive(Debug)]
 pub(super) struct Bound {
     pub(super) frame: BindGroup,
-    /// One a part of the scene.
+    /// One group per part of the scene.
     pub(super) project: Vec<BindGroup>,
-    /// Likewise.
+    /// One group per part of the scene.
     pub(super) scan_parts: Vec<BindGroup>,
-    /// Of what splats touch, and of the digits of a sort.
+    /// Groups for the counts of splats, and for the digits of a sort.
     pub(super) scan_tally: BindGroup,
     pub(super) scan_digits: BindGroup,
-    /// From the first of two buffers to the second, and back.
+    /// Groups of a sort: from the first buffer to the second, and back.
     pub(super) sort_splats: [BindGroup; 2],
     pub(super) sort_pairs: [BindGroup; 2],
-    /// With the pairs in the first or in the second.
+    /// Groups with the pairs in the first or in the second buffer.
     pub(super) bin: [BindGroup; 2],
     pub(super) raster: [BindGroup; 2],
 }
 
-/// What only the passes see.
+/// Buffers that only the passes use.
 struct Inner {
     drawn: Buffer,
     sums: Buffer,
@@ -97,7 +98,7 @@ struct Inner {
 }
 
 impl Buffers {
-    /// Memory with this much room.
+    /// Allocates buffers with these capacities.
     pub(super) fn new(
         device: &Device,
         layouts: &Layouts,
@@ -140,7 +141,7 @@ impl Buffers {
     }
 }
 
-/// Bytes of each.
+/// Sizes of the buffers, bytes.
 struct Sizes {
     drawn: u64,
     sums: u64,
@@ -173,7 +174,7 @@ impl Sizes {
     }
 }
 
-/// The uniform entries of all digits, of splats and then of pairs.
+/// The uniform entries of all digits, first of splats and then of pairs.
 fn digits() -> Vec<u8> {
     let entries = (0..2 * DIGITS).map(|k| [k % DIGITS * DIGIT_BITS, u32::from(k >= DIGITS)]);
     let mut bytes = Vec::new();
@@ -203,7 +204,7 @@ impl Inner {
             let Part { counts, means, axes, harmonics, .. } = part;
             group(&layouts.project, &[counts, means, axes, harmonics, drawn, sums, totals, splats, a])
         };
-        // The one entry that a dispatch picks by its offset.
+        // A dispatch selects one entry by its dynamic offset.
         let digit = BufferBinding { buffer: digits, offset: 0, size: BufferSize::new(8) };
         let sort = |from: &Buffer, to: &Buffer| {
             let whole = [from, to, counts, totals].map(|b| b.as_entire_buffer_binding());
@@ -234,7 +235,7 @@ fn bind(gpu: &wgpu::Device, layout: &BindGroupLayout, bound: &[BufferBinding<'_>
     gpu.create_bind_group(&BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
-/// Room for the tiles and images of a region.
+/// Capacities for the tiles and images of a region.
 pub(super) fn room_of(region: Region, pixels: u64, floats: u32) -> Room {
     let [columns, rows] = region.tiles();
     Room { tiles: columns * rows, floats: pixels * u64::from(floats), ..Room::default() }

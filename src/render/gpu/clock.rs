@@ -1,4 +1,4 @@
-//! How long the device is at each stage of a frame, by its own clock, where it has one.
+//! Time that the device spends on each stage of a frame, by its own clock if it has one.
 
 use super::device::Device;
 use std::time::Duration;
@@ -7,26 +7,26 @@ use wgpu::{
     QuerySetDescriptor, QueryType,
 };
 
-/// A part of a frame that is timed.
+/// A stage of a frame that is timed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// Every Gaussian onto the image.
+    /// Projection of every Gaussian.
     Project,
-    /// Those that are left, by depth.
+    /// Sort of the splats by depth.
     Sort,
-    /// Their pairs with tiles.
+    /// Pairs of splats and tiles.
     List,
-    /// The pairs, by tile.
+    /// Sort of the pairs by tile.
     Bin,
-    /// Each tile blended and made into images.
+    /// Blending, and the images.
     Raster,
 }
 
 impl Stage {
-    /// All, in the order in which the device comes to them.
+    /// All stages, in the order in which the device runs them.
     pub const ALL: [Self; 5] = [Self::Project, Self::Sort, Self::List, Self::Bin, Self::Raster];
 
-    /// Its name.
+    /// Name of the stage.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -39,13 +39,13 @@ impl Stage {
     }
 }
 
-/// Stamps of a frame: when each stage began and when it ended.
+/// Number of time stamps of a frame: the begin and the end of each stage.
 const STAMPS: u32 = 2 * (Stage::Raster as u32 + 1);
 
-/// Bytes of the stamps.
+/// Size of the time stamps, bytes.
 pub(super) const BYTES: usize = 8 * STAMPS as usize;
 
-/// Reads the device's clock.
+/// Reads the clock of the device.
 #[derive(Debug)]
 pub(super) struct Clock {
     stamps: QuerySet,
@@ -54,7 +54,7 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// The clock of a device that has one.
+    /// The clock of the device, if it has one.
     pub(super) fn new(device: &Device) -> Option<Self> {
         let gpu = &device.device;
         gpu.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| Self {
@@ -73,7 +73,7 @@ impl Clock {
         })
     }
 
-    /// Has a stage's begin and end stamped.
+    /// Records time stamps at the begin and the end of a stage.
     pub(super) fn stamp(&self, stage: Stage) -> ComputePassTimestampWrites<'_> {
         let first = 2 * stage as u32;
         ComputePassTimestampWrites {
@@ -83,13 +83,13 @@ impl Clock {
         }
     }
 
-    /// Copies the stamps to a buffer.
+    /// Copies the time stamps to a buffer.
     pub(super) fn copy(&self, encoder: &mut CommandEncoder, to: &Buffer, at: u64) {
         encoder.resolve_query_set(&self.stamps, 0..STAMPS, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, to, at, BYTES as u64);
     }
 
-    /// How long each stage took, by the copied stamps.
+    /// Durations of the stages, from the copied time stamps.
     #[expect(clippy::cast_precision_loss, reason = "53 bits of a duration are more than the clock has")]
     pub(super) fn times(&self, stamps: &[u8]) -> [Duration; Stage::ALL.len()] {
         let stamp = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| stamps[8 * i + k]));

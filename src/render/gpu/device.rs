@@ -1,4 +1,4 @@
-//! The machine's GPUs, and one of them opened.
+//! Enumeration of the machine's GPUs, and opening one of them.
 
 use std::pin::pin;
 use std::str::FromStr;
@@ -6,17 +6,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Waker};
 use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, ErrorFilter, Limits};
 
-/// Which of the machine's GPUs renders.
+/// The choice of a GPU.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum Choice {
-    /// The most capable; one in software only where there is no other.
+    /// The most capable one. A software implementation only if there is no other.
     #[default]
     Any,
-    /// The most capable, but none in software, which is slower than the CPU renderer.
+    /// The most capable hardware GPU. Software implementations are slower than the CPU renderer.
     Hardware,
-    /// By its place in the list of all, from 0.
+    /// The GPU at this index in the list of all, from 0.
     Index(usize),
-    /// The first whose name holds this, whatever the case.
+    /// The first GPU with this text in its name, ignoring case.
     Name(String),
 }
 
@@ -28,82 +28,83 @@ impl FromStr for Choice {
     }
 }
 
-/// Why a GPU cannot be used, or can no longer.
+/// The reason why a GPU cannot be used, or can no longer be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
-    /// There is none.
+    /// There is no GPU.
     #[error("no GPU is there: {0}")]
     None(String),
-    /// There are some, and none that was asked for.
+    /// No GPU matches the choice.
     #[error("no GPU is {wanted}; there is {found}")]
     Other {
-        /// What was asked for.
+        /// The choice.
         wanted: String,
-        /// Those that there are.
+        /// The GPUs of the machine.
         found: String,
     },
-    /// It does not offer what the renderer needs.
+    /// The GPU lacks a feature that the renderer needs.
     #[error("{adapter} cannot be used: {because}")]
     Refused {
-        /// The GPU.
+        /// Name of the GPU.
         adapter: String,
-        /// Its driver's reason.
+        /// Reason given by its driver.
         because: String,
     },
-    /// There is no memory left on it.
+    /// The GPU is out of memory.
     #[error("{adapter} has no room for {wanted} bytes of {what}: {because}")]
     Memory {
-        /// The GPU.
+        /// Name of the GPU.
         adapter: String,
-        /// What was to be held.
+        /// Purpose of the allocation.
         what: &'static str,
-        /// Bytes asked for.
+        /// Size of the allocation, bytes.
         wanted: u64,
-        /// What there was, as the driver has it.
+        /// Reason given by its driver.
         because: String,
     },
-    /// One tile needs more than the GPU binds at once.
+    /// One tile needs more memory than the GPU can bind at once.
     #[error("{adapter} binds at most {limit} bytes at once, and one tile's {what} take more")]
     Tile {
-        /// The GPU.
+        /// Name of the GPU.
         adapter: String,
-        /// What was to be held.
+        /// Purpose of the buffer.
         what: &'static str,
-        /// Bytes that can be bound.
+        /// Largest binding, bytes.
         limit: u64,
     },
-    /// It failed, or was taken away, at work.
+    /// The GPU failed or was removed during work.
     #[error("{adapter} was lost: {because}")]
     Lost {
-        /// The GPU.
+        /// Name of the GPU.
         adapter: String,
-        /// Its driver's reason.
+        /// Reason given by its driver.
         because: String,
     },
 }
 
-/// A GPU, opened.
+/// An open GPU.
 #[derive(Debug, Clone)]
 pub struct Device {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     name: String,
     fingerprint: String,
-    /// Most bytes that one binding of a shader may have.
+    /// Largest binding of a shader, bytes.
     pub(super) limit: u64,
-    /// Most bytes that are asked of it at once, where it is not left to its driver.
+    /// Largest allocation, bytes, if it is limited here and not by the driver.
     room: Option<u64>,
     trouble: Arc<Mutex<Option<String>>>,
 }
 
-/// The numerical class but for the GPU and its driver; raised with every change of a pixel's bits.
+/// The part of the numerical class that does not depend on the GPU and its driver. Raise it with
+/// every change of a pixel's bits.
 const CLASS: &str = "gpu/1";
 
 impl Device {
     /// Opens one of the machine's GPUs.
     ///
     /// # Errors
-    /// When there is none, none of that name or place, or it lacks what WebGPU promises.
+    /// There is no GPU, none matches, or it lacks what WebGPU guarantees.
     pub fn open(choice: &Choice) -> Result<Self, GpuError> {
         if *choice == Choice::Hardware && !may_have_hardware() {
             return Err(GpuError::None("this system shows no device of one".to_owned()));
@@ -155,38 +156,39 @@ impl Device {
         Ok(Self { device, queue, name, fingerprint, limit, room: None, trouble })
     }
 
-    /// Its name and interface.
+    /// Name and interface of the GPU.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The numerical class of what it renders: this program's, the GPU's and its driver's.
+    /// The numerical class of its images: this program's version, the GPU and its driver.
     #[must_use]
     pub fn fingerprint(&self) -> &str {
         &self.fingerprint
     }
 
-    /// The same that binds no more than so many bytes at once, though it could.
+    /// The same device with at most this many bytes per binding.
     #[must_use]
     pub fn with_limit(mut self, bytes: u64) -> Self {
         self.limit = self.limit.min(bytes);
         self
     }
 
-    /// The same with no room for more than so many bytes asked for at once: for the scene, or for a view's lists and images.
+    /// The same device with at most this many bytes per allocation, for the scene and for a view's
+    /// lists and images.
     #[must_use]
     pub fn with_room(mut self, bytes: u64) -> Self {
         self.room = Some(bytes);
         self
     }
 
-    /// Ends it: what is asked of it from now on fails.
+    /// Destroys the device. Later operations fail.
     pub fn destroy(&self) {
         self.device.destroy();
     }
 
-    /// An error where it is in trouble.
+    /// Returns an error if the device has failed.
     pub(super) fn check(&self) -> Result<(), GpuError> {
         match self.trouble.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
             None => Ok(()),
@@ -195,12 +197,13 @@ impl Device {
     }
 
     pub(super) fn lost(&self, because: &str) -> GpuError {
-        // Drivers tell a story of several lines.
+        // Drivers may give reasons of several lines; the first is enough.
         let because = because.split_whitespace().collect::<Vec<_>>().join(" ");
         GpuError::Lost { adapter: self.name.clone(), because }
     }
 
-    /// Runs `make`, which takes so many bytes of its memory.
+    /// Runs `make`, which allocates this many bytes of device memory, and reports an allocation
+    /// failure.
     pub(super) fn allocate<T>(
         &self,
         what: &'static str,
@@ -225,18 +228,20 @@ impl Device {
     }
 }
 
-/// Whether a GPU of hardware may be there, as far as that can be known without loading drivers: one in software is a
-/// library of 60 MB.
+/// Whether a hardware GPU may be present, as far as this can be known without loading drivers. A
+/// software implementation alone is a library of 60 MB.
 fn may_have_hardware() -> bool {
     if !cfg!(target_os = "linux") {
         return true;
     }
-    // Render nodes of the kernel's drivers, NVIDIA's own, and that of Linux under Windows.
+    // Render nodes of kernel drivers, the device nodes of NVIDIA, and the node of Linux under
+    // Windows.
     let nodes = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg"];
     nodes.iter().any(|node| std::path::Path::new(node).exists())
 }
 
-/// All GPUs, the most capable kind first; one that several interfaces offer comes first through the fastest of them.
+/// All GPUs, the most capable kind first. A GPU that several interfaces offer comes first with the
+/// fastest of them.
 fn adapters() -> Result<Vec<Adapter>, GpuError> {
     let mut wanted = wgpu::InstanceDescriptor::new_without_display_handle();
     wanted.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
@@ -257,7 +262,7 @@ fn adapters() -> Result<Vec<Adapter>, GpuError> {
     Ok(all)
 }
 
-/// What is missing, without the interfaces that this system does not have.
+/// The reasons for missing GPUs, without interfaces that this system does not have.
 fn missing(told: &str) -> String {
     let parts = told.split([';', ',']).map(str::trim).skip(1);
     let ours: Vec<&str> =
@@ -269,7 +274,7 @@ fn called(info: &AdapterInfo) -> String {
     format!("{} ({})", info.name, info.backend)
 }
 
-/// The value of a future; those of native devices are done when they are made, or soon after.
+/// The value of a future. Futures of native devices are ready at once, or after a poll.
 pub(super) fn wait<F: Future>(future: F) -> F::Output {
     let mut future = pin!(future);
     loop {

@@ -1,14 +1,14 @@
-// Numbers as unevaluated sums of two f32, 48 bits in all (Dekker 1971; Knuth, TAOCP 2, 4.2.2): what a camera's centre and a
-// far position keep when one is taken from the other.
+// Numbers as unevaluated sums of two f32, 48 bits in total (Dekker 1971; Knuth, TAOCP 2, 4.2.2).
+// They keep the precision of the difference between a camera's centre and a far position.
 //
-// Factors are cut by their bits, so that partial products are exact and fusing one with a sum changes nothing; `opaque`
-// keeps compilers that would simplify `(a + b) - a` from doing so.
+// Factors are split by their bits, so partial products are exact, and fusing a product with a sum
+// changes nothing. `opaque` stops compilers from simplifying `(a + b) - a`.
 
 fn opaque(x: f32) -> f32 {
     return bitcast<f32>(bitcast<u32>(x) ^ frame.zero);
 }
 
-// a + b where |a| >= |b|.
+// a + b, for |a| >= |b|.
 fn ordered_sum(a: f32, b: f32) -> vec2f {
     let sum = opaque(a + b);
     return vec2f(sum, b - opaque(sum - a));

@@ -1,5 +1,5 @@
-// Values with their rate, `vec2f(value, rate)`: forward differentiation by dual numbers, as `render/dual.rs`. Where no rate is
-// asked for, nothing reads the second half and compilers drop it.
+// Values with their rate, `vec2f(value, rate)`: dual numbers, as in `render/dual.rs`. Where no rate
+// is requested, nothing reads the second component, and compilers drop it.
 
 fn still(value: f32) -> vec2f {
     return vec2f(value, 0.0);

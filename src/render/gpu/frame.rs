@@ -1,4 +1,4 @@
-//! A view as every pass reads it: `Frame` of `frame.wgsl`.
+//! The uniform data of a view, laid out as `Frame` in `frame.wgsl`.
 
 #![expect(clippy::cast_possible_truncation, reason = "a value is cut into two of 32 bits")]
 
@@ -8,11 +8,11 @@ use crate::render::cpu::eye::slack;
 use crate::render::{Style, View};
 use glam::DVec3;
 
-/// Bytes of a `Frame`: fifteen rows of four and nine words, rounded up to whole rows.
+/// Size of `Frame`, bytes: fifteen rows of four words and nine words, rounded up to whole rows.
 pub(super) const BYTES: u64 = 18 * 16;
 
-/// The bytes of the view of a scene whose positions are relative to `origin`, for the tiles of a region, with room for so many
-/// splats and pairs.
+/// The bytes of `Frame` for a view of a scene with positions relative to `origin`, for the tiles of
+/// a region, with these capacities for splats and pairs.
 pub(super) fn bytes(view: &View, origin: DVec3, style: &Style, region: Region, room: [u32; 2]) -> Vec<u8> {
     let camera = view.camera;
     let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
@@ -42,7 +42,7 @@ pub(super) fn bytes(view: &View, origin: DVec3, style: &Style, region: Region, r
         [x[0], x[1], y[0], y[1]],
         row(view.velocity.linear),
         row(view.velocity.angular),
-        // How fast the ray from the camera to any point of the scene changes, world axes.
+        // Rate of the ray from the camera to any fixed point, in world axes.
         row(-(view.world_from_camera.rotation * view.velocity.linear)),
         [red, green, blue, luminance(style.background)],
     ];
@@ -54,7 +54,7 @@ pub(super) fn bytes(view: &View, origin: DVec3, style: &Style, region: Region, r
     bytes
 }
 
-/// A vector as the sum of two of 32 bits.
+/// A vector as the sum of two vectors of f32.
 fn two(v: DVec3) -> [[f32; 4]; 2] {
     let high = v.as_vec3();
     let low = (v - high.as_dvec3()).as_vec3();

@@ -13,7 +13,7 @@ use wgpu::{
     ShaderSource, ShaderStages,
 };
 
-/// What each shader binds, beside the frame.
+/// Bind group layouts of the shaders, in addition to the frame's.
 #[derive(Debug)]
 pub(super) struct Layouts {
     pub(super) frame: BindGroupLayout,
@@ -24,11 +24,11 @@ pub(super) struct Layouts {
     pub(super) raster: BindGroupLayout,
 }
 
-/// How a shader binds a buffer.
+/// Kinds of buffer bindings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Use {
     Uniform,
-    /// A uniform of many entries, one picked by a dispatch.
+    /// A uniform buffer of several entries; a dispatch selects one by its offset.
     Entry,
     Read,
     Write,
@@ -78,7 +78,7 @@ fn layout(gpu: &wgpu::Device, uses: &[Use]) -> BindGroupLayout {
     gpu.create_bind_group_layout(&BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
 
-/// The compiled shaders of a frame.
+/// The compiled pipelines of a frame.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     measure: ComputePipeline,
@@ -117,7 +117,7 @@ impl Pipelines {
     }
 }
 
-/// One shader, ready for its entries to be compiled.
+/// One shader module, from which entry points are compiled.
 struct Compiler<'a> {
     gpu: &'a wgpu::Device,
     module: wgpu::ShaderModule,
@@ -138,7 +138,7 @@ impl<'a> Compiler<'a> {
     }
 
     fn entry(&self, name: &str) -> ComputePipeline {
-        // Every pass writes its group's memory before it reads it.
+        // Zero initialisation is off: every pass writes its workgroup memory before it reads it.
         let compilation_options =
             PipelineCompilationOptions { zero_initialize_workgroup_memory: false, ..Default::default() };
         self.gpu.create_compute_pipeline(&ComputePipelineDescriptor {
@@ -152,7 +152,7 @@ impl<'a> Compiler<'a> {
     }
 }
 
-/// What the passes of one region need.
+/// The inputs for the passes of one region.
 pub(super) struct Passes<'a> {
     pub(super) pipelines: &'a Pipelines,
     pub(super) buffers: &'a Buffers,
@@ -162,7 +162,7 @@ pub(super) struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    /// Has the encoder run all passes.
+    /// Records all passes.
     pub(super) fn record(&self, encoder: &mut CommandEncoder) {
         let buffers = self.buffers;
         for buffer in [&buffers.totals, &buffers.groups, &buffers.lists] {
@@ -200,7 +200,8 @@ impl Passes<'_> {
         fill(&mut pass);
     }
 
-    /// Each part's splats after those of the parts before, so that all lie in the order of the file.
+    /// Records the projection of each part. Its splats follow those of the earlier parts, so all
+    /// are in file order.
     fn project(&self, pass: &mut ComputePass<'_>) {
         let (pipelines, bound) = (self.pipelines, &self.buffers.bound);
         for (k, part) in self.parts.iter().enumerate() {
@@ -214,7 +215,7 @@ impl Passes<'_> {
         }
     }
 
-    /// The pairs of all splats, in their order.
+    /// Records the pairs of all splats, in the order of the splats.
     fn list(&self, pass: &mut ComputePass<'_>) {
         let (pipelines, bound) = (self.pipelines, &self.buffers.bound);
         self.indirect(pass, &pipelines.tally, &bound.bin[0], Dispatch::Splats);
@@ -222,7 +223,8 @@ impl Passes<'_> {
         self.indirect(pass, &pipelines.emit, &bound.bin[0], Dispatch::ListedSplats);
     }
 
-    /// Sorts by `digits` digits, whose uniform entries begin with the first; every second ends where the keys began.
+    /// Records a sort by `digits` digits. `first` is the uniform entry of the lowest digit. After
+    /// an even number of digits, the keys are back in their first buffer.
     fn sort(
         &self,
         pass: &mut ComputePass<'_>,
@@ -255,14 +257,14 @@ impl Passes<'_> {
         pass.dispatch_workgroups_indirect(&self.buffers.groups, by.offset());
     }
 
-    /// Digits of a tile's number, with a value above all of them for the pair that is none.
+    /// Number of digits of a tile's index, including a larger value for the empty pair.
     fn tile_digits(&self) -> u32 {
         let [columns, rows] = self.region.tiles();
         (u32::BITS - (columns * rows).leading_zeros()).div_ceil(DIGIT_BITS)
     }
 }
 
-/// A scan by its one group.
+/// Records a scan, which is one workgroup.
 fn direct(pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, group: &BindGroup) {
     pass.set_pipeline(pipeline);
     pass.set_bind_group(1, group, &[]);

@@ -1,8 +1,9 @@
-// Pass 1: every Gaussian onto the image plane, or out; `cpu/project.rs`, operation for operation. `measure` counts those that
-// are left; `place` writes them, after the scan of the counts, in the order of the file.
+// Pass 1: projects every Gaussian onto the image plane, or culls it; the operations are those of
+// `cpu/project.rs`. `measure` counts the splats. After the scan of the counts, `place` writes them
+// in file order.
 
 @group(1) @binding(0) var<uniform> part: Part;
-// Position relative to the scene's origin; opacity, or what it has in place of one.
+// Position relative to the scene's origin; opacity, or a mark in its place.
 @group(1) @binding(1) var<storage, read> means: array<vec4f>;
 // Nine floats: the columns of `Rq S`.
 @group(1) @binding(2) var<storage, read> axes: array<f32>;
@@ -11,13 +12,13 @@
 @group(1) @binding(5) var<storage, read_write> sums: array<u32>;
 @group(1) @binding(6) var<storage, read_write> totals: array<atomic<u32>>;
 @group(1) @binding(7) var<storage, read_write> splats: array<vec4u>;
-// Depth's bits and place.
+// Bits of the depth, and place.
 @group(1) @binding(8) var<storage, read_write> order: array<vec2u>;
 
 struct Part {
-    // Gaussians of it.
+    // Number of Gaussians in the part.
     count: u32,
-    // Groups of them.
+    // Number of workgroups of the part.
     groups: u32,
 }
 
@@ -31,7 +32,7 @@ struct Footprint {
 }
 
 struct Found {
-    // DRAWN, or a place in `totals`.
+    // DRAWN, or an index into `totals`.
     fate: u32,
     outline: Outline,
     opacity: vec2f,
@@ -39,14 +40,14 @@ struct Found {
     deviation: f32,
     mean_rate: vec2f,
     w_rate: vec3f,
-    // World axes.
+    // Scaled axes in world axes.
     from_camera: vec3f,
 }
 
 const DRAWN: u32 = 0xffffffffu;
 
 var<workgroup> left: array<u32, GROUP>;
-// Counts of the group, in the order of `totals` from BEHIND on.
+// Counts of the workgroup, in the order of `totals` from BEHIND on.
 var<workgroup> fates: array<atomic<u32>, FATES>;
 
 @compute @workgroup_size(GROUP)
@@ -136,7 +137,8 @@ fn luminance(c: vec3f) -> f32 {
     return LUMINANCE_R * c.x + LUMINANCE_G * c.y + LUMINANCE_B * c.z;
 }
 
-// Whether it is neither infinite nor NaN, by its bits: compilers may take it for granted.
+// Whether a value is neither infinite nor NaN, by its bits: compilers may assume that all values
+// are finite.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }
@@ -164,7 +166,7 @@ fn project(i: u32) -> Found {
     return found;
 }
 
-// Fills in what is seen of a Gaussian whose mean is in front of the camera.
+// Fills in the projection of a Gaussian with a mean in front of the camera.
 fn outline(i: u32, point: array<vec2f, 3>, found: ptr<function, Found>) {
     let p = vec3f(point[0].x, point[1].x, point[2].x);
     let rate = -frame.linear.xyz - cross(frame.angular.xyz, p);
@@ -228,14 +230,14 @@ fn is_in_front(z: f32) -> bool {
     return z > NEAR;
 }
 
-// At a bound it stands still.
+// At a bound, the rate is 0.
 fn clamped(a: vec2f, bounds: vec2f) -> vec2f {
     let inside = bounds.x < a.x && a.x < bounds.y;
     return vec2f(clamp(a.x, bounds.x, bounds.y), select(0.0, a.y, inside));
 }
 
-// The dilated covariance. Rows of the projection's derivative times the axes stay in the Gaussian's own axes, where the cross
-// product does not cancel.
+// The dilated covariance. Rows of the projection's derivative times the axes are formed in the
+// Gaussian's own axes, where the cross product does not cancel.
 fn footprint(i: u32, slopes: array<vec2f, 2>, z: vec2f) -> Footprint {
     let scale_x = over(still(frame.focal.x), z);
     let scale_y = over(still(frame.focal.y), z);
@@ -266,7 +268,7 @@ fn footprint(i: u32, slopes: array<vec2f, 2>, z: vec2f) -> Footprint {
     return Footprint(aa + d, dot3(a0, a1), cc + d, det, det0, sqrt(deep));
 }
 
-// Columns and rows that may be touched; `cpu/extent.rs`.
+// Columns and rows that may be touched; see `cpu/extent.rs`.
 fn extents(mean: vec2f, shape: Footprint, reach: f32) -> array<vec2u, 2> {
     let variances = vec2f(shape.a.x, shape.c.x);
     let half = sqrt(2.0 * LN_2 * reach * variances);
@@ -301,11 +303,11 @@ fn whole_tiles(tile: vec2f) -> vec2u {
     return vec2u(clamp(tile * f32(TILE), vec2f(0.0), vec2f(frame.size)));
 }
 
-// The colour seen along a ray, each channel at least 0, with its rate.
+// The colour along a ray, each channel at least 0, with its rate.
 fn colour_of(i: u32, ray: vec3f) -> array<vec2f, 3> {
     let distance = length(ray);
     let direction = ray / distance;
-    // The ray turns by what of its own rate is across it.
+    // Only the component of the rate across the ray turns it.
     let rate = frame.ray_rate.xyz;
     let turning = (rate - direction * dot(direction, rate)) / distance;
     let basis = basis_of(
@@ -327,7 +329,7 @@ fn colour_of(i: u32, ray: vec3f) -> array<vec2f, 3> {
     return sum;
 }
 
-// The functions of degree 0 to 3; `scene/sh.rs`.
+// The harmonics of degree 0 to 3; see `scene/sh.rs`.
 fn basis_of(x: vec2f, y: vec2f, z: vec2f) -> array<vec2f, 16> {
     var b: array<vec2f, 16>;
     b[0] = still(SH_0);

@@ -1,5 +1,6 @@
-// Passes 4 and 5: a group blends a tile, a thread a pixel of it, front to back, and writes its images: `cpu/raster.rs` and
-// `cpu/resolve.rs`. Splats come to the group's memory in batches.
+// Passes 4 and 5: a workgroup blends a tile, one thread per pixel, front to back, and writes its
+// images; see `cpu/raster.rs` and `cpu/resolve.rs`. Splats are loaded into workgroup memory in
+// batches.
 
 @group(1) @binding(0) var<storage, read> splats: array<vec4u>;
 @group(1) @binding(1) var<storage, read> pairs: array<vec2u>;
@@ -71,7 +72,7 @@ fn raster(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     account(pixel, local);
 }
 
-// One layer over the pixel.
+// Blends one layer over the pixel.
 fn blend(row: u32, pixel: ptr<function, Pixel>) {
     let first = bitcast<vec4f>(near[row]);
     let second = bitcast<vec4f>(near[row + 1u]);
@@ -122,8 +123,9 @@ fn blend(row: u32, pixel: ptr<function, Pixel>) {
     (*pixel).blended += u32(alpha > 0.0);
 }
 
-// The rates of the layer, before it is taken in (`numerics.md` 7.5). `seen` is dx, dy, e1, e2; `opacity` the layer's at the
-// pixel before clamp and ramp, the derivative of the ramp, and what is blended.
+// The rates of the layer, before it is blended. `seen` is dx, dy, e1, e2; `opacity` holds the
+// layer's opacity at the pixel before clamp and ramp, the derivative of the ramp, and the blended
+// value.
 fn blend_rate(row: u32, seen: vec4f, opacity: vec3f, pixel: ptr<function, Pixel>) {
     let w = vec3f(bitcast<vec2f>(near[row].zw), bitcast<f32>(near[row + 1u].x));
     let moving = bitcast<vec4f>(near[row + 4u]);
@@ -141,7 +143,8 @@ fn blend_rate(row: u32, seen: vec4f, opacity: vec3f, pixel: ptr<function, Pixel>
     (*pixel).rest_rate -= weight_rate;
 }
 
-// The pixel's images, background behind; pixels of the region row by row, images one after another.
+// Writes the pixel's images, with the background added. Pixels of the region are row by row, images
+// one after another.
 fn store(place: vec2u, pixel: Pixel) {
     let extent = min(frame.end * TILE, frame.size) - frame.first * TILE;
     let pixels = extent.x * extent.y;
@@ -170,7 +173,7 @@ fn store(place: vec2u, pixel: Pixel) {
     }
 }
 
-// Adds to the counts; the blended ones with a carry, as a large picture has more than 2^32.
+// Adds to the counts. The number of blended layers has a carry, because a large image exceeds 2^32.
 fn account(pixel: Pixel, local: u32) {
     blended_by[local] = pixel.blended;
     if local == 0u {

@@ -1,4 +1,4 @@
-//! Images and counts on their way from the device.
+//! Transfer of images and counts from the device.
 
 use super::clock::{self, Clock};
 use super::device::{Device, GpuError};
@@ -11,13 +11,13 @@ use wgpu::{
     Buffer, BufferDescriptor, BufferUsages, BufferView, CommandEncoder, MapMode, PollType, SubmissionIndex,
 };
 
-/// Buffers that wait for the next frame.
+/// Staging buffers for reuse by later frames.
 #[derive(Debug, Default)]
 pub(super) struct Ring {
     idle: Vec<Buffer>,
 }
 
-/// A copy of one region's counts and images that is being made.
+/// A transfer of one region's counts and images that is under way.
 #[derive(Debug)]
 pub(super) struct Copy {
     buffer: Buffer,
@@ -25,17 +25,17 @@ pub(super) struct Copy {
     submitted: SubmissionIndex,
 }
 
-/// Bytes of the counts and of the clock's stamps, which come before the images.
+/// Size of the counts and time stamps, which precede the images, bytes.
 const COUNTS: usize = 4 * TOTALS;
 const HEAD: usize = COUNTS + clock::BYTES;
 
-/// Bytes of a copy with so many floats of images.
+/// Size of a transfer with this many floats of images, bytes.
 pub(super) fn bytes(floats: u64) -> u64 {
     HEAD as u64 + 4 * floats
 }
 
 impl Ring {
-    /// Submits what the encoder holds and then a copy of the counts and of so many floats of images.
+    /// Submits the encoder's commands, then a copy of the counts and of this many floats of images.
     pub(super) fn submit(
         &mut self,
         device: &Device,
@@ -69,12 +69,12 @@ impl Ring {
         }
         let submitted = device.queue.submit([encoder.finish()]);
         let (tell, mapped) = mpsc::channel();
-        // Nobody waits for it any more where the frame was given up.
+        // The receiver is gone if the frame was abandoned.
         buffer.slice(..size).map_async(MapMode::Read, move |result| drop(tell.send(result)));
         Ok(Copy { buffer, mapped, submitted })
     }
 
-    /// Waits for the copy and has it read: counts, the clock's stamps, images.
+    /// Waits for the transfer, and passes on counts, time stamps and images.
     pub(super) fn read<T>(
         &mut self,
         device: &Device,
@@ -113,7 +113,7 @@ impl Totals {
         self.0[total as usize]
     }
 
-    /// The work of a region. What was left out is counted of the whole image in every region.
+    /// The work of a region. Every region counts what was left out of the whole image.
     pub(super) fn work(&self, gaussians: usize) -> Work {
         let count = |total| u64::from(self.of_count(total));
         Work {
@@ -131,7 +131,7 @@ impl Totals {
     }
 }
 
-/// Puts a region's images into those of the whole picture.
+/// Copies a region's images into those of the whole image.
 pub(super) fn place(
     images: &[u8],
     region: Region,
@@ -162,7 +162,7 @@ pub(super) fn place(
     fill(&mut out.luminance_rate, want.luminance_rate, from(layout.rate, 1), at, float);
 }
 
-/// Fills a region of an image, or takes the image away where it is not wanted.
+/// Fills a region of an image, or removes the image if it is not requested.
 fn fill<T: std::marker::Copy + Default, const N: usize>(
     image: &mut Option<Image<T>>,
     wanted: bool,

@@ -1,8 +1,9 @@
-// Exclusive sums of what the groups of a pass counted, by one group that runs along them.
+// Exclusive sums of the counts of a pass's workgroups, computed by one workgroup that runs along
+// them.
 
 @group(1) @binding(0) var<storage, read_write> sums: array<u32>;
 @group(1) @binding(1) var<storage, read_write> totals: array<u32>;
-// Work groups of the dispatches whose size only the device knows: x, y, z each.
+// Sizes of the dispatches that the device computes: x, y, z each.
 @group(1) @binding(2) var<storage, read_write> groups: array<u32>;
 @group(1) @binding(3) var<uniform> part: Part;
 
@@ -11,12 +12,12 @@ struct Part {
     groups: u32,
 }
 
-// Entries that a thread adds up at a time.
+// Number of entries that a thread adds at a time.
 const RUN: u32 = 16u;
 
 var<workgroup> partial: array<u32, GROUP>;
 
-// Sums `count` entries from `start` on, which is what stands before the first; gives the sum of all.
+// Computes the exclusive sums of `count` entries, starting from `start`. Returns the total.
 fn scan(count: u32, start: u32, local: u32) -> u32 {
     var carry = start;
     for (var base = 0u; base < count; base += GROUP * RUN) {
@@ -58,7 +59,7 @@ fn ask_for(dispatch: u32, count: u32) {
     groups[3u * dispatch + 2u] = 1u;
 }
 
-// The splats of one part of the scene, after those of the parts before.
+// The splats of one part of the scene, after those of the earlier parts.
 @compute @workgroup_size(GROUP)
 fn scan_splats(@builtin(local_invocation_index) local: u32) {
     let sum = scan(part.groups, totals[SPLATS], local);
@@ -85,7 +86,7 @@ fn scan_pairs(@builtin(local_invocation_index) local: u32) {
     }
 }
 
-// How often each digit of a sort's pass is met, digit by digit and block by block.
+// The counts of each digit in a pass of the sort, digit by digit and block by block.
 @compute @workgroup_size(GROUP)
 fn scan_splat_digits(@builtin(local_invocation_index) local: u32) {
     let blocks = (within(totals[SPLATS], frame.splat_room) + BLOCK - 1u) / BLOCK;

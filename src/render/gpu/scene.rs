@@ -1,4 +1,4 @@
-//! A scene on the device, in parts that each fit a binding.
+//! A scene on the device, in parts that each fit one binding.
 
 #![expect(clippy::cast_possible_truncation, reason = "a part's Gaussians are few enough for 32 bits")]
 
@@ -9,13 +9,13 @@ use crate::scene::Gaussians;
 use rayon::prelude::*;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
-/// Most groups of a dispatch along one axis, on every device.
+/// Maximum number of workgroups of a dispatch along one axis that every device supports.
 pub(super) const MOST_GROUPS: u32 = 65_535;
 
-/// Gaussians that are projected by one dispatch.
+/// Gaussians that one dispatch projects.
 #[derive(Debug)]
 pub(super) struct Part {
-    /// Groups that a thread a Gaussian takes.
+    /// Number of workgroups, at one thread per Gaussian.
     pub(super) groups: u32,
     /// `Part` of the shaders.
     pub(super) counts: Buffer,
@@ -24,12 +24,12 @@ pub(super) struct Part {
     pub(super) harmonics: Buffer,
 }
 
-/// Bytes of a mean, of the scaled axes, and of one function's coefficients.
+/// Sizes of a mean, of the scaled axes, and of the coefficients of one harmonic, bytes.
 const MEAN: u64 = 16;
 const AXES: u64 = 36;
 const HARMONIC: u64 = 12;
 
-/// Uploads a scene. Activations are applied here, once, by the code that the CPU renderer has.
+/// Uploads a scene. Activations are applied here, once, with the code of the CPU renderer.
 pub(super) fn upload(scene: &Gaussians, device: &Device) -> Result<Vec<Part>, GpuError> {
     let activated: Vec<Activated> =
         (0..scene.len()).into_par_iter().map(|i| activate::one(scene, i)).collect();
@@ -78,7 +78,8 @@ impl Part {
     }
 }
 
-/// Position and opacity; NaN is not portable, so that a code in place of the opacity says what is not finite.
+/// Position and opacity. NaN is not portable in WGSL, so special opacities mark values that are not
+/// finite.
 fn mean(position: [f32; 3], activated: &Activated) -> [f32; 4] {
     let [x, y, z] = position;
     match (position.iter().all(|v| v.is_finite()), activated.axes[0][0].is_nan()) {
@@ -93,7 +94,7 @@ fn axes_of(activated: &Activated) -> [f32; 9] {
     if a.is_nan() { [0.0; 9] } else { [a, b, c, d, e, f, g, h, i] }
 }
 
-/// Writes rows one after another, some MiB at a time.
+/// Uploads rows in chunks of some MiB.
 fn write<const N: usize>(device: &Device, buffer: &Buffer, rows: impl Iterator<Item = [f32; N]>) {
     const ENOUGH: usize = 4 << 20;
     let (mut bytes, mut at) = (Vec::with_capacity(ENOUGH + 4 * N), 0);

@@ -1,4 +1,4 @@
-//! The shaders as text: constants written out from where they stand in Rust, before the passes that use them.
+//! The text of the shaders, with constants generated from their Rust definitions.
 
 use super::super::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DEPTH_MIN_ALPHA, DILATION, EXTENT_ROOT_FLOOR,
@@ -10,23 +10,23 @@ use crate::scene::sh;
 use std::f64::consts::LOG2_E;
 use std::fmt::{Display, Write as _};
 
-/// Threads of a group, but for the raster's.
+/// Threads of a workgroup, except in the raster pass.
 pub(super) const GROUP: u32 = 256;
-/// Entries that a group sorts: 16-bit counters hold as many.
+/// Entries that a workgroup sorts. Larger blocks would overflow 16-bit counters.
 pub(super) const BLOCK: u32 = 4096;
-/// Bits of a sort's digit.
+/// Bits of a digit of the sort.
 pub(super) const DIGIT_BITS: u32 = 4;
-/// Splats that a tile's group has in its memory at a time: with rates 12 KiB of the 16 that every device has.
+/// Splats in the workgroup memory of a tile: with rates 12 KiB of the 16 KiB that every device has.
 const BATCH: u32 = 128;
 
-/// Opacity of a Gaussian with a field that is not finite.
+/// Opacity that marks a Gaussian with a field that is not finite.
 pub(super) const SPOILT: f32 = -1.0;
-/// Opacity of a Gaussian whose position is not finite.
+/// Opacity that marks a Gaussian with a position that is not finite.
 pub(super) const LOST: f32 = -2.0;
-/// Depth where it is undefined: NaN is not portable.
+/// Depth that marks undefined depth, because NaN is not portable.
 pub(super) const UNDEFINED: f32 = -1.0;
 
-/// A count in `totals`.
+/// A counter in `totals`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Total {
     Splats,
@@ -41,33 +41,33 @@ pub(super) enum Total {
     BlendedCarry,
 }
 
-/// Counts in `totals`.
+/// Number of counters in `totals`.
 pub(super) const TOTALS: usize = Total::BlendedCarry as usize + 1;
 
-/// A dispatch whose size the device decides.
+/// A dispatch with a size that the device computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Dispatch {
-    /// A thread a splat.
+    /// One thread per splat.
     Splats,
-    /// A group a sort's block of splats.
+    /// One workgroup per block of splats in a sort.
     SplatBlocks,
-    /// A thread a splat, once there is room for the pairs.
+    /// One thread per splat, after there is enough capacity for the pairs.
     ListedSplats,
-    /// A group a sort's block of pairs.
+    /// One workgroup per block of pairs in a sort.
     PairBlocks,
 }
 
-/// How many there are.
+/// Number of such dispatches.
 pub(super) const DISPATCHES: u64 = Dispatch::PairBlocks as u64 + 1;
 
 impl Dispatch {
-    /// Where its size is, bytes.
+    /// Offset of its size in the buffer, bytes.
     pub(super) fn offset(self) -> u64 {
         self as u64 * 12
     }
 }
 
-/// Where each image begins, in floats a pixel.
+/// Place of each image, in floats per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) rgb: Option<u32>,
@@ -76,12 +76,12 @@ pub(super) struct Layout {
     pub(super) depth: Option<u32>,
     pub(super) doubtful: Option<u32>,
     pub(super) rate: Option<u32>,
-    /// Floats a pixel.
+    /// Total, in floats per pixel.
     pub(super) floats: u32,
 }
 
 impl Layout {
-    /// For the images that are wanted; flow is made of depth.
+    /// The layout for these channels. Flow is computed from depth.
     pub(super) fn new(want: Channels) -> Self {
         let mut floats = 0;
         let mut next = |wanted: bool, n: u32| {
@@ -99,7 +99,7 @@ impl Layout {
     }
 }
 
-/// Rows of four words that a splat takes.
+/// Rows of four words per splat.
 pub(super) fn splat_rows(rate: bool) -> u32 {
     if rate { 6 } else { 4 }
 }
@@ -114,7 +114,7 @@ pub(super) enum Shader {
     Raster,
 }
 
-/// Where shaders differ from scene to scene and from frame to frame.
+/// Properties of the shaders that depend on scene and frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Variant {
     pub(super) style: Style,
@@ -123,11 +123,11 @@ pub(super) struct Variant {
 }
 
 impl Shader {
-    /// All.
+    /// All shaders.
     #[cfg(test)]
     pub(super) const ALL: [Self; 5] = [Self::Project, Self::Scan, Self::Bin, Self::Sort, Self::Raster];
 
-    /// Its name.
+    /// Name of the shader.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Project => "project",
@@ -138,7 +138,7 @@ impl Shader {
         }
     }
 
-    /// Its whole text.
+    /// Complete text of the shader.
     pub(super) fn text(self, variant: &Variant) -> String {
         const FRAME: &str = include_str!("frame.wgsl");
         const SPLAT: &str = include_str!("splat.wgsl");
@@ -159,7 +159,7 @@ impl Shader {
     }
 }
 
-/// The constants of all shaders.
+/// Constants for all shaders.
 fn prelude(variant: &Variant) -> String {
     let mut text = String::new();
     let rules = variant.style.rules;
@@ -256,7 +256,7 @@ fn line(text: &mut String, name: &str, kind: &str, value: impl Display) {
     let _ = writeln!(text, "const {name}: {kind} = {value};");
 }
 
-/// A number that WGSL reads back as the same 32 bits: the shortest decimal does.
+/// A literal that WGSL parses to the same 32 bits: the shortest decimal does.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to 32 bits is what is asked for")]
 fn float(value: f64) -> String {
     format!("{:e}f", value as f32)

@@ -1,11 +1,20 @@
-// Passes 2 and 3: stable radix sort of (key, value) by digits of four bits, the lowest first. Each digit: `count` its values
-// in every block, scan the counts, `scatter`. Ranks within a block come from one packed counter a thread and digit, so nothing
-// depends on the order in which threads run, and no subgroup is needed.
+// Passes 2 and 3: a stable radix sort of (key, value) pairs by digits of four bits, lowest digit first.
+//
+//   blocks           block 0          block 1          block 2
+//   threads       |r0|r1|r2|...|   |r0|r1|r2|...|   |r0|r1|r2|...|     each thread owns a run of entries
+//   count         per block: how many entries have digit 0, 1, ... 15
+//   scan          counts ordered by (digit, block): the exclusive sum is the first place of each
+//   scatter       place of an entry = start of (digit, block) + entries of that digit before it in the block
+//
+// A sort by depth is part of the image: equal depths must keep their order, and two runs must give the same bytes.
+// Atomics would rank entries in the order in which threads happen to run. Instead each thread counts its own run in
+// order, and a prefix sum over the threads of the block gives every entry its rank. No subgroup operation is used,
+// so the result does not depend on the subgroup width of the device, and devices without subgroups run it too.
 
 struct Digit {
-    // Of the lowest bit.
+    // Number of the digit's lowest bit in the key.
     shift: u32,
-    // Whether pairs are sorted, and not splats.
+    // 1 if the pairs of tile and splat are sorted, 0 if the splats are.
     of_pairs: u32,
 }
 
@@ -15,11 +24,13 @@ struct Digit {
 @group(1) @binding(3) var<storage, read_write> counts: array<u32>;
 @group(1) @binding(4) var<storage, read> totals: array<u32>;
 
-// Entries of a block that one thread has, side by side.
+// Number of neighbouring entries of a block that one thread owns.
 const RUN: u32 = BLOCK / GROUP;
-// Two 16-bit counters to a word: a block has at most 4096 entries of a digit.
+// Two 16-bit counters share a word, which halves the workgroup memory. They cannot overflow into each other: a block
+// has at most 4096 entries.
 const WORDS: u32 = DIGITS / 2u;
 
+// Laid out word by word and not thread by thread: neighbouring threads then touch neighbouring banks.
 var<workgroup> counters: array<u32, GROUP * WORDS>;
 
 fn length_of() -> u32 {
@@ -33,6 +44,7 @@ fn digit_of(key: u32) -> u32 {
     return (key >> digit.shift) & (DIGITS - 1u);
 }
 
+// Counts the digits of the thread's run, in order.
 fn tally(first: u32, end: u32, local: u32) {
     for (var word = 0u; word < WORDS; word++) {
         counters[word * GROUP + local] = 0u;
@@ -48,7 +60,9 @@ fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let length = length_of();
     let first = group.x * BLOCK + local * RUN;
     tally(first, min(first + RUN, length), local);
+    // Tree reduction over the threads. Integer sums are exact, so their order does not matter.
     for (var width = GROUP / 2u; width > 0u; width /= 2u) {
+        // Every thread must reach the barrier, so the test for `local` stays inside the loop.
         workgroupBarrier();
         if local < width {
             for (var word = 0u; word < WORDS; word++) {
@@ -60,6 +74,7 @@ fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     if local < DIGITS {
         let blocks = (length + BLOCK - 1u) / BLOCK;
         let both = counters[(local / 2u) * GROUP];
+        // Digit first, block second: the scan over this order gives the global place of each (digit, block).
         counts[local * blocks + group.x] = (both >> (16u * (local % 2u))) & 0xffffu;
     }
 }
@@ -71,6 +86,8 @@ fn scatter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     let first = group.x * BLOCK + local * RUN;
     let end = min(first + RUN, length);
     tally(first, end, local);
+    // Inclusive prefix sum over the threads (Hillis and Steele). Read, barrier, add: a thread must not add to a counter
+    // that another still has to read.
     var before: array<u32, WORDS>;
     for (var width = 1u; width < GROUP; width *= 2u) {
         workgroupBarrier();
@@ -85,6 +102,7 @@ fn scatter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
             counters[word * GROUP + local] += before[word];
         }
     }
+    // Shift by one thread: the exclusive sum is the rank of the thread's first entry of each digit.
     workgroupBarrier();
     for (var word = 0u; word < WORDS; word++) {
         before[word] = 0u;
@@ -101,6 +119,7 @@ fn scatter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         let value = digit_of(entry.x);
         let at = (value / 2u) * GROUP + local;
         let rank = (counters[at] >> (16u * (value % 2u))) & 0xffffu;
+        // The counter goes on from the rank, so entries of one digit keep their order: the sort is stable.
         counters[at] += 1u << (16u * (value % 2u));
         sorted[counts[value * blocks + group.x] + rank] = entry;
     }

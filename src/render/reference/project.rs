@@ -1,4 +1,4 @@
-//! Every Gaussian onto the image plane, with its rates for a moving camera (`numerics.md` 7.1, 7.2, 7.5).
+//! Projection of every Gaussian onto the image plane, with rates for a moving camera.
 
 use super::D;
 use crate::render::dual::{Real, cross, dot};
@@ -14,24 +14,24 @@ use std::ops::Range;
 /// A Gaussian on the image plane.
 #[derive(Debug, Clone)]
 pub(super) struct Layer {
-    /// Number in the scene, and depth as it is sorted by.
+    /// Index in the scene, and the depth by which layers are sorted.
     pub(super) order: (u32, usize),
     pub(super) mean: [D; 2],
-    /// `w1, w2, w3` of the stable form.
+    /// `w1, w2, w3` of the Cholesky form.
     pub(super) w: [D; 3],
     pub(super) opacity: D,
     pub(super) colour: [D; 3],
     pub(super) depth: D,
-    /// Whether it is too deep for its distance.
+    /// Whether the Gaussian is too deep for its distance.
     pub(super) doubtful: bool,
-    /// Whether it is much too deep.
+    /// Whether the Gaussian is far too deep for its distance.
     pub(super) invalid: bool,
-    /// Pixels that the rules let it touch.
+    /// Pixels that it may touch under the rules.
     pub(super) columns: Range<usize>,
     pub(super) rows: Range<usize>,
 }
 
-/// Why a Gaussian is no layer.
+/// The reason why a Gaussian makes no layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Culled {
     Behind,
@@ -39,7 +39,7 @@ pub(super) enum Culled {
     Outside,
 }
 
-/// A view in the form that every Gaussian needs it in.
+/// A view, prepared for the projection of many Gaussians.
 pub(super) struct Eye<'a> {
     view: &'a View,
     camera_from_world: DMat3,
@@ -53,7 +53,7 @@ impl<'a> Eye<'a> {
         Self { view, camera_from_world, origin: scene_origin - view.world_from_camera.translation, style }
     }
 
-    /// The layer of Gaussian `i`, or why there is none.
+    /// The layer of Gaussian `i`, or the reason why it makes none.
     pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Result<Layer, Culled> {
         let from_camera = self.origin + DVec3::from_array(scene.positions[i].map(f64::from));
         let [x, y, z] = self.moving(self.camera_from_world * from_camera, self.view.velocity.linear);
@@ -68,12 +68,12 @@ impl<'a> Eye<'a> {
         ];
         let shape = self.shape(scene, i, [u, v], z);
         let opacity = self.opacity(scene.opacity_logits[i], &shape);
-        // What overflows in 32 bits is left out by every back end.
+        // All back ends leave out what overflows in f32.
         let in_range = (shape.det.value as f32).is_finite() && shape.det.value > 0.0;
         if !(is_finite(scene, i) && in_range && mean.iter().all(|m| m.value.is_finite())) {
             return Err(Culled::Degenerate);
         }
-        // Under the published rules too: nothing of it would be blended.
+        // Under the published rules too, no pixel of it would be blended.
         if opacity.value < least_alpha(self.style.rules) {
             return Err(Culled::Outside);
         }
@@ -96,7 +96,7 @@ impl<'a> Eye<'a> {
         })
     }
 
-    /// A point in camera axes with its rate: `-v - w x point`, with `v` 0 for a direction.
+    /// A point in camera axes with its rate: `-v - w x point`. For a direction, `v` is 0.
     fn moving(&self, point: DVec3, linear: DVec3) -> [D; 3] {
         let rate = -linear - self.view.velocity.angular.cross(point);
         [0, 1, 2].map(|k| D { value: point[k], rate: rate[k] })
@@ -129,7 +129,7 @@ impl<'a> Eye<'a> {
         Shape { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
     }
 
-    /// The scaled axes of a Gaussian in camera axes.
+    /// The scaled axes of a Gaussian, in camera axes.
     fn axes(&self, scene: &Gaussians, i: usize) -> [[D; 3]; 3] {
         let [w, x, y, z] = scene.rotations[i].map(f64::from);
         let norm = (w * w + x * x + y * y + z * z).sqrt().max(1e-12);
@@ -138,7 +138,7 @@ impl<'a> Eye<'a> {
         [0, 1, 2].map(|k| self.moving(self.camera_from_world * (turn.col(k) * scales[k]), DVec3::ZERO))
     }
 
-    /// Where the projection's derivative is taken.
+    /// The direction at which the projection's derivative is taken.
     fn clamped(&self, [u, v]: [D; 2]) -> [D; 2] {
         let camera = self.view.camera;
         let side = |slope: D, edge: u32, focal: f64, centre: f64| {
@@ -172,7 +172,8 @@ impl<'a> Eye<'a> {
         sh::colour(scene.sh_of(i), &basis)
     }
 
-    /// Columns and rows that the rules let a Gaussian touch, without those where it is below the least opacity.
+    /// Columns and rows that a Gaussian may touch under the rules, without those where it is below
+    /// the smallest opacity.
     fn extent(&self, mean: [f64; 2], shape: &Shape, opacity: f64) -> [Range<usize>; 2] {
         let size = [self.view.camera.size.width, self.view.camera.size.height].map(f64::from);
         let (a, c) = (shape.a.value, shape.c.value);
@@ -180,7 +181,7 @@ impl<'a> Eye<'a> {
         let reach = (2.0 * libm::log((opacity / least).max(1.0))).sqrt();
         let tile = TILE as f64;
         let side = |k: usize, variance: f64| {
-            // the ellipse's bounding box and what rounds away from it
+            // The bounding box of the ellipse, with a margin for rounding.
             let half = reach * variance.sqrt() * (1.0 + 1e-9) + 1e-9;
             let [low, high] = [(mean[k] - half - 0.5).ceil(), (mean[k] + half + 0.5).floor()];
             let [first, end] = match self.style.rules {
@@ -219,7 +220,7 @@ impl Shape {
     }
 }
 
-/// The opacity below which a layer is skipped, in 64 bits.
+/// Opacity below which a layer is skipped, in f64.
 pub(super) fn least_alpha(rules: Rules) -> f64 {
     match rules {
         Rules::Official | Rules::Exact | Rules::Gsplat => 1.0 / 255.0,

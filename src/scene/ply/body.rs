@@ -1,10 +1,10 @@
-//! The body of a `.ply` file: where the vertices' rows lie, and one number out of a row.
+//! The body of a `.ply` file: rows of vertices, and numbers in a row.
 
 use super::header::{Element, Encoding, Header, Kind, Number};
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
 
-/// One property of the vertices: how to find its number in a row.
+/// One property of the vertices, with the place of its number in a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Column {
     offset: usize,
@@ -20,7 +20,8 @@ enum Real {
 }
 
 impl Column {
-    /// The column of `property`: `None` where there is no such property, an error where it is no float or double.
+    /// The column of `property`: `None` if there is no such property, and an error if it is not
+    /// float or double.
     pub(super) fn find(
         element: &Element,
         property: &str,
@@ -52,7 +53,7 @@ impl Column {
         matches!(self.number, Real::LittleF64 | Real::BigF64)
     }
 
-    /// The number in a row of the element that the column was found in. Widening is exact.
+    /// The number in a row of the column's element. Widening is exact.
     #[inline]
     pub(super) fn get(self, row: &[u8]) -> f64 {
         match self.number {
@@ -78,8 +79,8 @@ pub(super) struct Rows<'a> {
     pub(super) offset: usize,
 }
 
-/// The rows of the elements of these names, empty where there is none; every element of the file is walked, so that a
-/// file that ends too early or too late is told.
+/// The rows of the elements with these names, empty if absent. Every element of the file is
+/// visited, so that a file that ends too early or too late is reported.
 pub(super) fn rows<'a, const N: usize>(
     header: &Header,
     wanted: [&str; N],
@@ -116,7 +117,7 @@ fn skip(element: &Element, encoding: Encoding, cursor: &mut Cursor) -> Result<()
     Ok(())
 }
 
-/// The length in front of a list: a whole number below 2^32.
+/// The length before a list: an integer below 2^32.
 fn read_length(number: Number, encoding: Encoding, cursor: &mut Cursor) -> Result<usize, SceneError> {
     let at = cursor.clone();
     let mut wide = [0; 4];
@@ -135,7 +136,7 @@ fn read_length(number: Number, encoding: Encoding, cursor: &mut Cursor) -> Resul
     Ok(u32::from_le_bytes(wide) as usize)
 }
 
-/// The body at `cursor` in binary: as it is, or in `buffer` what an ascii body stands for.
+/// The body at `cursor` in binary: unchanged, or in `buffer` the conversion of an ascii body.
 pub(super) fn binary<'a>(
     header: &Header,
     mut cursor: Cursor<'a>,
@@ -148,7 +149,7 @@ pub(super) fn binary<'a>(
     Ok(Cursor::new(".ply (as binary)", buffer))
 }
 
-/// Turns the words of an ascii body into the little-endian body that they stand for.
+/// Converts the words of an ascii body into the equivalent little-endian body.
 fn binary_from_ascii(header: &Header, text: &mut Cursor) -> Result<Vec<u8>, SceneError> {
     let mut out = Vec::new();
     for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
@@ -173,8 +174,8 @@ fn skip_spaces(text: &mut Cursor) -> Result<(), SceneError> {
     text.take(spaces, "spaces").map(|_| ())
 }
 
-/// Appends the number of the next word to `out`. A word counts only when something ends it, so that a file cut
-/// inside its last number is told.
+/// Appends the number in the next word to `out`. A word must be terminated, so that a file
+/// truncated inside its last number is reported.
 fn transcode(text: &mut Cursor, number: Number, out: &mut Vec<u8>) -> Result<(), SceneError> {
     skip_spaces(text)?;
     let at = text.clone();

@@ -1,4 +1,4 @@
-//! The header of a `.ply` file: what elements follow, and how their properties are laid out.
+//! The header of a `.ply` file: its elements, and the layout of their properties.
 //!
 //! Grammar: Greg Turk, "The PLY Polygon File Format", 1994.
 
@@ -6,7 +6,7 @@ use super::notes::Notes;
 use crate::scene::SceneError;
 use crate::scene::cursor::Cursor;
 
-/// How the body is written.
+/// Encoding of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -28,7 +28,7 @@ pub(super) enum Number {
 }
 
 impl Number {
-    /// Bytes that a value takes.
+    /// Number of bytes of a value.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -53,7 +53,7 @@ impl Number {
     }
 }
 
-/// What stands in a property's place.
+/// The type of a property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     One(Number),
@@ -74,12 +74,12 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Bytes of a row, or `None` where rows differ because they hold a list.
+    /// Number of bytes of a row, or `None` if rows contain a list and differ.
     pub(super) fn stride(&self) -> Option<usize> {
         self.properties.iter().map(|p| if let Kind::One(n) = p.kind { Some(n.size()) } else { None }).sum()
     }
 
-    /// Bytes of a row; an error where rows differ.
+    /// Number of bytes of a row; an error if rows differ.
     pub(super) fn flat_stride(&self, at: &Cursor) -> Result<usize, SceneError> {
         let what = format!("a list among the properties of `{}`", self.name);
         self.stride().ok_or_else(|| at.unsupported(what, "remove that property"))
@@ -90,19 +90,20 @@ impl Element {
     }
 }
 
-/// Bytes that a header may have: ours has 1,600. A bound keeps the search for repeated names short.
+/// Maximum length of a header, bytes: ours has 1,600. The bound keeps the search for repeated names
+/// short.
 pub(super) const MAX_LEN: usize = 1 << 16;
 
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// What our own comments say.
+    /// Prefix of our own comments.
     pub(super) notes: Notes,
 }
 
 impl Header {
-    /// Reads the header and leaves `cursor` at the body.
+    /// Reads the header, and leaves `cursor` at the body.
     pub(super) fn read(cursor: &mut Cursor) -> Result<Self, SceneError> {
         let at = cursor.clone();
         if cursor.line("a header line")? != "ply" {
@@ -123,7 +124,7 @@ impl Header {
         }
     }
 
-    /// The element of this name.
+    /// The element with this name.
     pub(super) fn element(&self, name: &str, at: &Cursor) -> Result<&Element, SceneError> {
         let found = self.elements.iter().find(|e| e.name == name);
         found.ok_or_else(|| at.malformed(format!("no element `{name}`"), format!("an element `{name}`")))

@@ -1,5 +1,5 @@
-//! What the `.ply` format has no place for, kept in comments of our own: a foreign reader skips them, ours reads
-//! back what it has written.
+//! Notes: information that the `.ply` format has no place for, in comments of our own. Other
+//! readers skip them; ours reads them back.
 //!
 //! ```text
 //! comment gs2e antialiased true
@@ -21,10 +21,10 @@ pub(super) struct Notes {
 }
 
 impl Notes {
-    /// First word of a comment that is a note.
+    /// First word of a comment with a note.
     pub(super) const MARK: &str = "gs2e";
 
-    /// What has to be noted of `scene`.
+    /// The notes of `scene`.
     pub(super) fn of(scene: &Gaussians) -> Self {
         Self {
             antialiased: scene.antialiased,
@@ -33,7 +33,7 @@ impl Notes {
         }
     }
 
-    /// Reads the words of a note after the mark.
+    /// Parses the words of a note after the prefix.
     pub(super) fn read(&mut self, words: &[&str], at: &Cursor) -> Result<(), SceneError> {
         let known = match *words {
             ["antialiased", flag] => flag.parse().is_ok_and(|flag| {
@@ -73,7 +73,7 @@ fn parse_origin([x, y, z]: [&str; 3]) -> Option<DVec3> {
     origin.is_finite().then_some(origin)
 }
 
-/// The notes as header lines. `{:e}` prints the shortest digits that give the same number back.
+/// The notes as header lines. `{:e}` prints the shortest digits that parse to the same number.
 impl fmt::Display for Notes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(flag) = self.antialiased {

@@ -1,8 +1,9 @@
-//! Compressed `.ply` (playcanvas/splat-transform, `decompress-ply.ts`): 16 bytes a Gaussian between the bounds of its
-//! chunk of 256, and its harmonics in bytes.
+//! Compressed `.ply` (playcanvas/splat-transform, `decompress-ply.ts`): 16 bytes per Gaussian
+//! relative to the bounds of its chunk of 256, and harmonics in bytes.
 //!
-//! Element `chunk` holds the bounds, of colours only if it likes; element `vertex` four packed words; element `sh`,
-//! which may be absent, `f_rest_*` channel by channel. Axes are those of plain files.
+//! Element `chunk` has the bounds (those of colours are optional), element `vertex` four packed
+//! words, and the optional element `sh` has `f_rest_*` channel by channel. Axes are those of plain
+//! files.
 
 use super::body::{self, Rows, bytes};
 use super::degree_of;
@@ -14,15 +15,15 @@ use crate::scene::{Gaussians, SceneError, sh};
 use glam::DVec3;
 use std::f64::consts::SQRT_2;
 
-/// Gaussians that share the bounds of a chunk.
+/// Number of Gaussians in a chunk.
 const CHUNK: usize = 256;
 
-/// Whether a file with these vertices is a compressed one.
+/// Whether a file with these vertices is compressed.
 pub(super) fn is_packed(vertices: &Element) -> bool {
     vertices.has(WORDS[0])
 }
 
-/// Whether the vertices' property of this name is read.
+/// Whether the vertices' property with this name is read.
 pub(super) fn knows(name: &str) -> bool {
     WORDS.contains(&name)
 }
@@ -62,10 +63,10 @@ pub(super) fn read(header: &Header, cursor: Cursor) -> Result<Gaussians, SceneEr
     collector.finish(DVec3::ZERO, header.notes.antialiased)
 }
 
-/// Where the numbers of the three elements lie.
+/// Places of the numbers of the three elements.
 struct Layout {
     chunks: Table,
-    /// Minima and maxima of positions, log scales and, where the file has them, colours.
+    /// Minima and maxima of positions, log scales and, if present, colours.
     bounds: Vec<usize>,
     vertices: Table,
     /// Position, scale, rotation, colour.
@@ -117,7 +118,7 @@ impl Layout {
     }
 }
 
-/// The columns of a chunk's bounds: those of colours are there together or not at all.
+/// The columns of a chunk's bounds. Those of colours are present together or not at all.
 fn bounds(chunk: &Element, at: &Cursor) -> Result<Vec<usize>, SceneError> {
     const NAMES: [&str; 18] = [
         "min_x",
@@ -152,7 +153,7 @@ fn check_rows(element: &Element, wanted: usize, at: &Cursor) -> Result<(), Scene
     Err(at.malformed(found, format!("{wanted}, as the vertices ask for")))
 }
 
-/// Where `property` lies in a row, in bytes.
+/// Offset of `property` in a row, bytes.
 fn offset(element: &Element, property: &str, number: Number, at: &Cursor) -> Result<usize, SceneError> {
     let Some(i) = element.properties.iter().position(|p| p.name == property) else {
         let name = &element.name;
@@ -192,7 +193,7 @@ impl Table {
     }
 }
 
-/// What the Gaussians of a chunk lie between.
+/// The bounds of a chunk's Gaussians.
 struct Chunk {
     position: Range,
     log_scale: Range,
@@ -235,13 +236,14 @@ impl Range {
     }
 }
 
-/// Three shares of 11, 10 and 11 bits, the first on top.
+/// Three fractions of 11, 10 and 11 bits, the first in the highest bits.
 fn thirds(word: u32) -> [f64; 3] {
     [(word >> 21, 2047), (word >> 11, 1023), (word, 2047)]
         .map(|(bits, mask)| f64::from(bits & mask) / f64::from(mask))
 }
 
-/// The quaternion `w x y z`: two bits on top tell the largest, ten bits each the others in this order.
+/// The quaternion `w x y z`: the highest two bits are the index of the largest component, and ten
+/// bits each are the others in this order.
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the 32 bits that are kept")]
 fn rotation(word: u32) -> [f32; 4] {
     let largest = (word >> 30) as usize;
@@ -255,7 +257,8 @@ fn rotation(word: u32) -> [f32; 4] {
     components.map(|c| c as f32)
 }
 
-/// A coefficient between -4 and 4. The ends stand for themselves, the other bytes for the middle of their step.
+/// A coefficient between -4 and 4. The extreme bytes are the ends; the others are the middles of
+/// their steps.
 fn harmonic(byte: u8) -> f32 {
     let share = match byte {
         0 => 0.0,
@@ -318,7 +321,7 @@ end_header
 127 128 128 128 128 128 128 128 254
 ";
 
-    /// The same as little- or big-endian numbers.
+    /// The same file with little- or big-endian numbers.
     fn binary(text: &str, is_big: bool) -> Vec<u8> {
         let (header, body) = text.split_once("end_header\n").unwrap();
         let order = if is_big { "binary_big_endian" } else { "binary_little_endian" };
@@ -340,21 +343,22 @@ end_header
     }
 
     fn check(scene: &Gaussians) {
-        // z has all ones, the others none; then x and y have.
+        // z has all bits set, the others none; then x and y have.
         assert_eq!(scene.positions, [[-1.0, 0.0, 20.0], [1.0, 0.0, 10.0]]);
-        // x and z have all ones; then none has.
+        // x and z have all bits set; then none has.
         assert_eq!(scene.log_scales, [[-5.0, -8.0, -3.0], [-9.0, -8.0, -7.0]]);
         let near = |got: &[f32], wanted: &[f32]| {
             for (g, w) in got.iter().zip(wanted) {
-                // wanted values carry six digits
+                // Expected values have six digits.
                 assert!((g - w).abs() <= 1e-5 * w.abs().max(0.1), "{got:?} for {wanted:?}");
             }
         };
-        // w is largest, x has all ones, y and z none; then z is largest, w has 511 of 1023, x none, y all
+        // w is largest, x has all bits set, y and z none; then z is largest, w has 511 of 1023, x
+        // none, y all.
         near(&scene.rotations[0], &[0.0, FRAC_1_SQRT_2, -FRAC_1_SQRT_2, -FRAC_1_SQRT_2]);
         near(&scene.rotations[1], &[-0.000_691_207, -FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0]);
         near(&scene.opacity_logits, &[6.232_448, -6.232_448]);
-        // (1.5 - 0.5) / C0, (0 - 0.5) / C0 and 0; then (-0.5 + 0.2 * 2 - 0.5) / C0
+        // (1.5 - 0.5) / C0, (0 - 0.5) / C0 and 0; then (-0.5 + 0.2 * 2 - 0.5) / C0.
         near(&scene.sh_of(0)[0], &[3.544_908, -1.772_454, 0.0]);
         near(&scene.sh_of(1)[0], &[-2.126_945, -1.772_454, 0.0]);
         let rest = [

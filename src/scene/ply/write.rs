@@ -7,13 +7,13 @@ use glam::DVec3;
 use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write};
 
-/// Writes `scene` as 3DGS itself does (graphdeco-inria/gaussian-splatting, `GaussianModel.save_ply`): binary little
-/// endian, `x y z nx ny nz f_dc f_rest opacity scale rot`, the rest of the harmonics channel by channel, normals
-/// zero. Positions are `double` where the scene has an origin and `float` where it has none. [`super::read_ply`]
-/// gives the same scene back, bit for bit.
+/// Writes `scene` as 3DGS does (graphdeco-inria/gaussian-splatting, `GaussianModel.save_ply`):
+/// binary little endian, `x y z nx ny nz f_dc f_rest opacity scale rot`, the other harmonics
+/// channel by channel, zero normals. Positions are `double` if the scene has an origin, otherwise
+/// `float`. [`super::read_ply`] returns the same scene, bit for bit.
 ///
 /// # Errors
-/// What `out` answers.
+/// `out` fails.
 pub fn write_ply(scene: &Gaussians, out: impl Write) -> io::Result<()> {
     let mut out = BufWriter::new(out);
     out.write_all(header(scene).as_bytes())?;

@@ -46,21 +46,22 @@ pub(super) fn add(seed: u64, into: &mut Arrangement) {
     armillary(STACK + at(0.0, 0.39, 0.0), into);
 }
 
-/// A closed book that lies on its side, its spine towards the viewers.
+/// A closed book on its side, with its spine towards the viewer.
 #[derive(Debug, Clone, Copy)]
 struct Book {
     bottom: f64,
     height: f64,
     /// Half the length of the spine, half the width of the cover.
     size: [f64; 2],
-    /// How far it is turned, in turns.
+    /// Rotation about the vertical, in turns.
     turned: f64,
     cover: u32,
     foil: u32,
 }
 
 impl Book {
-    /// The point `a` along the spine and `b` across the cover (both -1 to 1) at a share of the height.
+    /// The point at `a` along the spine and `b` across the cover (both -1 to 1), at a fraction of
+    /// the height.
     fn point(self, a: f64, b: f64, height: f64) -> DVec3 {
         let (sin, cos) = turn(self.turned);
         let (x, z) = (a * self.size[0], b * self.size[1]);
@@ -155,7 +156,8 @@ fn rings(middle: DVec3, into: &mut Arrangement) {
     }
 }
 
-/// Two unit vectors that span a ring's plane: level, then tilted and turned about the vertical (in turns).
+/// Two unit vectors that span the plane of a ring: level, then tilted and turned about the vertical
+/// (in turns).
 fn ring_plane(tilt: f64, heading: f64) -> (DVec3, DVec3) {
     let ((st, ct), (sh, ch)) = (turn(tilt), turn(heading));
     (at(ch, 0.0, sh), at(-sh * ct, st, ch * ct))

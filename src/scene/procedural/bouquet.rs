@@ -6,11 +6,11 @@ use super::shape::Spot;
 use super::texture::{blend, mix, noise, step, stripes};
 use glam::DVec3;
 
-/// Where the vase stands, and how high it is.
+/// Position and height of the vase.
 const FOOT: DVec3 = DVec3::new(-0.98, 0.0, 0.30);
 const HEIGHT: f64 = 0.78;
 
-/// Stream of the draws that arrange the flowers.
+/// Stream of the draws for the arrangement of the flowers.
 const STREAM: u64 = 1 << 32;
 
 pub(super) fn add(seed: u64, into: &mut Arrangement) {
@@ -89,7 +89,7 @@ fn stalk(head: DVec3, into: &mut Arrangement) {
     into.parts.push(Part::strand("flowers", through(points), 0.010, Box::new(green)).detail(1.5));
 }
 
-/// The axes along and across a petal of a flower that looks along `lean`, `turns` round it.
+/// The axes along and across a petal of a flower facing `lean`, at `turns` around it.
 fn petal_axes(lean: DVec3, turns: f64) -> (DVec3, DVec3) {
     let a = lean.cross(DVec3::Y).normalize_or(DVec3::X);
     let (sin, cos) = turn(turns);
@@ -140,7 +140,7 @@ fn poppy(head: DVec3, lean: DVec3, draws: &mut Draws, into: &mut Arrangement) {
     into.parts.push(Part::sheet("flowers", heart, Box::new(dark)).detail(2.5));
 }
 
-/// A bare twig with buds: the thinnest thing of the scene.
+/// A bare twig with buds: the thinnest object of the scene.
 fn twig(tip: DVec3, draws: &mut Draws, into: &mut Arrangement) {
     let mouth = FOOT + at(0.0, HEIGHT - 0.05, 0.0);
     let way = tip - mouth;

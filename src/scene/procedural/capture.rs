@@ -12,11 +12,11 @@ use glam::{DMat3, DQuat, DVec3};
 /// The photos' size and focal length, px: a horizontal field of view of 52.2 degrees.
 const SIZE: Size = Size { width: 640, height: 360 };
 const FOCAL: f64 = 653.0;
-/// What the photographer looks at, and from how far and high up.
+/// Target of the camera, and its distance and height.
 const TARGET: DVec3 = DVec3::new(0.12, -0.56, 0.12);
 const DISTANCE: f64 = 4.25;
 const RISE: f64 = 15.5 / 360.0;
-/// Standard deviations of the hand: place in units, direction in turns.
+/// Standard deviations of the hand: position in units, direction in turns.
 const SHAKE: f64 = 0.0035;
 const TREMBLE: f64 = 0.05 / 360.0;
 
@@ -53,7 +53,8 @@ fn unevenly(count: u32, arc: f64, draws: &mut Draws) -> Vec<f64> {
     sums.into_iter().map(|s| arc * (s / total - 0.5)).collect()
 }
 
-/// The camera at this angle about the target: it rises and falls a little on its way, and trembles.
+/// The camera at this angle around the target. Its height varies slightly along the arc, and it
+/// trembles.
 fn pose(turns: f64, draws: &mut Draws) -> Se3 {
     let (sin, cos) = turn(turns);
     let (up, out) = turn(RISE + 0.004 * turn(4.0 * turns).0);
@@ -67,7 +68,7 @@ fn pose(turns: f64, draws: &mut Draws) -> Se3 {
     Se3 { rotation: rotation.normalize(), translation: centre }
 }
 
-/// A turn about the optical axis.
+/// A rotation about the optical axis.
 fn roll(turns: f64) -> DQuat {
     let (sin, cos) = turn(turns / 2.0);
     DQuat::from_xyzw(0.0, 0.0, sin, cos)

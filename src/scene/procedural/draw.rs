@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// A stream of draws: ChaCha with 12 rounds, keyed by the seed, its stream number telling what it is drawn for.
+/// A stream of draws: ChaCha with 12 rounds, keyed by the seed. The stream number is the purpose.
 #[derive(Debug)]
 pub(super) struct Draws(ChaCha12Rng);
 
@@ -21,15 +21,16 @@ impl Draws {
         low + (high - low) * unit(self.0.next_u64())
     }
 
-    /// A sum of four uniform draws: bell-shaped, of standard deviation `deviation`, never beyond 3.5 of them.
+    /// A sum of four uniform draws: bell-shaped, with standard deviation `deviation`, and never
+    /// beyond 3.5 of it.
     pub(super) fn bell(&mut self, deviation: f64) -> f64 {
         let sum: f64 = (0..4).map(|_| self.uniform(-1.0, 1.0)).sum();
-        // the variance of each draw is 1/3
+        // The variance of each draw is 1/3.
         deviation * sum * (3.0_f64 / 4.0).sqrt()
     }
 }
 
-/// The high 53 bits as a number of 0 to 1, without 1.
+/// The high 53 bits as a number from 0 to 1, without 1.
 pub(super) fn unit(bits: u64) -> f64 {
     (bits >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
 }

@@ -1,11 +1,11 @@
-//! A bowl of fruit, and what has rolled out of it.
+//! A bowl of fruit, and fruit that has rolled out of it.
 
 use super::object::{Arrangement, Finish, Part, at, ball, revolved, rgb, through, turn};
 use super::shape::Spot;
 use super::texture::{blend, clouds, mix, noise, step, stripes};
 use glam::DVec3;
 
-/// Where the bowl stands.
+/// Position of the bowl.
 const BOWL: DVec3 = DVec3::new(0.34, -0.04, -0.02);
 const BOWL_RADIUS: f64 = 0.64;
 const BOWL_HEIGHT: f64 = 0.30;
@@ -115,7 +115,7 @@ fn lemon(centre: DVec3, radius: f64, seed: u64, into: &mut Arrangement) {
     into.shadow("lemon", centre - at(0.06, 0.0, 0.03), 0.92 * radius);
 }
 
-/// Grapes that hang over the bowl's rim and lie before it.
+/// Grapes that hang over the rim of the bowl and lie in front of it.
 fn grapes(into: &mut Arrangement) {
     const PLACES: [[f64; 3]; 17] = [
         [0.46, 0.40, -0.30],

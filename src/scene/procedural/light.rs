@@ -5,7 +5,7 @@ use crate::image::srgb;
 use crate::scene::sh;
 use glam::DVec3;
 
-/// What stands in the light: a sphere that belongs to the object of that name.
+/// An occluder of light: a sphere that belongs to the object with this name.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Occluder {
     pub(super) object: &'static str,
@@ -13,7 +13,7 @@ pub(super) struct Occluder {
     pub(super) radius: f64,
 }
 
-/// A point of a surface, as light sees it.
+/// A point of a surface, with the properties that lighting needs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lit {
     pub(super) object: &'static str,
@@ -26,12 +26,12 @@ pub(super) struct Lit {
 const LAMP: DVec3 = DVec3::new(1.95, 1.72, 1.38);
 const SKY: DVec3 = DVec3::new(0.36, 0.41, 0.49);
 const BOUNCE: DVec3 = DVec3::new(0.20, 0.14, 0.10);
-/// Where the lamp hangs: above, left of and before the table.
+/// Position of the lamp: above, left of and in front of the table.
 const LAMP_PLACE: DVec3 = DVec3::new(-2.6, -4.2, -2.6);
-/// Apparent size of the lamp, which softens its shadows: radius over distance.
+/// Apparent size of the lamp, which softens its shadows: radius divided by distance.
 const LAMP_SIZE: f64 = 0.12;
 
-/// The way from `point` to the lamp, as a unit vector, and its length.
+/// The direction from `point` to the lamp as a unit vector, and the distance.
 fn to_lamp(point: DVec3) -> (DVec3, f64) {
     let way = LAMP_PLACE - point;
     let distance = way.length();
@@ -50,7 +50,8 @@ pub(super) fn shade(lit: Lit, albedo: DVec3, occluders: &[Occluder]) -> DVec3 {
     albedo * (LAMP * (facing * falloff * shadow) + (BOUNCE + (SKY - BOUNCE) * up) * open)
 }
 
-/// Share of the lamp that is seen past a sphere: from 1 down to 0 as the ray to its middle nears the sphere's.
+/// Visible share of the lamp past a sphere: from 1 down to 0 as the ray to its centre approaches
+/// the sphere's centre.
 fn transmission(point: DVec3, direction: DVec3, o: &Occluder) -> f64 {
     let to = o.centre - point;
     let along = to.dot(direction);
@@ -62,8 +63,8 @@ fn transmission(point: DVec3, direction: DVec3, o: &Occluder) -> f64 {
     step(o.radius - penumbra, o.radius + penumbra, miss)
 }
 
-/// Share of the sky that a sphere leaves: one minus its solid angle, weighted by the cosine at its centre
-/// (Quilez, "Sphere ambient occlusion").
+/// Share of the sky that a sphere leaves visible: one minus its solid angle, weighted by the cosine
+/// at its centre (Quilez, "Sphere ambient occlusion").
 fn openness(lit: Lit, o: &Occluder) -> f64 {
     let to = o.centre - lit.position;
     let squared = to.length_squared().max(o.radius * o.radius);
@@ -71,7 +72,8 @@ fn openness(lit: Lit, o: &Occluder) -> f64 {
     1.0 - cosine.max(0.0) * o.radius * o.radius / squared
 }
 
-/// The display value of linear light: a shoulder that keeps highlights below white, then the sRGB curve.
+/// The display value of linear light: a shoulder that keeps highlights below white, then the sRGB
+/// curve.
 pub(super) fn display(light: DVec3) -> DVec3 {
     DVec3::from_array(light.to_array().map(|v| srgb::encode(1.0 - libm::exp(-v.max(0.0)))))
 }
@@ -81,8 +83,9 @@ pub(super) const DEGREE: u8 = 2;
 /// Exponent of the glossy lobe.
 const SHARPNESS: f64 = 9.0;
 
-/// Adds the lamp's reflection on a glossy surface to coefficients of degree [`DEGREE`]: a lobe about the mirrored
-/// direction, seen along `-mirrored`, of height `strength` where the series reaches it.
+/// Adds the reflection of the lamp on a glossy surface to coefficients of degree [`DEGREE`]: a lobe
+/// about the mirrored direction, seen along `-mirrored`, with the height `strength` as far as the
+/// series reaches it.
 ///
 /// The lobe is `((1 + t) / 2)^n`, `t` the cosine to its axis; by the Funk-Hecke theorem the coefficient of function
 /// `Y_lm` is `k_l Y_lm(axis)`, with `k_0 = 4 pi / (n + 1)` and `k_l = k_(l-1) (n + 1 - l) / (n + 1 + l)`.

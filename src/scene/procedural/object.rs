@@ -6,12 +6,12 @@ use crate::image::srgb;
 use glam::DVec3;
 use std::fmt;
 
-/// How a surfel looks before light falls on it.
+/// Appearance of a surfel before lighting.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Finish {
-    /// Share of red, green and blue light that is thrown back, linear.
+    /// Reflected share of red, green and blue light, linear.
     pub(super) albedo: DVec3,
-    /// Height of the reflected lamp's lobe on the display scale.
+    /// Height of the lamp's reflection on the display scale.
     pub(super) gloss: f64,
     /// Opacity in the middle of the surfel.
     pub(super) opacity: f64,
@@ -29,7 +29,7 @@ impl Finish {
     }
 }
 
-/// The look of a part at each of its spots.
+/// The appearance of a part at each of its spots.
 pub(super) type Look = Box<dyn Fn(&Spot) -> Finish>;
 
 /// One surface, strand or cloud of an object.
@@ -37,9 +37,9 @@ pub(super) struct Part {
     pub(super) object: &'static str,
     pub(super) shape: Shape,
     pub(super) look: Look,
-    /// Surfels for its area, relative to the other parts.
+    /// Surfel density relative to the other parts.
     pub(super) detail: f64,
-    /// Whether its back is seen, too; it is then lit as the side towards the viewers.
+    /// Whether its back is visible too; the back is then lit like the front.
     pub(super) thin: bool,
 }
 
@@ -71,7 +71,7 @@ impl Part {
     }
 }
 
-/// The parts that are on the table, and what throws their shadows.
+/// The parts on the table, and the spheres that cast their shadows.
 #[derive(Debug, Default)]
 pub(super) struct Arrangement {
     pub(super) parts: Vec<Part>,
@@ -102,7 +102,8 @@ pub(super) fn turn(turns: f64) -> (f64, f64) {
     (libm::sin(angle), libm::cos(angle))
 }
 
-/// The surface of revolution about the vertical through `foot` of a profile: radius and height at `v` of 0 to 1.
+/// The surface of revolution of a profile about the vertical through `foot`: radius and height at
+/// `v` from 0 to 1.
 pub(super) fn revolved(foot: DVec3, profile: impl Fn(f64) -> (f64, f64) + 'static) -> Sheet {
     Box::new(move |u, v| {
         let (sin, cos) = turn(u);

@@ -9,11 +9,11 @@ use glam::{DVec2, DVec3};
 const TILE: f64 = 0.52;
 /// Radius of the rings on the tiles, in tiles.
 const RING: f64 = 0.35;
-/// Where the wall stands.
+/// Position of the wall.
 const WALL_Z: f64 = 1.55;
 /// Width of the table's planks.
 const PLANK: f64 = 0.45;
-/// How high the wall is.
+/// Height of the wall.
 const TOP: f64 = 2.4;
 
 pub(super) fn add(seed: u64, into: &mut Arrangement) {
@@ -22,15 +22,17 @@ pub(super) fn add(seed: u64, into: &mut Arrangement) {
     cloth(into);
 }
 
-/// Half the width that the default arc sees, and that wide arcs do; the wings begin behind the crisp middle's edge.
+/// Half the width visible from the default arc, and from wide arcs. The wings begin behind the edge
+/// of the sharp middle.
 const NEAR: f64 = 3.4;
 const INNER: f64 = 3.0;
 const FAR: f64 = 9.0;
 
-/// Crisp tiles where the default arc looks, a backing, coarse wings beyond; rings and grout as strands.
+/// Sharp tiles where the default arc looks, a backing, and coarse wings beyond; rings and grout are
+/// strands.
 ///
-/// Surfels are blended in the order of their middles: a backing has to lie so deep that none of its wide ones comes
-/// before the crisp ones.
+/// Surfels are blended in the order of their centres. The backing must be deep enough that none of
+/// its wide surfels comes before the sharp ones.
 fn wall(seed: u64, into: &mut Arrangement) {
     let face = |left: f64, right: f64, z: f64| {
         Box::new(move |u: f64, v: f64| at(mix(left, right, u), mix(-0.06, TOP, v), z))
@@ -56,7 +58,7 @@ fn wall(seed: u64, into: &mut Arrangement) {
     }
 }
 
-/// The blue ring about a corner of tiles.
+/// The blue ring around a corner of tiles.
 fn ring(centre: DVec3, into: &mut Arrangement) {
     let circle = Box::new(move |t: f64| {
         let (sin, cos) = turn(t);
@@ -72,7 +74,8 @@ fn grout(from: DVec3, to: DVec3, into: &mut Arrangement) {
     into.parts.push(Part::strand("wall", line, 0.011, Box::new(grey)).detail(0.4));
 }
 
-/// Glazed tiles in the manner of azulejos: a blue ring about each corner, a diamond in each middle.
+/// Glazed tiles in the style of azulejos: a blue ring around each corner, and a diamond in each
+/// centre.
 #[expect(clippy::cast_possible_truncation, reason = "a wall of a few dozen tiles")]
 fn tile(seed: u64, s: &Spot) -> Finish {
     let (a, b) = (s.position.x / TILE, -s.position.y / TILE);
@@ -91,13 +94,13 @@ fn tile(seed: u64, s: &Spot) -> Finish {
     Finish::glossy(blend(painted, rgb(0xa8_3c28), diamond), 0.10)
 }
 
-/// One between `low` and `high`, zero outside, with edges as wide as `blur`.
+/// 1 between `low` and `high`, 0 outside, with edges of width `blur`.
 fn band(x: f64, low: f64, high: f64, blur: f64) -> f64 {
     let h = blur / 2.0;
     step(low - h, low + h, x) * (1.0 - step(high - h, high + h, x))
 }
 
-/// Crisp boards where the default arc looks, a backing, coarse wings beyond; seams as strands.
+/// Sharp boards where the default arc looks, a backing, and coarse wings beyond; seams are strands.
 fn table(seed: u64, into: &mut Arrangement) {
     let top = |left: f64, right: f64, height: f64| {
         Box::new(move |u: f64, v: f64| at(mix(left, right, u), height, mix(-1.8, WALL_Z, v)))
@@ -131,7 +134,7 @@ fn plank(seed: u64, s: &Spot) -> Finish {
     Finish::glossy(blend(rgb(0xb0_7442), rgb(0x55_2d14), dark), 0.06)
 }
 
-/// A chequered cloth under the bowl, turned on the table, with ripples and a hem.
+/// A chequered cloth under the bowl, rotated on the table, with ripples and a hem.
 fn cloth(into: &mut Arrangement) {
     let look = Box::new(|s: &Spot| {
         let (a, b) = (1.96 * s.u, 1.42 * s.v);

@@ -1,4 +1,5 @@
-//! Surfaces and strands, and the surfels that cover them: flattened Gaussians whose size follows their number.
+//! Surfaces and strands, and the surfels that cover them: flattened Gaussians with a size that
+//! depends on their number.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -10,18 +11,18 @@ use super::draw::Draws;
 use glam::{DMat3, DQuat, DVec3};
 use std::fmt;
 
-/// A map from the unit square onto a surface; `u` across `v` points outwards.
+/// A map from the unit square onto a surface; `u` cross `v` points outwards.
 pub(super) type Sheet = Box<dyn Fn(f64, f64) -> DVec3>;
 /// A map from the unit interval onto a curve.
 pub(super) type Path = Box<dyn Fn(f64) -> DVec3>;
 
-/// What a part of an object looks like.
+/// Shape of a part of an object.
 pub(super) enum Shape {
-    /// A surface and how it is covered.
+    /// A surface and its coverage.
     Sheet(Sheet, Cover),
     /// A thin tube along a curve, of this radius.
     Strand(Path, f64),
-    /// Blobs in the air: centres and radii come from the draws.
+    /// Blobs in the air, with random centres and radii.
     Blobs { low: DVec3, high: DVec3, share: f64 },
 }
 
@@ -35,13 +36,13 @@ impl fmt::Debug for Shape {
     }
 }
 
-/// Where a surfel lies.
+/// Place of a surfel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spot {
     pub(super) u: f64,
     pub(super) v: f64,
     pub(super) position: DVec3,
-    /// Unit normal, outwards; towards the viewers for a strand.
+    /// Unit normal, outwards; for a strand, towards the viewer.
     pub(super) normal: DVec3,
     /// Distance to the next surfel along `u` and along `v`.
     pub(super) spacing: [f64; 2],
@@ -50,13 +51,13 @@ pub(super) struct Spot {
     pub(super) rotation: DQuat,
 }
 
-/// How surfels cover a surface.
+/// Coverage of a surface by surfels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cover {
-    /// Standard deviation over the distance to the next surfel. 0.58 closes the surface; less shows a little of what
-    /// lies behind and keeps patterns sharper.
+    /// Standard deviation divided by the distance to the next surfel. 0.58 closes the surface;
+    /// smaller values show a little of what lies behind, and keep patterns sharper.
     pub(super) overlap: f64,
-    /// Distance along `u` over that along `v`: for patterns that run along `u`.
+    /// Distance along `u` divided by that along `v`: for patterns along `u`.
     pub(super) aspect: f64,
 }
 
@@ -65,15 +66,16 @@ impl Cover {
     pub(super) const CRISP: Self = Self { overlap: 0.47, aspect: 1.0 };
 }
 
-/// What a unit of a strand's length counts beyond its area: the thinnest, too, needs pieces to follow its bends.
+/// Weight of a strand's length in addition to its area: even the thinnest strand needs pieces to
+/// follow its bends.
 const BENDS: f64 = 0.03;
-/// How far surfels are moved from the middle of their cells, in cells.
+/// Displacement of surfels from the middle of their cells, in cells.
 const UNREST: f64 = 0.18;
-/// Rows and columns at which areas and lengths are measured.
+/// Number of rows and columns at which areas and lengths are measured.
 const MEASURED: u32 = 48;
 
 impl Shape {
-    /// Area of the surface; of a strand, what it shows and [`BENDS`] for each unit of its length.
+    /// Area of the surface. For a strand, its visible area plus [`BENDS`] per unit of length.
     pub(super) fn area(&self) -> f64 {
         match self {
             Self::Sheet(sheet, _) => Rows::measure(sheet).area(),
@@ -102,8 +104,8 @@ fn lengths(curve: impl Fn(f64) -> DVec3) -> Vec<f64> {
     (0..MEASURED).map(|k| at(k).distance(at(k + 1))).collect()
 }
 
-/// A surface's measure: at `MEASURED` values of `v`, the length of the line of constant `v` and the height of the
-/// strip about it.
+/// The measure of a surface: at `MEASURED` values of `v`, the length of the line of constant `v`,
+/// and the height of the strip around it.
 struct Rows {
     widths: Vec<f64>,
     heights: Vec<f64>,
@@ -124,7 +126,7 @@ impl Rows {
         self.widths.iter().zip(&self.heights).map(|(w, h)| w * h).sum()
     }
 
-    /// The parameter at which the share `share` of the total height lies below.
+    /// The parameter below which the share `share` of the total height lies.
     fn v_at(&self, share: f64) -> f64 {
         let mut left = share * self.heights.iter().sum::<f64>();
         for (k, &h) in self.heights.iter().enumerate() {
@@ -143,7 +145,7 @@ impl Rows {
     }
 }
 
-/// Covers a surface by rows of surfels, as many in each row as its length asks for.
+/// Covers a surface with rows of surfels; the number in each row depends on its length.
 fn cover(sheet: &Sheet, how: Cover, count: usize, draws: &mut Draws, found: &mut impl FnMut(&Spot)) {
     let rows = Rows::measure(sheet);
     let spacing = (rows.area() / (count.max(1) as f64 * how.aspect)).sqrt();
@@ -165,7 +167,7 @@ fn cover(sheet: &Sheet, how: Cover, count: usize, draws: &mut Draws, found: &mut
     }
 }
 
-/// `count` split by weights: exact in sum, each within one of its share.
+/// `count` divided by weights: exact in total, and each part within one of its share.
 pub(super) fn shares(count: usize, weights: &[f64]) -> Vec<usize> {
     let total: f64 = weights.iter().sum();
     let mut so_far = 0.0;
@@ -182,7 +184,8 @@ pub(super) fn shares(count: usize, weights: &[f64]) -> Vec<usize> {
         .collect()
 }
 
-/// The surfel at `(u, v)` of a cell of this size in the unit square; its deviations are the spacing.
+/// The surfel at `(u, v)` in a cell of this size in the unit square. Its standard deviations follow
+/// the spacing.
 fn surfel(sheet: &Sheet, u: f64, v: f64, cell: [f64; 2]) -> Spot {
     let d = 1e-4;
     let along = |du: f64, dv: f64| {
@@ -210,7 +213,7 @@ fn frame(tangent: DVec3, normal: DVec3) -> DQuat {
     DQuat::from_mat3(&DMat3::from_cols(tangent, normal.cross(tangent), normal))
 }
 
-/// Long Gaussians along the chords of a curve. Their normals lean towards the lamp's side and the viewers.
+/// Long Gaussians along the chords of a curve. Their normals lean towards the lamp and the viewer.
 fn follow(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&Spot)) {
     let end = |i: usize| path(i as f64 / count as f64);
     for i in 0..count {
@@ -232,7 +235,7 @@ fn follow(path: &Path, radius: f64, count: usize, found: &mut impl FnMut(&Spot))
     }
 }
 
-/// A round blob somewhere in a box.
+/// A round blob at a random place in a box.
 fn blob(low: DVec3, high: DVec3, draws: &mut Draws) -> Spot {
     let position = DVec3::from_array([0, 1, 2].map(|k| draws.uniform(low[k], high[k])));
     let radius = draws.uniform(0.02, 0.07);

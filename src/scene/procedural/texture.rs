@@ -1,9 +1,10 @@
-//! Patterns as functions of place: noise on a lattice, edges and stripes as wide surfels see them.
+//! Patterns as functions of place: noise on a lattice, and edges and stripes filtered for wide
+//! surfels.
 
 use super::draw::unit;
 use glam::DVec3;
 
-/// What SplitMix64 counts by (Steele, Lea, Flood 2014).
+/// Increment of SplitMix64 (Steele, Lea and Flood 2014).
 pub(crate) const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The finaliser of SplitMix64.
@@ -13,13 +14,14 @@ pub(crate) fn finalise(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// A number of 0 to 1 for the lattice point `(x, y)`.
+/// A number from 0 to 1 for the lattice point `(x, y)`.
 pub(super) fn lattice(seed: u64, x: i64, y: i64) -> f64 {
     let row = finalise(seed.wrapping_add(STEP).wrapping_add(y.cast_unsigned().wrapping_mul(STEP)));
     unit(finalise(row ^ x.cast_unsigned().wrapping_mul(STEP)))
 }
 
-/// Smooth noise of 0 to 1 with features of size 1: the lattice's numbers, blended by quintics.
+/// Smooth noise from 0 to 1 with features of size 1: the numbers of the lattice, blended by
+/// quintics.
 #[expect(clippy::cast_possible_truncation, reason = "coordinates of a scene a few units wide")]
 pub(super) fn noise(seed: u64, x: f64, y: f64) -> f64 {
     let (x0, y0) = (x.floor(), y.floor());
@@ -50,8 +52,9 @@ pub(super) fn step(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The share of a window of size `window` about `x` that lies in the stripes `[k period, k period + width)`: a
-/// stripe pattern seen through a surfel of that size, so that patterns finer than the surfels blur and do not alias.
+/// The share of a window of size `window` around `x` that lies in the stripes
+/// `[k period, k period + width)`: a stripe pattern seen through a surfel of that size, so that
+/// patterns finer than the surfels blur and do not alias.
 pub(super) fn stripes(x: f64, period: f64, width: f64, window: f64) -> f64 {
     let covered = |x: f64| {
         let turns = (x / period).floor();

@@ -44,8 +44,8 @@ impl Flip {
         self.0.map(sign)
     }
 
-    /// Factors of the components `x, y, z` of a quaternion: the axis of a rotation is a pseudovector, so each takes
-    /// the other two axes' signs.
+    /// Factors of the components `x, y, z` of a quaternion: the axis of a rotation is a pseudovector, so
+    /// each takes the other two axes' signs.
     pub(super) fn of_rotation(self) -> [f32; 3] {
         let [x, y, z] = self.0;
         [sign(y ^ z), sign(x ^ z), sign(x ^ y)]
@@ -71,8 +71,8 @@ impl Flip {
         Ok(flip)
     }
 
-    /// Numbers 1 to 8 of nianticlabs/spz, `CoordinateSystem`: from zero, bit 0 is right, bit 1 up, bit 2 front. From
-    /// 9 on axes change places.
+    /// Numbers 1 to 8 of nianticlabs/spz, `CoordinateSystem`: from zero, bit 0 is right, bit 1 up, bit 2
+    /// front. From 9 on axes change places.
     fn from_number(cursor: &mut Cursor) -> Result<Self, SceneError> {
         let at = cursor.clone();
         let number = cursor.u32("a coordinate system")?;
@@ -99,7 +99,8 @@ fn sign(flip: bool) -> f32 {
 mod tests {
     use super::*;
 
-    /// The functions that change sign from right, up, back to right, down, front, as `pipeline.md` 4.6 lists them.
+    /// The functions that change sign from right, up, back to right, down, front, as
+    /// docs/design/pipeline.md, "Scene files" lists them.
     #[test]
     fn the_published_terms_flip() {
         let flipped: Vec<usize> = Flip::RIGHT_UP_BACK

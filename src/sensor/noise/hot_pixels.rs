@@ -1,7 +1,7 @@
-//! Hot pixels: a few that fire by themselves, whatever they see.
+//! Hot pixels: a few pixels that fire independently of brightness.
 //!
-//! Their events are ON, as those of a strong leak are, and a Poisson process of their own. (v2e has hot pixels as the
-//! tail of its spread of leak rates; here they are stated: which share of the pixels, and how fast they fire.)
+//! Their events are ON, as those of a strong leak are, and form an independent Poisson process. (In
+//! v2e, hot pixels are the tail of the spread of leak rates. Here their share and rate are given.)
 
 use super::Site;
 use super::poisson::Train;
@@ -9,26 +9,26 @@ use crate::seed::Space;
 use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
-/// How many pixels are hot, and how hot.
+/// Share and rate of hot pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct HotPixels {
-    /// Share of the pixels, 0 to 1: each is one with this probability.
+    /// Share of the pixels, 0 to 1. Each pixel is hot with this probability.
     pub share: f64,
     /// Events per second of a hot pixel.
     pub rate: f64,
 }
 
 impl HotPixels {
-    /// Whether there are none.
+    /// Whether there are no hot pixels.
     #[must_use]
     pub fn is_absent(&self) -> bool {
         self.share == 0.0 || self.rate == 0.0
     }
 
-    /// Whether share and rate are what they can be.
+    /// Checks share and rate.
     ///
     /// # Errors
-    /// Naming the one that is not.
+    /// Names the value that is outside its range.
     pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
         if !(0.0..=1.0).contains(&self.share) {
             let (name, wanted) = ("hot_pixels.share", "a number from 0 to 1");
@@ -42,7 +42,7 @@ impl HotPixels {
         self.rate * 1e-9
     }
 
-    /// The events that the pixel at `site` makes by itself.
+    /// The process of the pixel at `site`; without events if the pixel is not hot.
     pub(in crate::sensor) fn train(&self, site: Site) -> Train {
         if self.is_absent() || site.draws(Space::Hot, 0).uniform() >= self.share {
             return Train::silent();

@@ -1,44 +1,46 @@
-//! Mismatch: no two pixels have the same threshold.
+//! Threshold mismatch: each pixel has thresholds of its own.
 //!
-//! A pixel's thresholds are normal around the nominal ones, and at least a floor. ON and OFF are drawn apart, as in the
-//! programs of ESIM (uzh-rpg/rpg_esim) and v2e (SensorsINI/v2e). v2e draws once for a sensor, ESIM for every pixel and
-//! frame; real pixels keep what they were made with.
+//! Thresholds are normal around their nominal values, with a floor. ON and OFF are drawn
+//! separately, as in the programs of ESIM (uzh-rpg/rpg_esim) and v2e (SensorsINI/v2e). v2e draws
+//! once per sensor, ESIM for every pixel and frame. In real pixels, thresholds are fixed at
+//! manufacture.
 
 use super::Site;
 use crate::seed::Space;
 use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
-/// How often thresholds are drawn.
+/// The time at which thresholds are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Redraw {
-    /// Once.
+    /// Once per sensor.
     #[default]
     PerSensor,
-    /// For each pair of frames anew: what a pixel does then depends on the frame rate.
+    /// For each pair of frames. The behaviour of a pixel then depends on the frame rate.
     PerFrame,
 }
 
-/// Thresholds of a sensor.
+/// Nominal thresholds of a sensor and their spread.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Threshold {
-    /// Of ON events, above 0.
+    /// Nominal threshold of ON events, above 0.
     pub on: f64,
-    /// Of OFF events, above 0.
+    /// Nominal threshold of OFF events, above 0.
     pub off: f64,
-    /// Standard deviation over the pixels, at least 0; where it is above 0, thresholds are at least [`FLOOR`].
+    /// Standard deviation over the pixels, at least 0. If it is above 0, thresholds are at least
+    /// [`FLOOR`].
     pub spread: f64,
 }
 
-/// Least threshold of a pixel where thresholds differ, in the programs of ESIM and v2e.
+/// Smallest threshold of a pixel where thresholds differ, as in the programs of ESIM and v2e.
 pub const FLOOR: f64 = 0.01;
 
 impl Threshold {
-    /// Whether the numbers are what they can be.
+    /// Checks the numbers.
     ///
     /// # Errors
-    /// Naming the first that is not.
+    /// Names the first number that is outside its range.
     pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
         let Self { on, off, spread } = *self;
         let least = if spread > 0.0 { FLOOR } else { f64::MIN_POSITIVE };
@@ -52,18 +54,18 @@ impl Threshold {
         at_least_zero("threshold.spread", spread)
     }
 
-    /// The thresholds of ON and OFF.
+    /// The nominal thresholds of ON and OFF.
     pub(in crate::sensor) fn sides(&self) -> [f64; 2] {
         [self.on, self.off]
     }
 
-    /// Those of the pixel at `site`; `frame` is 0 where they are drawn once.
+    /// The thresholds of the pixel at `site`. `frame` is 0 if they are drawn once.
     pub(in crate::sensor) fn at(&self, site: Site, frame: u64) -> [f64; 2] {
         thresholds(self.sides(), self.spread, [FLOOR; 2], site, frame)
     }
 }
 
-/// The thresholds of ON and OFF of the pixel at `site`. `frame` is 0 where they are drawn once.
+/// The thresholds of ON and OFF of the pixel at `site`. `frame` is 0 if they are drawn once.
 pub(in crate::sensor) fn thresholds(
     nominal: [f64; 2],
     spread: f64,
@@ -102,7 +104,7 @@ mod tests {
             println!("side {side}: KS {found:.2}, of a spread 5 % off {defect:.2} (alpha 1e-4: 2.23)");
             assert!(found < 2.23 && defect > found);
         }
-        // Drawn apart: the correlation of n pairs has a deviation of 1/sqrt(n).
+        // Independent draws: the correlation of n pairs has a standard deviation of 1/sqrt(n).
         let product: f64 = sample.iter().map(|[on, off]| (on - 0.2) * (off - 0.3) / 9e-4).sum();
         assert!((product / 20_000f64.sqrt()).abs() < 4.5);
     }
@@ -111,7 +113,8 @@ mod tests {
     fn no_threshold_is_below_the_floor_and_none_moves_without_a_spread() {
         let wide = sample(1.0, 0);
         let low = wide.iter().flatten().filter(|t| **t <= 0.01).count();
-        // A normal of mean 0.2 or 0.3 and deviation 1 is below 0.01 with probability 0.425 or 0.386.
+        // A normal of mean 0.2 or 0.3 and standard deviation 1 is below 0.01 with probability 0.425
+        // or 0.386.
         assert!(wide.iter().flatten().all(|t| *t >= 0.01) && (15_000..18_000).contains(&low), "{low}");
         let nominal = [0.2f64, 0.3].map(f64::to_bits);
         assert!(sample(0.0, 0).iter().all(|t| t.map(f64::to_bits) == nominal));

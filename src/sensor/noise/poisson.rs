@@ -1,40 +1,41 @@
-//! Events at random: a Poisson process whose rate may change along with the brightness.
+//! Random events: a Poisson process with a rate that may follow the brightness.
 //!
-//! The process is drawn by its exposures: the rate, integrated from one event to the next, is exponential of mean 1.
-//! So its events do not depend on where frames cut the time, as long as they do not change the rate.
+//! The process is drawn by exposure: the integral of the rate between two events is exponential
+//! with mean 1. The events therefore do not depend on how frames divide the time, as long as the
+//! rate stays the same function of time.
 
 use super::Site;
 use crate::seed::Space;
 
-/// One pixel's process: what it still has to be exposed to until its next event.
+/// The process of one pixel: the exposure that is left until its next event.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::sensor) struct Train {
     left: f64,
-    /// Number of the next event, from 1.
+    /// Index of the next event, from 1.
     next: u64,
 }
 
-/// The rate between two instants, in events per ns: linear from the first to the second.
+/// A rate between two instants, in events per ns, linear from the first to the second.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::sensor) struct Rates {
     pub(in crate::sensor) ends: [f64; 2],
-    /// ns from the first instant to the second.
+    /// Time between the instants, ns.
     pub(in crate::sensor) length: f64,
 }
 
 impl Rates {
-    /// The rate's integral from the first instant to `t`.
+    /// Integral of the rate from the first instant to `t`.
     fn exposure(&self, t: f64) -> f64 {
         let [from, to] = self.ends;
         t * (from + 0.5 * (to - from) * (t / self.length))
     }
 
-    /// When an exposure of `left`, counted from `start`, is reached.
+    /// The time at which the exposure since `start` reaches `left`.
     fn reached(&self, start: f64, left: f64) -> f64 {
         let [from, to] = self.ends;
         let slope = (to - from) / self.length;
         let here = from + slope * start;
-        // The smaller root of `slope/2 d^2 + here d = left`, in the form that does not cancel.
+        // The smaller root of `slope/2 d^2 + here d = left`, in the form without cancellation.
         start + 2.0 * left / (here + (here * here + 2.0 * slope * left).max(0.0).sqrt())
     }
 }
@@ -52,7 +53,8 @@ impl Train {
         Self { left: f64::INFINITY, next: 0 }
     }
 
-    /// Moves on from `start` to the next event; if that is after the second instant, to there, and there is none.
+    /// Moves from `start` to the next event. If that lies after the second instant, moves to the
+    /// second instant and returns no event.
     pub(in crate::sensor) fn advance(&mut self, rates: &Rates, start: f64) -> Option<f64> {
         if self.left == f64::INFINITY {
             return None;
@@ -65,12 +67,14 @@ impl Train {
         Some(rates.reached(start, self.left).clamp(start, rates.length))
     }
 
-    /// Time from the event before to the next at a rate that stays the same, events per ns; `None` of no events.
+    /// Time from the previous event to the next at a constant rate, events per ns; `None` if there
+    /// is no next event.
     pub(in crate::sensor) fn gap(&self, rate: f64) -> Option<f64> {
         (self.left < f64::INFINITY && rate > 0.0).then(|| self.left / rate)
     }
 
-    /// Begins to wait for the next event after one; a uniform draw that belongs to the one that has happened.
+    /// Starts the wait for the next event. Returns a uniform draw that belongs to the event that
+    /// has just happened.
     pub(in crate::sensor) fn wait(&mut self, site: Site, space: Space) -> f64 {
         let mut happened = site.draws(space, self.next);
         happened.uniform();
@@ -83,13 +87,14 @@ impl Train {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Seed, ks};
+    use crate::seed::{Seed, ks, rival};
 
     fn site(x: u16) -> Site {
         Site { seed: Seed(3), x, y: 9 }
     }
 
-    /// Times of the events of one pixel, crossed in steps of `step` ns up to `end`, the rate at `t` being `rate(t)`.
+    /// Event times of one pixel, simulated in steps of `step` ns up to `end`, at the rate
+    /// `rate(t)`.
     fn times(x: u16, end: f64, step: f64, rate: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut train = Train::new(site(x), Space::Shot);
         let (mut times, mut from) = (Vec::new(), 0.0);
@@ -111,7 +116,8 @@ mod tests {
         let mut gaps = Vec::new();
         for x in 0..200 {
             let times = times(x, 1e6, 1e6, |_| 2e-4);
-            // 200 are expected, with a deviation of 14: the first 100 of each pixel are not censored.
+            // 200 events are expected, with a standard deviation of 14: the first 100 of each pixel
+            // are not censored.
             gaps.push(times[0]);
             gaps.extend(times[..100].windows(2).map(|pair| pair[1] - pair[0]));
         }
@@ -122,13 +128,37 @@ mod tests {
     }
 
     #[test]
+    fn gaps_are_distributed_as_those_of_rand_distr() {
+        const RATE: f64 = 2e-4;
+        let gap = |x: u16| Train::new(site(x), Space::Shot).gap(RATE).unwrap();
+        let ours: Vec<f64> = (0..u16::try_from(rival::N).unwrap()).map(gap).collect();
+        rival::compare("exponential", &ours, &rival::theirs(&rand_distr::Exp::new(RATE).unwrap()), |t| {
+            1.1 * t
+        });
+    }
+
+    #[test]
+    fn counts_are_distributed_as_those_of_rand_distr() {
+        for mean in [0.5, 3.0, 20.0, 100.0] {
+            // In two steps, of which the second continues the exposure that the first has left.
+            let count = |x: u16| times(x, 1e6, 5e5, |_| mean * 1e-6).len() as f64;
+            let ours: Vec<f64> = (0..u16::try_from(rival::N).unwrap()).map(count).collect();
+            let theirs = rival::theirs(&rand_distr::Poisson::new(mean).unwrap());
+            // One event of every count of 1, 5, 9, … is lost.
+            let defect = |n: f64| if (n % 4.0 - 1.0).abs() < 0.5 { n - 1.0 } else { n };
+            rival::compare(&format!("Poisson {mean}"), &ours, &theirs, defect);
+        }
+    }
+
+    #[test]
     fn steps_do_not_show_where_the_rate_is_linear() {
         let rate = |t: f64| 1e-4 + 3e-10 * t;
         let whole = times(1, 1e6, 1e6, rate);
         for step in [1e5, 3125.0] {
             let cut = times(1, 1e6, step, rate);
             assert_eq!(whole.len(), cut.len());
-            // The exposure reaches 250, where rounding is 3e-14 a step; the rate is at least 1e-4.
+            // The exposure reaches 250, where rounding is 3e-14 per step. The rate is at least
+            // 1e-4.
             assert!(whole.iter().zip(&cut).all(|(a, b)| (a - b).abs() < 1e-6));
         }
     }
@@ -144,7 +174,7 @@ mod tests {
             train.wait(site(7), Space::Hot);
             (start, count) = (t, count + 1);
         }
-        // Poisson of mean 500.
+        // Poisson with mean 500.
         assert!((400..600).contains(&count), "{count}");
         assert_eq!(Train::silent().advance(&rates, 0.0), None);
     }

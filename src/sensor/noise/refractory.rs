@@ -1,4 +1,4 @@
-//! The dead time after an event, in which a pixel makes no other.
+//! The dead time after an event, during which a pixel makes no other event.
 
 use crate::sensor::screening::ScreenError;
 use serde::{Deserialize, Serialize};
@@ -6,26 +6,27 @@ use serde::{Deserialize, Serialize};
 /// A thousand seconds.
 const LONGEST_US: f64 = 1e9;
 
-/// How long a pixel is dead after an event, and what it compares with afterwards.
+/// The length of the dead time, and the reference after it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Refractory {
-    /// Microseconds in which no other event happens; 0 for none.
+    /// Length of the dead time, microseconds; 0 for none.
     pub period_us: f64,
-    /// The brightness that changes count from afterwards.
+    /// The reference brightness after the dead time.
     pub reference: Reference,
 }
 
-/// The brightness that a pixel compares with after its dead time.
+/// The brightness with which a pixel compares after its dead time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reference {
-    /// That of the event before; what has passed a threshold by then makes an event at the end of the dead time, one
-    /// after the other (v2e).
+    /// The level of the previous event. Thresholds that were crossed in the dead time make events
+    /// at its end, one after the other (v2e).
     AtEvent,
-    /// What it sees when its dead time ends: changes in the dead time are lost (IEBCS, and circuits that are held in
-    /// reset).
+    /// The brightness at the end of the dead time. Changes during the dead time are lost (IEBCS,
+    /// and circuits that are held in reset).
     AtEnd,
-    /// The last threshold that was passed: those passed in the dead time make no event, and move the reference (ESIM).
+    /// The last crossed threshold. Thresholds that were crossed in the dead time make no event but
+    /// move the reference (ESIM).
     #[default]
     Passing,
 }
@@ -37,10 +38,10 @@ impl Refractory {
         (self.period_us * 1e3).ceil() as i64
     }
 
-    /// Whether the period is one.
+    /// Checks the period.
     ///
     /// # Errors
-    /// Where it is not.
+    /// The period is outside its range.
     pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
         if !(0.0..=LONGEST_US).contains(&self.period_us) {
             let (name, wanted) = ("refractory.period_us", "a number from 0 to 1e9");

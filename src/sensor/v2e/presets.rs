@@ -1,4 +1,4 @@
-//! Parameter sets by name, as the program's `--dvs_params`.
+//! Named parameter sets, as in the program's `--dvs_params`.
 
 use super::{Filter, Leak, V2e};
 use crate::sensor::front_end::FrontEnd;
@@ -7,24 +7,25 @@ use crate::sensor::noise::{HotPixels, Reference, Refractory, Threshold};
 /// A named parameter set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preset {
-    /// Nothing but a spread of thresholds of 0.02; the default.
+    /// Only a threshold spread of 0.02; the default.
     Clean,
-    /// A spread of 0.05, a cutoff of 30 Hz, a leak of 0.1 Hz that varies by a tenth in time and a tenth of a decade over
-    /// the pixels, shot noise of 5 Hz. (Some versions of the program add a refractory period of 10 ms.)
+    /// A threshold spread of 0.05, a cutoff of 30 Hz, shot noise of 5 Hz, and a leak of 0.1 Hz that
+    /// varies by a tenth over time and by a tenth of a decade over pixels. (Some versions of the
+    /// program add a refractory period of 10 ms.)
     Noisy,
 }
 
 impl Preset {
-    /// Every preset.
+    /// All presets.
     pub const ALL: [Self; 2] = [Self::Clean, Self::Noisy];
 
-    /// The preset of this name, as a recipe writes it.
+    /// The preset with this name, as written in a recipe.
     #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
-    /// Its name in recipes.
+    /// The name of the preset in recipes.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -35,7 +36,8 @@ impl Preset {
 }
 
 impl From<Preset> for V2e {
-    /// Its parameters, with thresholds of 0.2, no dead time, no hot pixels and a cap of 1000.
+    /// The parameters of the preset, with thresholds of 0.2, no dead time, no hot pixels and a cap
+    /// of 1000.
     fn from(preset: Preset) -> Self {
         let clean = Self {
             threshold: Threshold { on: 0.2, off: 0.2, spread: 0.02 },

@@ -1,4 +1,18 @@
-//! A band of pixels in one window of time: most of them cross it in one step, the rest go down the tree.
+//! A band of pixels in one window of time: most cross it in one step, the others descend into the
+//! dyadic clock.
+//!
+//! ```text
+//!            block of 64 pixels, eight lanes at a time
+//!  frames -> fill: ln(L + k2) at the knots -> crossing: drift, sigma, curvature -> pass
+//!                                                                                 /    \
+//!                                       no barrier within reach: y = x + drift + noise  Walkers -> tree
+//! ```
+//!
+//! The cost of the exact law is decided here. In most windows of most pixels no barrier is within
+//! reach, and a pixel costs one normal draw, one logarithm and a comparison. These steps are
+//! separate short loops over a block: each keeps few values alive, so the compiler holds them in
+//! vector registers, and a block's arrays stay in the first-level cache. The few pixels that need
+//! more are collected until there are enough of them to share the cost of the descent.
 
 use super::Between;
 use super::curve::{Curve, Ends, Wide};
@@ -14,65 +28,70 @@ use crate::sensor::window::Packed;
 use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
 use std::ops::ControlFlow;
 
-/// What a thread needs to cross bands, and what it counts.
+/// Working memory of one thread that crosses bands, and its results.
 #[derive(Debug, Default)]
 pub(super) struct Band {
     block: Block,
     pub(super) walkers: Walkers,
     pub(super) events: Vec<Packed>,
-    /// Most events of one pixel between two frames.
+    /// Largest number of events of one pixel between two frames.
     pub(super) most: u32,
     pub(super) capped: Option<SensorError>,
-    /// Of each pixel `ln(L + k2)` at its last event or at the first frame, where events are labelled.
+    /// `ln(L + k2)` of each pixel at its last event, or at the first frame before any event. Only
+    /// for labelled events.
     pub(super) logs: Option<Vec<f64>>,
 }
 
-/// The state of the pixels of a band, as many as a multiple of 8; those beyond the last of the image have no meaning.
+/// The state of a band's pixels. Arrays are padded to a multiple of 8; `tally` is not, and gives
+/// the true number.
 #[derive(Debug)]
 pub(super) struct Slice<'a> {
-    /// Number of the first pixel.
+    /// Index of the band's first pixel in the image.
     pub(super) first: usize,
-    /// Pixels on the sensor, `y << 16 | x`.
+    /// Positions on the sensor, `y << 16 | x`.
     pub(super) seats: &'a [u32],
     pub(super) voltage: &'a mut [f64],
     pub(super) drift: &'a mut [f64],
     pub(super) variance: &'a mut [f64],
-    /// One for each pixel that has a meaning.
+    /// One tally for each pixel of the image, without padding.
     pub(super) tally: &'a mut [Tally],
 }
 
-/// Pixels that go through a window together, one piece of arithmetic after the other: short loops over many pixels keep
-/// a processor busier than one long one over few.
+/// Number of pixels that pass through each short loop together. Long enough to hide latencies, and
+/// 64 f64 values of every array involved still fit the first-level cache.
 const BLOCK: usize = 64;
 
-/// One number of each pixel of a block.
+/// One number for each pixel of a block.
 type Lane = [f64; BLOCK];
 
-/// So many pixels go down the clock together at least, if there are: what a cell costs beside them is then small, and
-/// what is known of them still fits a cache.
+/// Minimum number of pixels that descend into the tree together, where there are that many. The
+/// cost of a cell itself is then small per pixel, and the walkers' arrays still fit the
+/// second-level cache.
 const CROWD: usize = 2048;
 
-/// What is known of a block's pixels in a window.
+/// Brightness and curves of a block's pixels in a window.
 #[derive(Debug, Default)]
 struct Block {
-    /// `L + k2`, what its logarithm changes by up to the next knot, and the slope of that, for each of the window's knots.
+    /// For each knot of the window: `L + k2`, the change of its logarithm up to the next knot, and
+    /// the slope of the logarithm at the knot.
     knots: Vec<[Lane; 3]>,
-    /// Of eight pixels: the drift since the window's start at a leg's earlier frame, and the leg's curve.
+    /// For each leg and eight pixels: the drift from the window's start to the leg's earlier frame,
+    /// then its curve.
     pieces: Vec<[[f64; 8]; 5]>,
 }
 
-/// What happens to eight pixels in a window if no barrier stops them.
+/// The motion of eight pixels over a window if they touch no barrier.
 #[derive(Clone, Copy)]
 struct Crossing<S: Simd> {
-    /// Increment of the root's Brownian motion.
+    /// Increment of the Brownian motion over the root cell.
     increment: f64x8<S>,
     /// Drift over the window.
     drift: f64x8<S>,
     /// Noise per square root of a nanosecond.
     sigma: f64x8<S>,
-    /// Bound on the drift's second derivative.
+    /// Bound on the second derivative of the drift.
     curvature: f64x8<S>,
-    /// Bound on the drift's distance from its chord.
+    /// Bound on the distance between the drift and its chord.
     straying: f64x8<S>,
 }
 
@@ -82,7 +101,7 @@ const SECONDS: f64 = 1e-9;
 const ZEROS: Lane = [0.0; BLOCK];
 
 impl Window<'_> {
-    /// Crosses the window with every pixel of a band.
+    /// Moves every pixel of a band to the end of the window.
     #[inline(always)]
     pub(super) fn cross<C: Curve, S: Simd>(&self, simd: S, mut slice: Slice<'_>, band: &mut Band) {
         band.walkers.clear();
@@ -108,19 +127,19 @@ impl Window<'_> {
         self.walk::<C, S>(simd, &mut slice, band);
     }
 
-    /// Takes those that have left the straight way across the window.
+    /// Moves the collected walkers to the end of the window.
     fn walk<C: Curve, S: Simd>(&self, simd: S, slice: &mut Slice<'_>, band: &mut Band) {
         let Band { walkers, events, most, capped, logs, .. } = band;
         let Slice { first, voltage, tally, .. } = slice;
         let logs = logs.as_deref_mut();
         let writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
-        // It ends early where the step has failed.
+        // A break means that the step has failed; the failure is in `capped`.
         let _ = Walk { window: self, walkers, writer }.cross::<C, S>(simd);
         walkers.settled().for_each(|(pixel, x)| voltage[pixel] = x);
         walkers.clear();
     }
 
-    /// The root noise of pixels: draw 0 of the tree.
+    /// Draws the noise over the root cell for each pixel: draw 0 of the tree.
     #[inline(always)]
     fn draw<S: Simd>(&self, simd: S, seats: &[u32], noise: &mut Lane) {
         if self.law.process.is_noiseless() {
@@ -137,7 +156,7 @@ impl Window<'_> {
         }
     }
 
-    /// Knots of the pixels from `first` on.
+    /// Fills the block's knots for the pixels from `first` on.
     #[inline(always)]
     fn fill<S: Simd>(&self, simd: S, first: usize, count: usize, block: &mut Block) {
         let Block { knots, pieces } = block;
@@ -154,6 +173,8 @@ impl Window<'_> {
                 }
             }
         }
+        // One logarithm of a ratio per step, not a difference of two logarithms: small steps stay
+        // exact.
         for at in 1..knots.len() {
             let [[before, step, _], [after, ..]] = &mut knots[at - 1..=at] else {
                 unreachable!("they are two")
@@ -167,8 +188,8 @@ impl Window<'_> {
         }
     }
 
-    /// Slopes from the frames before and after: that of the parabola through the three, at the ends of the sequence that
-    /// of the line through the two.
+    /// Slopes at the knots from the neighbouring frames: the slope of the parabola through three
+    /// frames, or of the line through two at the ends of the sequence.
     #[inline(always)]
     fn slopes<S: Simd>(&self, simd: S, count: usize, knots: &mut [[Lane; 3]]) {
         let stamps: Vec<i64> = self.frames[self.knots.clone()].iter().map(|frame| frame.t).collect();
@@ -177,7 +198,8 @@ impl Window<'_> {
             let [earlier, later] =
                 [stamps[at] - stamps[before], stamps[after] - stamps[at]].map(|t| t as f64);
             let whole = earlier + later;
-            // Each secant is weighted by the length of the other; beyond an end there is none.
+            // The parabola weights each secant by the length of the other interval. Beyond an end
+            // there is no secant.
             let [left, right] = match (earlier > 0.0, later > 0.0) {
                 (true, true) => [later / (earlier * whole), earlier / (later * whole)],
                 (true, false) => [1.0 / earlier, 0.0],
@@ -191,7 +213,7 @@ impl Window<'_> {
         }
     }
 
-    /// The curve of a leg for eight pixels of a block, and what it goes by.
+    /// The curve of a leg for eight pixels of a block, and the frame values from which it is made.
     #[inline(always)]
     fn curve<C: Curve, S: Simd>(&self, simd: S, leg: usize, i: usize, block: &Block) -> (Wide<S>, Ends<S>) {
         let Leg { inverse, frame, .. } = self.legs[leg];
@@ -211,7 +233,8 @@ impl Window<'_> {
         }
     }
 
-    /// The way of eight pixels of a block, the `i`-th and on. Leaves behind where their pieces begin.
+    /// The motion of eight pixels of a block, from the `i`-th on. Also stores the drift at the
+    /// start of each leg in the block's pieces.
     #[inline(always)]
     fn crossing<C: Curve, S: Simd>(&self, increment: f64x8<S>, i: usize, block: &mut Block) -> Crossing<S> {
         let (simd, process) = (increment.simd, &self.law.process);
@@ -238,8 +261,8 @@ impl Window<'_> {
         Crossing { increment, drift, sigma, curvature, straying }
     }
 
-    /// Takes eight pixels across that no barrier may stop; sends the others on their way through the clock. The first is
-    /// `pixel` in the band and `i` in its block.
+    /// Moves eight pixels to the end of the window where no barrier is within reach, and collects
+    /// the others as walkers. `pixel` is the index of the first in the band, `i` in its block.
     #[inline(always)]
     fn pass<C: Curve, S: Simd>(
         &self,
@@ -254,6 +277,8 @@ impl Window<'_> {
         let x = load(simd, slice.voltage, pixel);
         let y = x + drift + sigma * increment;
         let square = sigma * sigma;
+        // Stored for all eight before the test: a walker's voltage is overwritten when its descent
+        // ends.
         store(y, slice.voltage, pixel);
         store(load(simd, slice.drift, pixel) + drift, slice.drift, pixel);
         if !self.law.process.is_noiseless() {
@@ -265,13 +290,15 @@ impl Window<'_> {
         if live == 0 {
             return;
         }
-        // Beyond the image's last pixel there is no tally.
+        // Padding lanes have no tally and must make no events.
         let pixels = slice.tally.len();
         let live = places(live).take_while(|lane| pixel + lane < pixels);
         if self.law.process.is_noiseless() && C::are_straight(&self.law.process) {
             let straight = Straight::new(barriers, [x, drift], self.length);
             return self.run_straight(live, pixel, &straight, slice, band);
         }
+        // The curves are computed a second time, for few pixels: keeping them for all costs more
+        // memory traffic.
         for at in 0..self.legs.len() {
             let (curve, _) = self.curve::<C, S>(simd, at, i, &band.block);
             let [_, to @ ..] = &mut band.block.pieces[at];
@@ -297,8 +324,8 @@ impl Window<'_> {
 }
 
 impl Window<'_> {
-    /// Takes pixels across by the law without noise whose drift is straight: lanes of eight from `pixel` on. Where their
-    /// voltages come to without events is known already.
+    /// Moves pixels across the window without noise and with straight drift: lanes of eight from
+    /// `pixel` on. Their voltages at the end, before the resets by events, are stored already.
     #[inline(always)]
     fn run_straight<S: Simd>(
         &self,
@@ -314,14 +341,15 @@ impl Window<'_> {
         let mut writer = Writer { window: self, first: *first, tally, events, most, capped, logs };
         for lane in lanes {
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
-            // It ends early where the step has failed.
+            // A break means that the step has failed; the failure is in `capped`.
             if let ControlFlow::Continue(taken) = straight.cross(lane, &mut emit) {
                 voltage[pixel + lane] -= taken;
             }
         }
     }
 
-    /// Takes pixels across by the law without noise: lanes of eight from `pixel` on, with their voltages.
+    /// Moves pixels across the window without noise: lanes of eight from `pixel` on, with their
+    /// voltages at the start.
     #[inline(always)]
     fn run<C: Curve>(
         &self,
@@ -338,7 +366,7 @@ impl Window<'_> {
             let curves = block.pieces.iter().map(|[_, curve @ ..]| curve.each_ref().map(|c| c[lane]));
             let barriers = self.law.thresholds.of(*first + pixel + lane);
             let mut emit = writer.of(pixel + lane, seats[pixel + lane].into());
-            // It ends early where the step has failed.
+            // A break means that the step has failed; the failure is in `capped`.
             if let ControlFlow::Continue(y) =
                 noiseless::cross::<C>(self, barriers, x[lane], curves, &mut emit)
             {

@@ -1,12 +1,13 @@
-//! First passages of a Brownian bridge: which barriers are within reach, and when the path first touches one.
+//! First passages of a Brownian bridge: the barriers within reach, and the time of the first touch.
 //!
-//! Between fixed ends the drift has dropped out: what is left is a bridge of variance `v` from `x` to `y`. It touches a
-//! barrier at distances `a` and `g` from its ends with probability `exp(-2 a g / v)` (reflection), and the ratio of the
-//! time before the touch to the time after it is inverse Gaussian of mean `a/g` and shape `a^2/v`.
+//! Between fixed ends, the drift has no further influence: the path is a bridge from `x` to `y` of
+//! variance `v`. It touches a barrier at distances `a` and `g` from its ends with probability
+//! `exp(-2 a g / v)` (reflection principle). The ratio of the time before the touch to the time
+//! after it is inverse Gaussian with mean `a/g` and shape `a^2/v`.
 
 use fearless_simd::{Simd, SimdBase as _, f64x8, mask64x8};
 
-/// A voltage may end a cell without a look at this barrier if the path touches it with probability below `e^-40`.
+/// A barrier counts as out of reach if the path touches it with a probability below `e^-40`, 4e-18.
 pub(super) const NEGLIGIBLE: f64 = 40.0;
 
 /// The two thresholds: an event happens where the voltage reaches `up` or `-down`.
@@ -36,7 +37,7 @@ impl Barriers {
         }
     }
 
-    /// The one of the two that a path from `x` to `y` touches with the larger probability.
+    /// The barrier that a path from `x` to `y` touches with the larger probability.
     pub(super) fn likelier(self, x: f64, y: f64) -> Side {
         if (self.up - x) * (self.up - y) <= (self.down + x) * (self.down + y) { Side::Up } else { Side::Down }
     }
@@ -50,14 +51,15 @@ pub(super) struct Wide<S: Simd> {
 }
 
 impl<S: Simd> Wide<S> {
-    /// The same for all eight.
+    /// The same thresholds for all eight.
     #[inline(always)]
     pub(super) fn splat(simd: S, Barriers { up, down }: Barriers) -> Self {
         Self { up: f64x8::splat(simd, up), down: f64x8::splat(simd, down) }
     }
 
-    /// Whether any barrier is within reach of paths from `x` to `y` with variance `v` that may stray so far from the
-    /// straight line: [`Barriers::live`] of eight pixels, with barriers nearer by `straying`.
+    /// Whether any barrier is within reach of paths from `x` to `y` with variance `v` that may
+    /// stray from the straight line by `straying`. This is [`Barriers::live`] for eight pixels,
+    /// with the barriers moved nearer by `straying`.
     #[inline(always)]
     pub(super) fn reached(self, [x, y]: [f64x8<S>; 2], v: f64x8<S>, straying: f64x8<S>) -> mask64x8<S> {
         let (up, down) = (self.up - straying, self.down - straying);
@@ -68,12 +70,13 @@ impl<S: Simd> Wide<S> {
     }
 }
 
-/// Whether a barrier at distances `a` and `g` from the ends (beyond it: negative) counts.
+/// Whether a barrier at distances `a` and `g` from the ends (negative beyond the barrier) is within
+/// reach.
 fn within_reach(a: f64, g: f64, v: f64) -> bool {
     a <= 0.0 || g <= 0.0 || 2.0 * a * g < NEGLIGIBLE * v
 }
 
-/// One of the barriers.
+/// One of the two barriers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Side {
     Up,
@@ -89,7 +92,7 @@ impl Side {
         }
     }
 
-    /// What an event takes from every voltage that follows.
+    /// The voltage that an event subtracts from all later voltages.
     pub(super) fn step(self, barriers: Barriers) -> f64 {
         match self {
             Self::Up => barriers.up,
@@ -103,12 +106,13 @@ pub(super) fn touch_probability(a: f64, g: f64, v: f64) -> f64 {
     if g <= 0.0 { 1.0 } else { libm::exp(-2.0 * a * g / v) }
 }
 
-/// When the path first touches the barrier, given that it does: the time as a share of the path's length, in 0..=1.
-/// `a > 0` and `g >= 0` are the distances of its ends from the barrier, on whichever side; `z` is a standard normal
-/// deviate and `u` a uniform one.
+/// The time of the first touch, given that the path touches the barrier, as a share of the path's
+/// length in 0..=1. `a > 0` and `g >= 0` are the distances of the ends from the barrier, on either
+/// side; `z` is a standard normal deviate and `u` a uniform one.
 ///
-/// Inverse Gaussian by Michael, Schucany, Haas (The American Statistician 30, 1976), in a form that adds only like
-/// signs, so that it holds for every `phi = a g / v` (at `phi = 0` it is the Lévy law).
+/// Inverse Gaussian by Michael, Schucany and Haas (The American Statistician 30, 1976), in a form
+/// that adds only numbers of like sign. It therefore holds for every `phi = a g / v`; at `phi = 0`
+/// it is the Lévy distribution.
 pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
     const HUGE: f64 = 1e290;
     let (shape, phi) = (a * a / v, a * g / v);
@@ -125,30 +129,31 @@ pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::ks;
     use crate::seed::{Cell, Draws, Seed, Space};
+    use crate::seed::{ks, rival};
     use std::f64::consts::{PI, SQRT_2};
 
     fn draws(index: u64) -> Draws {
         Seed(7).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
     }
 
-    /// Distribution function of the inverse Gaussian of mean `mean` (infinite: the Lévy law) and shape `shape`. With
-    /// `w = sqrt(shape/t)(t/mean + 1)` its second term is `exp(-e) Phi(-w) exp(w^2/2)`, which does not overflow.
+    /// Distribution function of the inverse Gaussian of mean `mean` (infinite: the Lévy
+    /// distribution) and shape `shape`. With `w = sqrt(shape/t)(t/mean + 1)`, its second term is
+    /// `exp(-e) Phi(-w) exp(w^2/2)`, which does not overflow.
     fn inverse_gaussian(t: f64, mean: f64, shape: f64) -> f64 {
         let root = (shape / t).sqrt();
         let (below, above) = (root * (t / mean - 1.0), root * (t / mean + 1.0));
         let tail = if above < 20.0 {
             0.5 * libm::erfc(above / SQRT_2) * (0.5 * above * above).exp()
         } else {
-            // Asymptotic; the next term is 15/w^6 = 2e-7 of it.
+            // Asymptotic series. The next term is 15/w^6 = 2e-7 of it.
             (1.0 - 1.0 / above.powi(2) + 3.0 / above.powi(4)) / (above * (2.0 * PI).sqrt())
         };
         0.5 * libm::erfc(-below / SQRT_2) + (-0.5 * below * below).exp() * tail
     }
 
-    /// KS distance of touch times from their law for ends at distances 1 and `g`, variance 1, the times distorted by
-    /// `defect`.
+    /// KS distance of touch times from their law for ends at distances 1 and `g` and variance 1.
+    /// `defect` distorts the times.
     fn touch_time_distance(g: f64, defect: fn(f64) -> f64) -> f64 {
         let mut draws = draws(0);
         let times = (0..20_000).map(|_| {
@@ -164,7 +169,7 @@ mod tests {
 
     #[test]
     fn touch_times_have_the_law_of_the_bridge() {
-        // Mean over shape from 1e-9 to 1e18, and the Lévy law.
+        // Mean over shape from 1e-9 to 1e18, and the Lévy distribution.
         for g in [1e9, 1e6, 1e3, 10.0, 1.0, 0.1, 1e-3, 1e-6, 1e-12, 1e-18, 0.0] {
             let distance = touch_time_distance(g, |t| t);
             println!("phi = {g:e}: KS {distance:.3} (alpha 1e-6: 2.69)");
@@ -172,9 +177,33 @@ mod tests {
         }
     }
 
+    /// The time before the touch over the time after it is inverse Gaussian of mean `a / g` and shape `a^2
+    /// / v`.
+    #[test]
+    fn touch_times_are_distributed_as_those_of_rand_distr() {
+        for (index, [a, g, v]) in [
+            [1.0, 1.0, 1.0],
+            [0.3, 1.2, 0.5],
+            [2.0, 0.5, 1.0],
+            [1.0, 5.0, 0.2],
+            [0.1, 0.1, 1.0],
+            [3.0, 2.0, 0.1],
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let mut draws = draws(100 + index as u64);
+            let ratio = |share: f64| share / (1.0 - share);
+            let ours: Vec<f64> =
+                (0..rival::N).map(|_| ratio(touch_time(a, g, v, draws.normal(), draws.uniform()))).collect();
+            let law = rand_distr::InverseGaussian::new(a / g, a * a / v).unwrap();
+            rival::compare(&format!("bridge {a} {g} {v}"), &ours, &rival::theirs(&law), |t| 1.1 * t);
+        }
+    }
+
     #[test]
     fn times_twice_too_long_are_noticed() {
-        // The defect of the published program where the drift is 0.
+        // This is the defect of the published program where the drift is 0.
         let distance = touch_time_distance(0.0, |t| 2.0 * t);
         println!("KS {distance:.3} (alpha 1e-6: 2.69)");
         assert!(distance > 2.69);

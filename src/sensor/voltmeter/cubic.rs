@@ -1,7 +1,8 @@
-//! Brightness whose logarithm is a cubic between frames, from its slopes at them (numerics.md 3.1).
+//! Brightness with a cubic logarithm between frames, given by its slopes at the frames.
 //!
-//! The signal's part of the drift is `k1` times that cubic, so between frames it is exact. The leak's is the integral of
-//! the parabola through the brightness at both frames and in the middle, which is a cubic too. Slopes are not limited.
+//! The signal's part of the drift is `k1` times that cubic, so it is exact between frames. The
+//! leak's part is the integral of the parabola through the brightness at both frames and in the
+//! middle, which is a cubic too. Slopes are not limited.
 
 use super::curve::{Curve, Ends, One, Wide};
 use super::drift::Process;
@@ -12,7 +13,7 @@ use fearless_simd::{Simd, SimdBase as _, f64x8};
 #[derive(Debug)]
 pub(super) struct Cubic;
 
-/// `V - V0` in powers of `s`, from 1 on.
+/// `V - V0` as coefficients of `s`, `s^2` and `s^3`.
 #[inline(always)]
 fn log<S: Simd>(ends: &Ends<S>) -> [f64x8<S>; 3] {
     let Ends { step, slopes, inverse, .. } = *ends;
@@ -68,7 +69,8 @@ impl Curve for Cubic {
         from.max(to) * 2.0 * *inverse * *inverse
     }
 
-    /// About `s0`, the quadratic part strays by a quarter of its coefficient, the cubic one by `2/sqrt 27`.
+    /// Around `s0`, the quadratic part strays by a quarter of its coefficient, the cubic part by
+    /// `2/sqrt 27`.
     fn bulge_of_one([_, c2, c3, inverse]: &One, [from, to]: [f64; 2]) -> f64 {
         let [s, width] = [from * inverse, (to - from) * inverse];
         ((c2 + 3.0 * c3 * s).abs() * 0.25 + 0.385 * c3.abs() * width) * width * width
@@ -84,7 +86,7 @@ impl Curve for Cubic {
         ((3.0 * c3 * s + 2.0 * c2) * s + c1) * inverse
     }
 
-    /// The roots of `3 c3 s^2 + 2 c2 s + c1`, without a difference of like numbers.
+    /// The roots of `3 c3 s^2 + 2 c2 s + c1`, computed without subtracting numbers of like size.
     fn turns_of_one([c1, c2, c3, inverse]: &One, [from, to]: [f64; 2]) -> [Option<f64>; 2] {
         let square = c2 * c2 - 3.0 * c1 * c3;
         if square <= 0.0 {
@@ -113,7 +115,7 @@ mod tests {
 
     const LENGTH: f64 = 4e5;
 
-    /// `V` at `s` and its slope in `s`: a cubic.
+    /// `V` at `s`, and its slope in `s`. `V` is a cubic.
     fn signal(s: f64) -> [f64; 2] {
         [4.5 + 0.7 * s - 1.9 * s * s + 0.8 * s * s * s, 0.7 - 3.8 * s + 2.4 * s * s]
     }
@@ -142,7 +144,7 @@ mod tests {
                 let t = (s - cut[0]) * LENGTH;
                 let wanted = process.k1 * (signal(s)[0] - signal(cut[0])[0]) + process.k4 * t;
                 let found = Cubic::rise_of_one(&curve, t);
-                // V is some 20 at most, and k1 5: a few ulp of 100.
+                // V is at most about 20 and k1 is 5: a few ulp of 100.
                 assert!((found - wanted).abs() < 5e-14, "{cut:?} {s}: {found} {wanted}");
                 assert_eq!(wide::<Cubic>(&process, &curve, t)[0].to_bits(), found.to_bits());
             }
@@ -153,7 +155,7 @@ mod tests {
     fn the_leak_is_the_integral_of_the_brightness() {
         let process = sensor(1e-2);
         let quiet = sensor(0.0);
-        // Cut finer, the leak over [0, 1] converges to its quadrature.
+        // With finer steps, the leak over [0, 1] converges to its quadrature.
         let n = 2000;
         let weight = |i: i32| if i == 0 || i == n { 1.0 } else { 2.0 + 2.0 * f64::from(i % 2) };
         let brightness = |i: i32| libm::exp(signal(f64::from(i) / f64::from(n))[0]) - process.k2;
@@ -170,7 +172,7 @@ mod tests {
         };
         let errors = [2, 4, 8, 16].map(error);
         println!("relative errors on halving: {errors:?}");
-        // Simpson's rule: of order 4 in the step.
+        // Simpson's rule is of order 4 in the step.
         assert!(errors.windows(2).all(|pair| pair[1] < pair[0] / 11.0) && errors[3] < 1e-6);
     }
 
@@ -187,7 +189,7 @@ mod tests {
             };
             let largest = (0..=1000).map(stray).fold(0.0, f64::max);
             let bound = Cubic::bulge_of_one(&curve, [from, to]);
-            // Over a long span the two parts of the bound may stray to opposite sides.
+            // Over a long span, the two parts of the bound may stray to opposite sides.
             let loose = if to - from < LENGTH { 4.0 } else { 10.0 };
             assert!(bound >= largest && bound < loose * largest, "{bound} {largest}");
         }
@@ -198,7 +200,7 @@ mod tests {
         let curvature = wide::<Cubic>(&process, &curve, 3.0 * LENGTH)[1];
         assert!(curvature * (1.0 + 1e-5) >= largest.fold(0.0, f64::max));
         let turns = Cubic::turns_of_one(&curve, [0.0, 3.0 * LENGTH]).map(Option::unwrap);
-        // The signal's own turns are at s = 0.213 and 1.370, and the leak is weak.
+        // The signal itself turns at s = 0.213 and 1.370, and the leak is weak.
         for (turn, s) in turns.into_iter().zip([0.213, 1.370]) {
             assert!((turn / LENGTH - 1.0 - s).abs() < 0.02, "{turn}");
             assert!(Cubic::rate_of_one(&curve, turn).abs() * LENGTH < 1e-13);

@@ -1,4 +1,5 @@
-//! The process `D = k1 ln(L + k2) + integral of (k4 + k5 L)` with noise `sigma(L)`, with time in nanoseconds.
+//! The drift-diffusion process `D = k1 ln(L + k2) + integral of (k4 + k5 L)` with noise `sigma(L)`,
+//! in nanoseconds.
 
 use super::bridge::Barriers;
 use super::{Gain, Voltmeter};
@@ -27,24 +28,24 @@ impl Process {
         Self { k1, k2, k3: k3 * root, k4: k4 * US, k5: k5 * US, k6: k6 * root, gain: sensor.gain }
     }
 
-    /// Whether no brightness makes noise.
+    /// Whether there is no noise at any brightness.
     pub(super) fn is_noiseless(&self) -> bool {
         self.k3 == 0.0 && self.k6 == 0.0
     }
 
-    /// Standard deviations of the noise per square root of a nanosecond, where `L + k2` is `level`.
+    /// Standard deviation of the noise per square root of a nanosecond, where `L + k2` is `level`.
     #[inline(always)]
     pub(super) fn sigma<S: Simd>(&self, level: f64x8<S>) -> f64x8<S> {
         let luminance = (level - self.k2).max(0.0);
         luminance.sqrt() * self.k3 / (luminance + self.k2) + self.k6
     }
 
-    /// The same at one grey.
+    /// The same for one grey.
     pub(super) fn sigma_of_one(&self, luminance: f64) -> f64 {
         self.k3 * luminance.sqrt() / (luminance + self.k2) + self.k6
     }
 
-    /// Drift per nanosecond between two greys so far apart, by the midpoint form.
+    /// Drift per nanosecond between two greys that are `length` ns apart, by the midpoint form.
     pub(super) fn midpoint_drift(&self, greys: [f64; 2], length: f64) -> f64 {
         let [from, to] = greys.map(|grey| grey + self.k2);
         let middle = 0.5 * (from + to);
@@ -52,7 +53,7 @@ impl Process {
         signal + self.k4 + self.k5 * (middle - self.k2)
     }
 
-    /// What a pixel of constant grey does, per nanosecond.
+    /// The process at a pixel of constant grey, per nanosecond.
     pub(super) fn at_rest(&self, luminance: f64, barriers: Barriers) -> Renewal {
         let sigma = self.sigma_of_one(luminance);
         let Barriers { up, down } = barriers;

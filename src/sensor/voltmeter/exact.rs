@@ -1,8 +1,9 @@
 //! The exact law over all pixels: frames come in, windows of time go out.
 //!
-//! With noise a window is a root cell of the clock; without, it is the time between two frames. A window is crossed
-//! once the frames that span it are there, by bands of rows in parallel: a pixel's events depend on nothing but its own
-//! luminance, so neither the bands nor their order can show.
+//! With noise, a window is a root cell of the clock. Without noise, it is the time between two
+//! frames. A window is crossed as soon as the frames that span it have arrived, by bands of rows in
+//! parallel. The events of a pixel depend on its own luminance only, so the number of bands and
+//! their order do not change the result.
 #![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
 use super::band::{Band, Slice};
@@ -28,32 +29,32 @@ use std::collections::VecDeque;
 /// Version of the law: raised when a clock, a constant or a draw changes.
 pub(super) const VERSION: u32 = 3;
 
-/// Bands for each thread: enough for threads that get the quiet parts of the image to take over from others. Few, since
-/// what a walk down the clock costs beside its pixels is then shared by more of them.
+/// Number of bands per thread. More bands balance quiet and busy parts of the image better; fewer
+/// bands share the fixed cost of a descent between more pixels.
 const BANDS_A_THREAD: usize = 4;
-/// Fewer pixels than these are not worth a band.
+/// Minimum number of pixels in a band.
 const LEAST_BAND: usize = 4096;
 
-/// State of the exact law.
+/// State of the exact sampler.
 #[derive(Debug)]
 pub(super) struct Exact {
     law: Law,
-    /// The instruction set.
+    /// The instruction set in use.
     level: Level,
     frames: VecDeque<Stored>,
-    /// Frames that are no longer needed, for their memory.
+    /// Frames that are no longer needed; their memory is reused.
     spare: Vec<Stored>,
     state: State,
-    /// Pixels that one thread takes at a time, a multiple of 8.
+    /// Number of pixels in a band, a multiple of 8.
     band: usize,
     bands: Vec<Band>,
-    /// Windows are crossed up to here, ns.
+    /// Time up to which windows have been crossed, ns.
     crossed: i64,
     windows: Windows,
     negative_luminance: u64,
 }
 
-/// What does not change.
+/// The settings, which do not change during a simulation.
 #[derive(Debug)]
 pub(super) struct Law {
     pub(super) process: Process,
@@ -68,27 +69,28 @@ pub(super) struct Law {
     pub(super) seed: Seed,
 }
 
-/// A frame that windows still need, pixel by pixel.
+/// A frame that later windows still need, in row-major order.
 #[derive(Debug, Default)]
 pub(super) struct Stored {
     pub(super) index: usize,
     pub(super) t: i64,
-    /// Not below 0. After the last pixel, zeros to a multiple of 8.
+    /// Luminance, at least 0. Padded with zeros to a multiple of 8.
     pub(super) luminance: Vec<f32>,
-    /// Change per second, where the interpolation goes by it.
+    /// Rate of change per second; empty unless the interpolation is `hermite`.
     pub(super) rate: Vec<f32>,
 }
 
-/// State of the pixels, at the end of the last window that was crossed. All but the tallies go on to a multiple of 8.
+/// State of the pixels at the end of the last window. All arrays but `tally` are padded to a
+/// multiple of 8.
 #[derive(Debug)]
 struct State {
-    /// Pixels on the sensor, `y << 16 | x`.
+    /// Positions on the sensor, `y << 16 | x`.
     seats: Vec<u32>,
-    /// In thresholds, between the barriers.
+    /// Voltage in thresholds, between the barriers.
     voltage: Vec<f64>,
-    /// Since the first frame.
+    /// Drift since the first frame.
     drift: Vec<f64>,
-    /// Of the noise since the first frame.
+    /// Variance of the noise since the first frame.
     variance: Vec<f64>,
     tally: Vec<Tally>,
 }
@@ -140,10 +142,12 @@ impl Exact {
         }
     }
 
-    /// Crosses every window that ends by `until`; events after `last` are dropped.
+    /// Crosses every window that ends at or before `until`. Events after `last` are dropped.
     fn cross_until(&mut self, until: i64, last: i64, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         while self.crossed < until {
             let end = self.window_end(until);
+            // With noise, a root cell is crossed whole or not at all: its frames beyond `until` are
+            // not known yet.
             if end > until {
                 break;
             }
@@ -180,6 +184,7 @@ impl Exact {
                 }
             }
         });
+        // In order of bands, so that the error of the first pixel is the one that is reported.
         for band in &mut self.bands {
             if let Some(error) = band.capped.take() {
                 return Err(error);
@@ -216,7 +221,7 @@ impl Exact {
         Ok(())
     }
 
-    /// What labels count from: the first frame.
+    /// Sets the brightness from which labels count to that of the first frame.
     fn begin_logs(&mut self, first: &Stored) {
         if !self.law.labels {
             return;
@@ -227,12 +232,14 @@ impl Exact {
         }
     }
 
-    /// The account of the run.
+    /// The counts of the simulation.
     fn settle(&self) -> Account {
         let mut account = Account { negative_luminance: self.negative_luminance, ..Account::default() };
         let State { drift, variance, tally, .. } = &self.state;
         for (pixel, ((tally, drift), variance)) in tally.iter().zip(drift).zip(variance).enumerate() {
             let barriers = self.law.thresholds.of(pixel);
+            // Events times thresholds can differ from the drift by the voltage left at the end and
+            // by the noise. Six standard deviations are exceeded by 2e-9 of the pixels.
             let bound = self.law.left_over(barriers) + 6.0 * variance.sqrt();
             tally.settle(barriers, *drift, bound, &mut account);
         }
@@ -248,7 +255,7 @@ impl Exact {
 }
 
 impl Law {
-    /// The voltages at the first frame.
+    /// Sets the voltages at the first frame.
     fn begin(&self, luminance: &[f32], voltage: &mut [f64]) {
         if self.initial == Initial::Zero {
             return;
@@ -264,7 +271,7 @@ impl Law {
         );
     }
 
-    /// What the voltages at the first and at the last frame can differ by.
+    /// Largest difference between the voltages at the first and the last frame.
     fn left_over(&self, Barriers { up, down }: Barriers) -> f64 {
         match self.initial {
             Initial::Zero => up.max(down),
@@ -272,7 +279,8 @@ impl Law {
         }
     }
 
-    /// How many frames up to a place a curve that begins there goes by. It goes by as many from its end on.
+    /// Number of frames before the end of a leg that its curve depends on; it depends on as many
+    /// after its start.
     fn kept(&self) -> usize {
         if self.between == Between::Catmull { 2 } else { 1 }
     }
@@ -309,10 +317,12 @@ fn usable_rate(frame: &Frame) -> Result<&[f32], String> {
     }
 }
 
-/// Copies luminance with what is below 0 as 0: how many are below, and whether all are finite.
+/// Copies luminance and replaces negative values by 0. Returns the number of negative values, and
+/// whether all are finite.
 #[inline(always)]
 fn clamp<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
-    /// Few enough for their count to fit an f32's lane, so that the loop keeps to one width.
+    /// The counts of a chunk fit into 32 bits, the width of the values, so the compiler can use
+    /// vectors of one width.
     const CHUNK: usize = 4096;
     let (mut negative, mut finite) = (0, true);
     for (from, to) in from.chunks(CHUNK).zip(to.chunks_mut(CHUNK)) {
@@ -338,6 +348,8 @@ impl Pixels for Exact {
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<Account, SensorError> {
         let last = self.frames.back().map_or(0, |frame| frame.t);
+        // The last root cell reaches beyond the last frame. Its draws are needed whole; later
+        // events are dropped.
         let end = if self.law.process.is_noiseless() { last } else { (last + ROOT - 1) & !(ROOT - 1) };
         self.cross_until(end, last, sink)?;
         self.windows.close(end.div_euclid(1000) + 1, sink)?;
@@ -359,7 +371,7 @@ mod tests {
         Frame { index, t: Timestamp(ns), luminance: Image::from_vec(SIZE, luminance.to_vec()), rate: None }
     }
 
-    /// The account of these frames, or the first error.
+    /// The counts for these frames, or the first error.
     fn run(sensor: &Voltmeter, frames: &[Frame]) -> Result<Account, SensorError> {
         let mut pixels = sensor.start(SIZE, [0, 0], Seed(1))?;
         let mut events = Vec::new();
@@ -394,7 +406,7 @@ mod tests {
         t(&[other], "frame 0: it is 2x3, the sequence is 3x2");
     }
 
-    /// Frames that make events of both kinds, quiet pixels, and more than one leg in a window.
+    /// Frames with events of both polarities, quiet pixels, and more than one leg in a window.
     fn lively() -> Vec<Frame> {
         let grey =
             |i: usize, pixel: usize| 120.0 + 110.0 * libm::sinf(0.3 * (i * pixel) as f32 + pixel as f32);

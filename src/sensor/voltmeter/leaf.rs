@@ -1,39 +1,54 @@
-//! One pixel in one leaf of the clock: the path is a bridge between known ends, and its first touches are drawn exactly
-//! (numerics.md 2.1, steps 4 to 6).
+//! One pixel in one leaf of the clock: a Brownian bridge between known ends, with its first
+//! passages drawn exactly.
+//!
+//! ```text
+//!  up    ------------x-------------------   the path touches the barrier: an event
+//!                  ./ :
+//!  x  *.    ./\./\/   : the voltage is reset to 0, and every
+//!       \./\/         : later end moves down by one threshold
+//!  -down --------------------------------
+//!      now           touch            until
+//! ```
+//!
+//! With the drift straight and both ends fixed, the drift has no further influence on the path in
+//! between. The loop draws whether the path touches a barrier, and when. After a touch the rest of
+//! the leaf is again a bridge, from 0 to the shifted end, so the loop goes on with it. Where both
+//! barriers are within reach, no closed form tells which comes first; the span is halved by one
+//! normal draw until only one barrier is.
 
 use super::bridge::{Barriers, Live, Side, touch_probability, touch_time};
 use crate::event::Polarity;
 use crate::seed::Draws;
 use std::ops::ControlFlow;
 
-/// Takes a pixel's events as they are found: time in ns since the window's start, and polarity. To break ends the
-/// simulation.
+/// Receives the events of one pixel in order of time.
 pub(crate) trait Emit {
+    /// Takes an event at `t` ns since the window's start. `Break` ends the simulation.
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()>;
 }
 
-/// A stretch of a leaf that is still to be crossed.
+/// The part of a leaf from the present time on, up to a known end.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Span {
-    /// Voltage at its end, had no event happened.
+    /// Voltage at its end if no further event happens, in thresholds.
     pub(crate) end: f64,
-    /// Its end, ns since the window's start.
+    /// Time of its end, ns since the window's start.
     pub(crate) until: f64,
 }
 
-/// A stretch of time in which the drift is straight and the ends are known.
+/// A cell in which the drift is straight and both ends are known.
 #[derive(Debug)]
 pub(crate) struct Leaf {
     pub(crate) barriers: Barriers,
-    /// Of the noise, per ns.
+    /// Variance of the noise per nanosecond.
     pub(crate) variance: f64,
     pub(crate) draws: Draws,
-    /// Now, ns since the window's start.
+    /// Present time, ns since the window's start.
     pub(crate) time: f64,
 }
 
 impl Leaf {
-    /// Moves the voltage `x` across the leaf; the voltage at its end.
+    /// Moves the voltage from `x` across the leaf, and returns the voltage at its end.
     pub(crate) fn cross(
         &mut self,
         mut x: f64,
@@ -41,6 +56,7 @@ impl Leaf {
         spans: &mut Vec<Span>,
         emit: &mut impl Emit,
     ) -> ControlFlow<(), f64> {
+        // An explicit stack in place of recursion: a burst makes thousands of events in one leaf.
         spans.clear();
         spans.push(whole);
         while let Some(span) = spans.pop() {
@@ -50,11 +66,14 @@ impl Leaf {
                 Live::Neither => None,
                 Live::Up => Some(Side::Up),
                 Live::Down => Some(Side::Down),
+                // The middle of the bridge is normal around the mean of its ends with variance v/4.
                 Live::Both if length > 1.0 => {
                     let end = 0.5 * (x + span.end) + 0.5 * v.sqrt() * self.draws.normal();
                     spans.extend([span, Span { end, until: self.time + 0.5 * length }]);
                     continue;
                 }
+                // Below one nanosecond the order of two touches has no meaning any more, and
+                // halving might never end.
                 Live::Both => Some(self.barriers.likelier(x, span.end)),
             };
             let touched = side.and_then(|side| Some((side, self.touch(side, [x, span.end], v)?)));
@@ -62,8 +81,11 @@ impl Leaf {
                 (x, self.time) = (span.end, span.until);
                 continue;
             };
+            // Rounding could place the touch after the span's end, and later events before it.
             self.time = (self.time + share * length).min(span.until);
             emit.event(self.time, polarity(side))?;
+            // The reset subtracts a threshold from all that follows, so the known ends move with
+            // it.
             x = 0.0;
             spans.push(span);
             let step = side.step(self.barriers);
@@ -72,9 +94,12 @@ impl Leaf {
         ControlFlow::Continue(x)
     }
 
-    /// When the path between those voltages first touches that barrier, as a share of its length, if it does.
+    /// The first touch of the barrier by the path between two voltages, as a share of the path's
+    /// length. `None` if the path does not touch it.
     fn touch(&mut self, side: Side, [x, y]: [f64; 2], v: f64) -> Option<f64> {
         let (a, g) = (side.distance(self.barriers, x), side.distance(self.barriers, y));
+        // A path that ends beyond the barrier touches it for certain, so no draw is spent on the
+        // question.
         if g > 0.0 && self.draws.uniform() >= touch_probability(a, g, v) {
             return None;
         }
@@ -109,7 +134,8 @@ mod tests {
         Seed(11).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
     }
 
-    /// Events of a leaf of 1024 ns from `x` to `y` with variance `v` in all, and the voltage at its end.
+    /// Events of a leaf of 1024 ns from `x` to `y` with total variance `v`, and the voltage at its
+    /// end.
     fn leaf(x: f64, y: f64, v: f64, draws: Draws) -> (Vec<(f64, Polarity)>, f64) {
         let length = 1024.0;
         let mut leaf = Leaf { barriers: UNIT, variance: v / length, draws, time: 0.0 };
@@ -120,7 +146,8 @@ mod tests {
         }
     }
 
-    /// Share of `n` leaves whose first event is of that polarity. `end` draws each leaf's far end.
+    /// Share of `n` leaves with a first event of that polarity. `end` draws the far end of each
+    /// leaf.
     fn first(n: u64, polarity: Polarity, x: f64, v: f64, end: impl Fn(&mut Draws) -> f64) -> f64 {
         let count = (0..n).filter(|&i| {
             let mut draws = draws(i);
@@ -130,12 +157,14 @@ mod tests {
         count.count() as f64 / n as f64
     }
 
-    /// What `first` would be if only the barrier nearer to the start were looked at: a planted defect.
+    /// A planted defect: the value of `first` if only the barrier nearer to the start were
+    /// considered.
     fn first_off_of_nearer_barrier(n: u64, x: f64, v: f64, end: impl Fn(&mut Draws) -> f64) -> f64 {
         let count = (0..n).filter(|&i| {
             let mut draws = draws(i);
             let y = end(&mut draws);
-            // Beyond the far barrier the defect takes that one for sure, without a look at the near one.
+            // If the end is beyond the far barrier, the defect takes that barrier and ignores the
+            // near one.
             let side = if y >= UNIT.up { Side::Up } else { Side::Down };
             let g = side.distance(UNIT, y);
             side == Side::Down && draws.uniform() < touch_probability(side.distance(UNIT, x), g, v)
@@ -149,7 +178,8 @@ mod tests {
 
     #[test]
     fn bridges_between_both_barriers() {
-        // First down, by the two-image sum of numerics.md 2.1, evaluated there (O11).
+        // Probability that the lower barrier is touched first, by the sum over image pairs of the
+        // reflection principle.
         for (x, y, v, wanted) in
             [(0.99, -0.99, 0.1, 0.2223), (0.95, -0.95, 0.3, 0.2584), (0.99, -0.999, 0.02, 0.7087)]
         {
@@ -163,7 +193,8 @@ mod tests {
 
     #[test]
     fn the_nearer_barrier_counts_where_the_end_is_beyond_the_other() {
-        // From -0.99 with drift 3 and variance 0.05: the exit problem from 0 between barriers at 1.99 and -0.01.
+        // From -0.99 with drift 3 and variance 0.05: the exit problem from 0 between barriers at
+        // 1.99 and -0.01.
         let exit = Renewal { drift: 3.0, variance: 0.05, up: 1.99, down: 0.01 };
         let wanted = 1.0 - exit.on_share();
         let end = |draws: &mut Draws| -0.99 + 3.0 + 0.05f64.sqrt() * draws.normal();

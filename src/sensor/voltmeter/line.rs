@@ -1,8 +1,9 @@
-//! Brightness whose logarithm is linear between frames.
+//! Brightness with a linear logarithm between frames.
 //!
-//! With `P = L + k2` at the start and `g` the slope of `ln P`, `D(t) = (k1 g + k4 - k5 k2) t + k5 P t E(g t)`,
-//! `E(x) = (e^x - 1)/x`: exact, and unchanged when a signal of that form is sampled finer. The midpoint form of the
-//! published program is the case `g = 0`.
+//! With `P = L + k2` at the start and `g` the slope of `ln P`, `D(t) = (k1 g + k4 - k5 k2) t + k5 P
+//! t E(g t)` where `E(x) = (e^x - 1)/x`. The form is exact, and it does not change when a signal of
+//! that form is sampled more finely. The midpoint form of the published program is the case `g =
+//! 0`.
 
 use super::Gain;
 use super::curve::{Curve, Ends, One, Wide};
@@ -46,7 +47,8 @@ impl Curve for Line {
     #[inline(always)]
     fn rise<S: Simd>(process: &Process, curve: &Wide<S>, t: f64) -> f64x8<S> {
         let [slope, bend, growth, _] = *curve;
-        // Without a leak that brightness changes, `bend` is 0, and the same comes out.
+        // If the leak does not depend on brightness, `bend` is 0 and the general form gives the
+        // same value.
         if process.k5 == 0.0 { slope * t } else { (slope + bend * mean_growth(growth * t)) * t }
     }
 
@@ -86,14 +88,14 @@ impl Curve for Line {
     }
 }
 
-/// Where `E` and the exponential are summed as series.
+/// Magnitude of `x` below which `E` and the exponential are summed as series.
 const SMALL: f64 = 1.0 / 32.0;
 
-/// Coefficients of `E(x) = (e^x - 1)/x`. The series ends below `SMALL^8/9!` = 3e-18.
+/// Coefficients of `E(x) = (e^x - 1)/x`. The first omitted term is `SMALL^8/9!` = 3e-18.
 const SERIES: [f64; 8] =
     [1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0, 1.0 / 40320.0];
 
-/// `E(x)`; where it is no series, its error is below `2^-53/SMALL`, 4e-15.
+/// `E(x)`. Where the closed form is used, its error is below `2^-53/SMALL`, 4e-15.
 #[inline(always)]
 fn mean_growth<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let series = series(x);
@@ -174,7 +176,8 @@ mod tests {
             for t in [1.0, 1e3, 0.3 * length, length] {
                 let wanted = by_quadrature(k, greys, [length, t]);
                 let found = Line::rise_of_one(&piece, t);
-                // Simpson on 2000 panels of a smooth function of log range 2.5 is good to 1e-13 of the leak, 13.
+                // Simpson's rule on 2000 panels of a smooth function of log range 2.5 has an error
+                // of 1e-13 of the leak, which is 13.
                 assert!((found - wanted).abs() < 2e-12, "{greys:?} {t}: {found} {wanted}");
                 assert_eq!(wide::<Line>(&process, &piece, t)[0].to_bits(), found.to_bits());
             }
@@ -183,7 +186,7 @@ mod tests {
 
     #[test]
     fn the_largest_step_in_thresholds() {
-        // numerics.md 10: grey 0 to 255, signal alone.
+        // Grey 0 to 255, signal alone.
         for (preset, wanted) in [(Preset::Dvs346, 13.799_77), (Preset::Gs2eSi, 3.454_38)] {
             let [k1, k2, ..] = preset.k();
             let process = process(|sensor| sensor.k = [k1, k2, 0.0, 0.0, 0.0, 0.0]);

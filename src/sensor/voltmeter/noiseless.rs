@@ -1,4 +1,5 @@
-//! The law without noise: events are where the drift crosses a level. No random number is drawn.
+//! The law without noise: an event happens where the drift crosses a level. No random number is
+//! drawn.
 
 use super::bridge::{Barriers, Side, Wide};
 use super::curve::{Curve, One};
@@ -9,7 +10,8 @@ use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
 use std::marker::PhantomData;
 use std::ops::ControlFlow;
 
-/// Takes a pixel of voltage `x` across the window, along its curve of each leg; the voltage at the end.
+/// Moves a pixel of voltage `x` across the window along its curve of each leg, and returns the
+/// voltage at the end.
 #[inline(always)]
 pub(super) fn cross<C: Curve>(
     window: &Window<'_>,
@@ -26,29 +28,29 @@ pub(super) fn cross<C: Curve>(
     ControlFlow::Continue(x)
 }
 
-/// Eight pixels whose drift is proportional to the time.
+/// Eight pixels with drift proportional to time.
 #[derive(Debug)]
 pub(super) struct Straight<S: Simd> {
     /// Drift over the window.
     rise: f64x8<S>,
-    /// Drift up to the first event, and between events.
+    /// Drift up to the first event, and drift between events.
     first: f64x8<S>,
     step: f64x8<S>,
-    /// Time over drift.
+    /// Time per drift, ns.
     pace: f64x8<S>,
-    /// Of the window, ns.
+    /// Length of the window, ns.
     length: f64,
 }
 
 impl<S: Simd> Straight<S> {
-    /// From the voltages `x` up by `rise`, in so many ns.
+    /// Pixels that start at the voltages `x` and drift by `rise` over `length` ns.
     #[inline(always)]
     pub(super) fn new(barriers: Wide<S>, [x, rise]: [f64x8<S>; 2], length: f64) -> Self {
         let step = rise.simd_ge(0.0).select(barriers.up, -barriers.down);
         Self { rise, first: step - x, step, pace: f64x8::splat(x.simd, length) / rise, length }
     }
 
-    /// Emits the events of one of the pixels; how many thresholds they take from its voltage.
+    /// Emits the events of one pixel, and returns the voltage that they subtract.
     #[inline(always)]
     pub(super) fn cross(&self, lane: usize, emit: &mut impl Emit) -> ControlFlow<(), f64> {
         let Self { rise, first, step, pace, length } = self;
@@ -66,10 +68,10 @@ impl<S: Simd> Straight<S> {
     }
 }
 
-/// A pixel's drift along a leg.
+/// The drift of a pixel along a leg.
 struct Run<'a, C> {
     curve: &'a One,
-    /// Of the curve's start, ns since the window's start.
+    /// Start of the curve, ns since the window's start.
     stamp: f64,
     family: PhantomData<C>,
 }
@@ -91,7 +93,7 @@ impl<C: Curve> Run<'_, C> {
         ControlFlow::Continue(x)
     }
 
-    /// The same, where the drift goes one way.
+    /// The same for a span in which the drift is monotonic.
     fn cross_one_way(
         &self,
         barriers: Barriers,
@@ -120,8 +122,8 @@ impl<C: Curve> Run<'_, C> {
     }
 }
 
-/// Where in `[low, high]` the drift, which only rises or only falls, is `level`: Newton's method from `t` on, kept inside a bracket, to the last
-/// bit.
+/// The time in `[low, high]` at which a monotonic drift reaches `level`: Newton's method from `t`,
+/// kept inside a bracket, to the last bit.
 fn solve<C: Curve>(curve: &One, level: f64, t: f64, ([mut low, mut high], rising): ([f64; 2], bool)) -> f64 {
     let mut t = t.clamp(low, high);
     if C::is_straight(curve) {
@@ -182,7 +184,7 @@ mod tests {
 
     #[test]
     fn without_leak_events_divide_the_signal_evenly() {
-        // k1 V is linear in time: event j at the time where it has risen by j.
+        // k1 V is linear in time, so event j happens where it has risen by j.
         let [k1, k2, ..] = Preset::Dvs346.k();
         for (greys, sign) in [([0.0, 255.0], 1), ([255.0, 0.0], -1)] {
             let (found, x) = events(UNIT, &piece([k1, k2, 0.0, 0.0, 0.0, 0.0], greys, 1e6), 1e6);
@@ -198,7 +200,7 @@ mod tests {
 
     #[test]
     fn with_leak_the_drift_at_event_j_is_level_j() {
-        // Leak against signal: down first, then up again.
+        // The leak works against the signal: the drift goes down first, then up again.
         let curve = piece([10.0, 20.0, 0.0, 1e-7, 3e-2, 0.0], [255.0, 200.0], 3e6);
         let barriers = Barriers { up: 1.3, down: 0.7 };
         let (found, x) = events(barriers, &curve, 3e6);

@@ -1,20 +1,24 @@
-//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter, `src/simulator_utils.py`), for comparisons.
+//! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter, `src/simulator_utils.py`), for
+//! comparisons.
 //!
-//! Between two frames drift and noise are those of their middle. A pixel's next polarity is drawn first, with the
-//! probability of the exit between both barriers; then the time to that barrier, as if there were no other. If it lies
-//! before the later frame, there is an event and the voltage is 0 again; otherwise the voltage goes along the straight
-//! line to it, and the polarity is forgotten. So streams depend on the frame rate, and noise is far from what the
-//! process has (numerics.md 2.2 lists by how much); the law `exact` does neither.
+//! Between two frames, drift and noise take their values at the middle. The polarity of a pixel's
+//! next event is drawn first, with the probability of leaving through either barrier. The time to
+//! that barrier is drawn next, as if the other did not exist. If it lies before the later frame, an
+//! event happens and the voltage returns to 0. Otherwise the voltage moves along the straight line
+//! to the barrier, and the polarity is forgotten. Event streams therefore depend on the frame rate,
+//! and the noise is far from that of the process: the median waiting time is twice too long where
+//! the drift is 0. The law `exact` has neither defect.
 //!
-//! Kept as published, though wrong: the midpoint gain, the polarity before the time, the one-barrier times, the factor 2
-//! in the time where the drift is 0, the truncated draw against the drift, the straight residual, voltages from 0, and
-//! that the terms of sigma add.
+//! Kept as published, although wrong: the midpoint gain, the polarity before the time, the
+//! one-barrier times, the factor 2 in the time where the drift is 0, the truncated draw against the
+//! drift, the straight residual, the initial voltage 0, and the sum of the terms of sigma.
 //!
-//! Not as published, where the program breaks down: the polarity has its stable form (`0/0` became ON); the inverse
-//! Gaussian is formed without cancellation; against the drift, where the truncated draw underflows, the time is that
-//! of a drift the other way; a loop takes the place of a recursion; times are 64-bit nanoseconds in place of 32-bit
-//! microseconds; each draw belongs to seed, pixel and frame; events of one microsecond have one order. To lengthen
-//! either list is another law: raise `VERSION`.
+//! Changed where the published program breaks down: the polarity has its stable form (`0/0` became
+//! ON); the inverse Gaussian is computed without cancellation; against the drift, where the
+//! truncated draw underflows, the time is that of the opposite drift; a loop replaces a recursion;
+//! times are 64-bit nanoseconds, not 32-bit microseconds; each draw belongs to seed, pixel and
+//! frame; events of one microsecond have one order. Any addition to either list makes another law:
+//! raise `VERSION`.
 
 use super::drift::Process;
 use super::{Voltmeter, thresholds};
@@ -27,7 +31,7 @@ use crate::sensor::pairs::{Law, Pair, Writer};
 use crate::sensor::statistics::Renewal;
 use std::ops::ControlFlow;
 
-/// Version of the law: raised when a draw or one of the lists above changes.
+/// Version of the law. Raise it when a draw or one of the lists above changes.
 pub(super) const VERSION: u32 = 1;
 
 /// The law.
@@ -45,7 +49,8 @@ pub(super) struct Official {
 pub(super) struct Pixel {
     voltage: f64,
     thresholds: [f64; 2],
-    /// `ln(L + k2)` at its last event or at the first frame, where events are labelled.
+    /// `ln(L + k2)` at the pixel's last event, or at the first frame before any event. Only for
+    /// labelled events.
     log: f64,
     own: Train,
 }
@@ -91,7 +96,8 @@ impl Official {
         }
     }
 
-    /// The label of an event `t` ns after the earlier frame: the logarithm is straight between the two.
+    /// The label of an event `t` ns after the earlier frame. The logarithm is linear between the
+    /// two frames.
     fn label(&self, pixel: &mut Pixel, pair: &Pair, (t, on): (f64, bool)) -> Label {
         let Process { k1, k2, .. } = self.process;
         let [from, to] = pair.luminance.map(|luminance| libm::log(luminance + k2));
@@ -102,7 +108,7 @@ impl Official {
         if on { label::of(rise, up) } else { label::of(-rise, down) }
     }
 
-    /// The events that a hot pixel makes by itself.
+    /// The events of a hot pixel's own process.
     fn own(&self, pixel: &mut Pixel, pair: &Pair, writer: &mut Writer<'_>) -> ControlFlow<()> {
         let rates = Rates { ends: [self.hot.per_ns(); 2], length: pair.length };
         let mut start = 0.0;
@@ -133,7 +139,7 @@ impl Law for Official {
         self.labels
     }
 
-    /// The residual is drawn anew in each frame, so events and drift part.
+    /// The residual is drawn again in each frame, so the number of events and the drift diverge.
     fn imbalance(&self, _: &Pixel, _: u32, _: u32) -> Option<f64> {
         None
     }
@@ -152,7 +158,7 @@ fn passage(distance: f64, speed: f64, sigma: f64, draws: &mut Draws) -> f64 {
     let underflows = 2.0 * phi.sqrt() > TRUNCATION;
     if speed == 0.0 {
         let z = draws.normal();
-        // Twice the Lévy time `shape / z^2`.
+        // Twice the Lévy time `shape / z^2`, as published.
         2.0 * (root / z) * (root / z)
     } else if !(shape.is_finite() && phi.is_finite()) {
         distance / speed.abs()
@@ -164,19 +170,20 @@ fn passage(distance: f64, speed: f64, sigma: f64, draws: &mut Draws) -> f64 {
     }
 }
 
-/// Beyond so many deviations a truncated normal draw has lost its digits.
+/// Number of deviations beyond which a truncated normal draw has lost its digits.
 const TRUNCATION: f64 = 8.0;
 
-/// An inverse Gaussian time of shape `shape` and mean `shape / phi` from a normal and a uniform draw: Michael, Schucany,
-/// Haas (The American Statistician 30, 1976), in a form that adds only like signs.
+/// An inverse Gaussian time of shape `shape` and mean `shape / phi` from a normal and a uniform
+/// draw, by Michael, Schucany and Haas (The American Statistician 30, 1976), in a form that adds
+/// only numbers of like sign.
 fn inverse_gaussian(shape: f64, phi: f64, z: f64, u: f64) -> f64 {
     let z = z.abs();
     let q = phi + 0.5 * z * z + z * (0.25 * z * z + phi).sqrt();
     if u * (q + phi) <= q { shape / q } else { shape / phi * (q / phi) }
 }
 
-/// What the same transform makes of a negative mean and a normal draw below `-2 sqrt(phi)`, of which `u` is the share:
-/// its acceptance always takes the smaller root.
+/// The same transform for a negative mean and a normal draw below `-2 sqrt(phi)`, with `u` as its
+/// share. The acceptance step then always takes the smaller root.
 fn against(shape: f64, phi: f64, u: f64) -> f64 {
     let edge = 0.5 * libm::erfc(2.0 * phi.sqrt() / std::f64::consts::SQRT_2);
     let z = normal::quantile((edge * u).max(f64::MIN_POSITIVE));
@@ -190,7 +197,7 @@ mod tests {
     use super::*;
     use crate::frames::Frame;
     use crate::image::{Image, Size};
-    use crate::seed::{Cell, Seed, ks};
+    use crate::seed::{Cell, Seed, ks, rival};
     use crate::sensor::{Account, Model, SensorError};
     use crate::units::Timestamp;
     use std::f64::consts::SQRT_2;
@@ -199,8 +206,8 @@ mod tests {
         Seed(7).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Pair)
     }
 
-    /// For each phi `1 + y/(2 phi) - sqrt(4 phi y + y^2)/(2 phi)`, `y = z^2`, z = 1e-6, 1e-3, 0.7 and 6: the smaller root
-    /// as published, for mean 1, with 80 digits.
+    /// For each phi, `1 + y/(2 phi) - sqrt(4 phi y + y^2)/(2 phi)` with `y = z^2` and z = 1e-6,
+    /// 1e-3, 0.7 and 6: the smaller root as published, for mean 1, with 80 digits.
     #[expect(clippy::excessive_precision, reason = "17 digits name a double")]
     const ROOTS: [(f64, [f64; 4]); 8] = [
         (
@@ -274,7 +281,7 @@ mod tests {
         for (phi, roots) in ROOTS {
             for (z, wanted) in [1e-6, 1e-3, 0.7, 6.0].into_iter().zip(roots) {
                 let found = inverse_gaussian(phi, phi, z, 0.0);
-                // The limit of numerics.md section 10: 1e-15.
+                // A relative error of 1e-15.
                 assert!(
                     ((found - wanted) / wanted).abs() < 1e-15,
                     "{phi:e} {z:e}: {found:e}, wanted {wanted:e}"
@@ -287,7 +294,8 @@ mod tests {
     #[test]
     #[expect(clippy::excessive_precision, reason = "17 digits name a double")]
     fn polarities_are_right_to_the_last_digits_wherever_the_voltage_is() {
-        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with 80 digits.
+        // `(e^(m b) - 1)/(e^(m b) - e^(-m a))`, `m = 2 mu/sigma^2`, from the residuals 0.5 and 0.999, with
+        // 80 digits.
         let wanted = [
             (1e-20, [0.75, 0.9995]),
             (-1e-20, [0.75, 0.9995]),
@@ -311,7 +319,8 @@ mod tests {
 
     #[test]
     fn where_the_drift_is_zero_times_are_twice_too_long() {
-        // numerics.md 2.2: a median of 4.395 where the Lévy law of shape 1 has 2.198.
+        // The published times have a median of 4.395 where the Lévy distribution of shape 1 has
+        // 2.198.
         let mut draws = draws(0);
         let mut times: Vec<f64> = (0..100_001).map(|_| passage(1.0, 0.0, 1.0, &mut draws)).collect();
         times.sort_unstable_by(f64::total_cmp);
@@ -319,7 +328,23 @@ mod tests {
         assert!((times[50_000] - 4.395).abs() < 0.12, "{}", times[50_000]);
     }
 
-    /// KS distance of the published times against a drift from the law that they should have.
+    /// With the drift, the published times have their correct law: mean `distance / speed` and shape
+    /// `(distance / sigma)^2`.
+    #[test]
+    fn times_with_the_drift_are_distributed_as_those_of_rand_distr() {
+        for (index, [distance, speed, sigma]) in
+            [[1.0, 1.0, 1.0], [0.4, 3.0, 0.7], [1.0, 0.1, 1.0], [2.0, 5.0, 0.5]].into_iter().enumerate()
+        {
+            let mut draws = draws(100 + index as u64);
+            let ours: Vec<f64> = (0..rival::N).map(|_| passage(distance, speed, sigma, &mut draws)).collect();
+            let shape = (distance / sigma).powi(2);
+            let law = rand_distr::InverseGaussian::new(distance / speed, shape).unwrap();
+            let name = format!("official {distance} {speed} {sigma}");
+            rival::compare(&name, &ours, &rival::theirs(&law), |t| 1.1 * t);
+        }
+    }
+
+    /// KS distance of the published times against a drift from their correct law.
     fn distance(phi: f64) -> f64 {
         const N: usize = 20_000;
         let mut draws = draws(1);
@@ -334,8 +359,9 @@ mod tests {
 
     #[test]
     fn times_against_the_drift_are_wrong_as_published_and_right_where_those_broke_down() {
-        // numerics.md 2.2: KS 0.11, 0.41 and 0.48 at 2 |c| e / sigma^2 = 0.02, 2 and 6. The distance of a sample of 20,000
-        // strays by at most 2.23/sqrt(20,000) = 0.016 (alpha 1e-4), and the table has two digits.
+        // KS distances of 0.11, 0.41 and 0.48 at 2 |c| e / sigma^2 = 0.02, 2 and 6. The distance of
+        // a sample of 20,000 deviates by at most 2.23/sqrt(20,000) = 0.016 (alpha 1e-4), and these
+        // figures have two digits.
         for (phi, wanted) in [(0.01, 0.11), (1.0, 0.41), (3.0, 0.48)] {
             let found = distance(phi);
             println!("phi {phi}: KS {found:.3}, published {wanted}");
@@ -382,7 +408,8 @@ mod tests {
     #[test]
     fn a_burst_is_a_loop_and_the_cap_ends_or_thins_it() {
         let [k1, k2, ..] = Preset::Dvs346.k();
-        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint form.
+        // A thousandth of a threshold: grey 0 to 255 is `2 k1 255/(255 + 2 k2)` thresholds of the midpoint
+        // form.
         let steep = official([1000.0 * k1, k2, 1e-4, 0.0, 0.0, 0.0]);
         let events = (2000.0 * k1 * 255.0 / (255.0 + 2.0 * k2)).floor();
         let frames = [[0.0, 255.0], [255.0, 0.0]];

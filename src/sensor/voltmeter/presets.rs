@@ -9,8 +9,9 @@ pub enum Preset {
     Dvs346,
     /// DAVIS240, as published with DVS-Voltmeter.
     Dvs240,
-    /// The set printed in the GS2E paper, which gives no units, read as seconds and brightness 0..1: the only reading
-    /// with plausible noise, and far too insensitive to the signal.
+    /// The set printed in the GS2E paper, which gives no units, read as seconds and brightness
+    /// 0..1. That is the only reading with plausible noise, and it is far too insensitive to the
+    /// signal.
     Gs2eSi,
 }
 
@@ -60,7 +61,7 @@ mod tests {
 
     #[test]
     fn the_printed_set_of_gs2e_in_official_units() {
-        // The figures of an independent conversion, numerics.md 1.1, to the digits given there.
+        // The figures of an independent conversion, to the digits given.
         let wanted = [0.5, 0.255, 1.596872e-3, 1e-8, 3.921569e-10, 1e-8];
         for (found, wanted) in Preset::Gs2eSi.k().into_iter().zip(wanted) {
             assert!((found - wanted).abs() <= 5e-7 * wanted, "{found:e}, wanted {wanted:e}");

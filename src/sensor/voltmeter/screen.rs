@@ -1,4 +1,4 @@
-//! What a parameter set of the voltmeter will do (numerics.md 1.1).
+//! Predictions for a parameter set of the voltmeter: ranges, noise at constant grey, refusals.
 
 use super::{Between, Gain, Initial, Law, Preset, Voltmeter};
 use crate::sensor::screening::{Noise, ScreenError, Screening, Warning, at_least_zero};
@@ -6,7 +6,7 @@ use crate::sensor::statistics::Renewal;
 use crate::units::Hertz;
 
 impl Voltmeter {
-    /// What a pixel of this constant grey does.
+    /// The behaviour of a pixel of this constant grey.
     #[must_use]
     pub fn noise(&self, grey: f64) -> Noise {
         let [_, k2, k3, k4, k5, k6] = self.k;
@@ -27,7 +27,7 @@ impl Voltmeter {
     /// Whether every parameter is within its range.
     ///
     /// # Errors
-    /// Naming the first that is not.
+    /// Names the first parameter that is outside its range.
     pub fn validate(&self) -> Result<(), ScreenError> {
         let k_names = ["k1", "k2", "k3", "k4", "k5", "k6"];
         let thresholds = [("threshold.on", self.threshold_on), ("threshold.off", self.threshold_off)];
@@ -51,7 +51,7 @@ impl Voltmeter {
         self.validate_options()
     }
 
-    /// Whether the law has what is asked of it beside `k` and the thresholds.
+    /// Checks that the law supports the settings other than `k` and the thresholds.
     fn validate_options(&self) -> Result<(), ScreenError> {
         let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
         at_least_zero("threshold.spread", *spread)?;
@@ -65,11 +65,11 @@ impl Voltmeter {
         Ok(())
     }
 
-    /// What this sensor will do with frames at this rate.
+    /// Predicts what this sensor does with frames at this rate.
     ///
     /// # Errors
-    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and frame
-    /// interval at grey 0, 1, 16, 64, 128 or 255.
+    /// When a parameter is outside its range, or noise alone would make more than 50 events per pixel and
+    /// frame interval at grey 0, 1, 16, 64, 128 or 255.
     pub fn screen(&self, rate: Hertz) -> Result<Screening, ScreenError> {
         self.validate()?;
         let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
@@ -80,7 +80,7 @@ impl Voltmeter {
     }
 }
 
-/// From microseconds, the program's unit of rates.
+/// Microseconds per second: rates of the published program are per microsecond.
 const PER_SECOND: f64 = 1e6;
 
 #[cfg(test)]
@@ -98,14 +98,14 @@ mod tests {
         Voltmeter::new(Units { time, brightness }.to_official(PRINTED))
     }
 
-    /// Relative tolerance of a figure given to two digits or more: half of its last.
+    /// Relative tolerance of a figure given to two digits or more: half of its last digit.
     fn near(found: f64, wanted: f64, relative: f64) {
         assert!((found - wanted).abs() <= relative * wanted, "{found:e}, wanted {wanted:e}");
     }
 
     #[test]
     fn contrast_and_leak_of_the_presets() {
-        // numerics.md 1.1, the table of presets, to the digits given there.
+        // The published presets, to the digits given.
         let t = |preset: Preset, contrast: f64, leaks: [f64; 5]| {
             let screening = Voltmeter::new(preset.k()).screen(rate()).unwrap();
             near(screening.contrast[0], contrast, 3e-3);
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn noise_of_gs2e_si() {
-        // numerics.md 8.1, last line.
+        // Rates of the printed set, read as seconds and brightness 0..1.
         let sensor = Voltmeter::new(Preset::Gs2eSi.k());
         let t = |grey, hz, share: f64| {
             let noise = sensor.noise(grey);
@@ -138,7 +138,8 @@ mod tests {
 
     #[test]
     fn readings_of_the_printed_set() {
-        // numerics.md 1.1, the table of readings: noise at greys 1, 16 and 128 and whether a sensor can be that.
+        // The readings of the GS2E set: noise at greys 1, 16 and 128, and whether a sensor can have
+        // it.
         let t = |time, brightness, hz: [f64; 3], usable: bool| {
             let sensor = reading(time, brightness);
             for (grey, hz) in [1.0, 16.0, 128.0].into_iter().zip(hz) {

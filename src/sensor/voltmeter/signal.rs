@@ -1,6 +1,8 @@
-//! What brightness alone does to a pixel from one event to the next: the label of an event (`sensor/label.rs`).
+//! The effect of brightness alone on a pixel between two events: the label of an event
+//! (`sensor/label.rs`).
 //!
-//! Asked for only where there is an event, so one pixel at a time, with logarithms of its own.
+//! It is needed only where an event happens, so it works on one pixel at a time and computes its
+//! own logarithms.
 
 use super::Between;
 use super::exact::Stored;
@@ -12,8 +14,8 @@ use crate::sensor::label;
 const SECONDS: f64 = 1e-9;
 
 impl Window<'_> {
-    /// The label of an event in a leg, `t` ns after the window's start. `log` is `ln(L + k2)` at the pixel's event
-    /// before, and becomes that of this one.
+    /// The label of an event in a leg, `t` ns after the window's start. `log` is `ln(L + k2)` at
+    /// the pixel's previous event; it is set to that of this event.
     pub(super) fn label(
         &self,
         pixel: usize,
@@ -50,8 +52,8 @@ impl Window<'_> {
         libm::log(self.law.level(self.frames[frame], pixel))
     }
 
-    /// The slope of the cubics at a frame, per ns: the recipe's rates, or that of the parabola through three frames, at
-    /// the ends of the sequence of the line through two.
+    /// The slope of the cubic at a frame, per ns: the rendered rate, or the slope of the parabola
+    /// through three frames, or of the line through two at the ends of the sequence.
     fn slope(&self, pixel: usize, frame: usize) -> f64 {
         let here = self.frames[frame];
         if self.law.between == Between::Hermite {
@@ -62,7 +64,7 @@ impl Window<'_> {
             Some(((self.log_at(pixel, first + 1) - self.log_at(pixel, first)) / length, length))
         };
         match (frame.checked_sub(1).and_then(secant), secant(frame)) {
-            // Each is weighted by the length of the other.
+            // Each secant is weighted by the length of the other.
             (Some((earlier, before)), Some((later, after))) => {
                 (earlier * after + later * before) / (before + after)
             }

@@ -1,4 +1,4 @@
-//! The thresholds of all pixels: one pair, or a pair for each where pixels are unequal.
+//! The thresholds of all pixels: one pair, or one pair per pixel where pixels are unequal.
 #![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
 use super::Voltmeter;
@@ -9,15 +9,15 @@ use crate::seed::Seed;
 use crate::sensor::noise::{Site, mismatch};
 use fearless_simd::Simd;
 
-/// ON and OFF of every pixel.
+/// Thresholds of ON and OFF for every pixel.
 #[derive(Debug)]
 pub(super) enum Thresholds {
     Equal(Barriers),
-    /// After the last pixel, nominal ones to a multiple of 8.
+    /// One value per pixel, padded with the nominal threshold to a multiple of 8.
     Unequal([Vec<f64>; 2]),
 }
 
-/// Least threshold of a pixel where thresholds differ, as a share of the nominal one.
+/// Smallest threshold of a pixel where thresholds differ, as a share of the nominal threshold.
 const FLOOR: f64 = 0.01;
 
 /// The thresholds of ON and OFF of the pixel at `site`, drawn once for a sensor.
@@ -26,7 +26,7 @@ pub(super) fn drawn(nominal: [f64; 2], spread: f64, site: Site) -> [f64; 2] {
 }
 
 impl Thresholds {
-    /// Those of a sensor whose first pixel is at `origin`.
+    /// The thresholds of a sensor with its first pixel at `origin`.
     pub(super) fn new(sensor: &Voltmeter, size: Size, [left, top]: [u16; 2], seed: Seed) -> Self {
         let [up, down] = [sensor.threshold_on, sensor.threshold_off];
         if sensor.threshold_spread == 0.0 {
@@ -43,7 +43,7 @@ impl Thresholds {
         Self::Unequal(both)
     }
 
-    /// Those of a pixel, numbered row by row.
+    /// The thresholds of one pixel, numbered row by row.
     #[inline(always)]
     pub(super) fn of(&self, pixel: usize) -> Barriers {
         match self {
@@ -52,7 +52,7 @@ impl Thresholds {
         }
     }
 
-    /// Those of eight pixels from `first` on.
+    /// The thresholds of eight pixels from `first` on.
     #[inline(always)]
     pub(super) fn eight<S: Simd>(&self, simd: S, first: usize) -> Wide<S> {
         match self {

@@ -1,8 +1,29 @@
-//! The pixels of a band in one root cell of the dyadic clock: the exact law (numerics.md 2.1).
+//! The exact law inside one root cell of the dyadic clock, for the pixels of a band.
 //!
-//! The noise is a Brownian tree: every draw belongs to a cell of the clock, so neither frames nor neighbours nor
-//! threads can change it. Cells in which no barrier is within reach are crossed in one step; the others are halved down
-//! to leaves. All pixels that reach a cell go through it together: they share its times, and so do the same arithmetic.
+//! Time is cut into root cells of 2^20 ns. A cell can be halved twenty times, down to one
+//! nanosecond:
+//!
+//! ```text
+//! level 0   |-------------------------------- root, 2^20 ns --------------------------------|
+//! level 1   |----------------- first half ------------------|--------- second half ---------|
+//! level 2   |---------- crossed ------------|---- split ----|
+//! level 3                                   |--leaf-|-leaf--|
+//! ```
+//!
+//! The noise of a pixel is a Brownian motion, and its values are known at the ends of a cell. The
+//! value in the middle, given both ends, is normal around their mean (Lévy's construction), so a
+//! cell is split by one normal draw. Each draw is a pure function of the seed, the pixel and the
+//! cell. Frames, neighbours and threads therefore cannot change it.
+//!
+//! A cell ends in one of three ways. If no barrier is within reach, the voltage moves to its end in
+//! one step ([`Walk::visit`]). If the drift in the cell is straight enough, the cell is a leaf, and
+//! the first passages of the Brownian bridge are drawn exactly ([`super::leaf`]). Otherwise the
+//! cell is split, and its halves follow in order of time ([`Walk::halve`]).
+//!
+//! Pixels descend together. All walkers that reach a cell share its times, so eight of them do the
+//! same arithmetic at once, and a cell's own cost (its legs, its index, the call) is spread over
+//! the whole list. The lists of one level are reused by every cell of that level: the walk is depth
+//! first, so at most one cell per level is open.
 
 #![expect(clippy::cast_possible_truncation, reason = "walkers of a band are counted in few bits")]
 
@@ -26,54 +47,61 @@ pub(super) const ROOT: i64 = 1 << LEVELS;
 pub(super) const ROOT_DEVIATION: f64 = 1024.0;
 /// Longest leaf, ns.
 pub(super) const LEAF: u32 = 1 << 13;
-/// Drift in a leaf is straight to this many thresholds.
+/// Maximum distance of the drift in a leaf from its chord, in thresholds.
 const STRAIGHT: f64 = 1e-6;
 
-/// Pixels on their way through a root cell, and what became of them.
+/// Pixels that must descend into a root cell, as a structure of arrays, with the working lists of
+/// the descent.
 #[derive(Debug, Default)]
 pub(super) struct Walkers {
     /// Pixel in the band.
     pixels: Vec<usize>,
     /// Pixel on the sensor, `y << 16 | x`.
     seats: Vec<u64>,
-    /// Voltage now.
+    /// Current voltage, in thresholds.
     voltage: Vec<f64>,
     /// Noise per square root of a nanosecond.
     sigma: Vec<f64>,
-    /// Bound on the drift's second derivative.
+    /// Bound on the second derivative of the drift.
     curvature: Vec<f64>,
-    /// Leg by leg of a walker, the drift since the window's start at its earlier frame, and its curve.
+    /// For each walker and leg: the drift from the window's start to the leg's earlier frame, then
+    /// the leg's curve.
     pieces: Vec<[f64; 5]>,
-    /// A list for each level of the clock.
+    /// One list per level of the clock, and one for the root.
     lists: Vec<List>,
+    /// Walkers for which the current cell is a leaf.
     leaves: List,
+    /// Stack of the leaf's spans, kept here so that its memory is reused.
     spans: Vec<Span>,
-    /// Leaves visited.
+    /// Number of leaves visited.
     pub(super) leaf_count: u64,
-    /// Cells split.
+    /// Number of cells split.
     pub(super) splits: u64,
 }
 
-/// Walkers that reach one cell. After the last, lists go on to a multiple of 8 with what has no meaning.
+/// Walkers that reach one cell. The arrays are longer than `len`, up to a multiple of 8, so that
+/// whole vectors can be loaded; the entries after `len` are padding.
 #[derive(Debug, Default)]
 struct List {
     len: usize,
     members: Vec<u64>,
-    /// Increment of the Brownian motion over the cell.
+    /// Increment of the Brownian motion over the cell, before it is scaled by sigma.
     increment: Vec<f64>,
-    /// Drift at its start.
+    /// Drift at the cell's start.
     from: Vec<f64>,
-    /// Drift at its end.
+    /// Drift at the cell's end.
     to: Vec<f64>,
-    /// Increment over its first half, and the drift in its middle: where it is split.
+    /// Increment over the first half. Filled by the split.
     half: Vec<f64>,
+    /// Drift in the cell's middle. Filled by the split.
     middle: Vec<f64>,
 }
 
 impl List {
-    /// Makes room for eight more.
+    /// Makes room for eight more entries.
     #[inline(always)]
     fn reserve(&mut self) {
+        // `extend` stores a full vector of eight and then counts only the selected lanes.
         if self.len + 8 > self.members.len() {
             let longer = (2 * self.len + 64).next_multiple_of(8);
             self.members.resize(longer, 0);
@@ -93,7 +121,7 @@ impl List {
         self.len = i + 1;
     }
 
-    /// Adds those of eight that `which` names.
+    /// Adds the lanes whose bit is set in `which`.
     #[inline(always)]
     fn extend<S: Simd>(&mut self, which: u64, members: u64x8<S>, [increment, from, to]: [f64x8<S>; 3]) {
         self.reserve();
@@ -106,8 +134,10 @@ impl List {
         self.len += which.count_ones() as usize;
     }
 
-    /// Makes what follows the last harmless.
+    /// Fills the padding with valid members.
     fn pad(&mut self) {
+        // Padding is used as an index when whole vectors are gathered. Its results are masked out
+        // later.
         for i in self.len..self.len.next_multiple_of(8) {
             self.members[i] = self.members[0];
         }
@@ -118,18 +148,19 @@ impl List {
         Crowd { len: *len, members, increment, from, to }
     }
 
-    /// After the split.
+    /// The walkers in the first half of the cell. Call it after the split.
     fn first_half(&self) -> Crowd<'_> {
         Crowd { increment: &self.half, to: &self.middle, ..self.whole() }
     }
 
-    /// After the split, which leaves the second half's increment in the place of the whole's.
+    /// The walkers in the second half of the cell. Call it after the split, which stores the second
+    /// half's increment in the place of the whole cell's.
     fn second_half(&self) -> Crowd<'_> {
         Crowd { from: &self.middle, ..self.whole() }
     }
 }
 
-/// A list at the start of a cell.
+/// A borrowed list at the start of a cell.
 #[derive(Debug, Clone, Copy)]
 struct Crowd<'a> {
     len: usize,
@@ -139,7 +170,7 @@ struct Crowd<'a> {
     to: &'a [f64],
 }
 
-/// A pixel that some barrier may stop, at the start of a window.
+/// A pixel at the start of a window that may touch a barrier.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Walker {
     pub(super) pixel: usize,
@@ -147,8 +178,9 @@ pub(super) struct Walker {
     pub(super) voltage: f64,
     pub(super) sigma: f64,
     pub(super) curvature: f64,
+    /// Increment of the Brownian motion over the root cell.
     pub(super) increment: f64,
-    /// Drift over the window.
+    /// Drift over the window, in thresholds.
     pub(super) drift: f64,
 }
 
@@ -160,7 +192,8 @@ impl Walkers {
         self.sigma.clear();
         self.curvature.clear();
         self.pieces.clear();
-        // One more, for those that enter the root.
+        // Levels 0 to LEVELS, and one more list that holds the root's walkers while level 0 is
+        // filled.
         self.lists.resize_with(usize::from(LEVELS) + 2, List::default);
         self.lists[0].len = 0;
     }
@@ -181,7 +214,7 @@ impl Walkers {
         self.pieces.extend(pieces);
     }
 
-    /// Eight walkers' pieces of one leg.
+    /// The pieces of eight walkers for one leg.
     #[inline(always)]
     fn pieces<S: Simd>(&self, simd: S, members: &[usize; 8], [leg, legs]: [usize; 2]) -> [f64x8<S>; 5] {
         let mut eight = [[0.0; 8]; 5];
@@ -194,17 +227,17 @@ impl Walkers {
         eight.map(|values| f64x8::from_slice(simd, &values))
     }
 
-    /// Pixels and where their voltages have come to.
+    /// Each walker's pixel and its present voltage.
     pub(super) fn settled(&self) -> impl Iterator<Item = (usize, f64)> {
         self.pixels.iter().copied().zip(self.voltage.iter().copied())
     }
 }
 
-/// A cell of the clock.
+/// One cell of the dyadic clock.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     level: u8,
-    /// ns since the root's start.
+    /// Start of the cell, ns since the root's start.
     start: u32,
 }
 
@@ -213,7 +246,7 @@ impl Node {
         1 << (LEVELS - self.level)
     }
 
-    /// Its ends, ns since the root's start.
+    /// Start and end of the cell, ns since the root's start.
     fn ends(self) -> [f64; 2] {
         [self.start.into(), (self.start + self.length()).into()]
     }
@@ -223,19 +256,21 @@ impl Node {
         [Self { level, ..self }, Self { level, start: self.start + self.length() / 2 }]
     }
 
+    /// Number of the cell among all cells of its level since the first stamp: the cell's part of a
+    /// draw's key.
     fn index(self, root: u64) -> u64 {
         root << self.level | u64::from(self.start >> (LEVELS - self.level))
     }
 }
 
-/// Eight of a list's members, as places in the arrays of [`Walkers`].
+/// Eight members of a list, as indices into the arrays of [`Walkers`].
 #[inline(always)]
 fn places_of(members: &[u64], i: usize) -> [usize; 8] {
     let eight = &members[i..i + 8];
     std::array::from_fn(|lane| eight[lane] as usize)
 }
 
-/// A walk of pixels through a root cell.
+/// The descent of a band's walkers through one root cell.
 #[derive(Debug)]
 pub(super) struct Walk<'a> {
     pub(super) window: &'a Window<'a>,
@@ -244,8 +279,10 @@ pub(super) struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Takes all walkers across the root cell.
+    /// Moves all walkers to the end of the root cell. Breaks where the step has failed.
     pub(super) fn cross<C: Curve, S: Simd>(&mut self, simd: S) -> ControlFlow<()> {
+        // The root's walkers are read while `visit` fills list 0 with the survivors: they move to
+        // their own list.
         let root = Node { level: 0, start: 0 };
         let mut all = std::mem::take(&mut self.walkers.lists[usize::from(LEVELS) + 1]);
         std::mem::swap(&mut all, &mut self.walkers.lists[0]);
@@ -255,8 +292,10 @@ impl Walk<'_> {
         done
     }
 
-    /// Takes walkers across a cell.
+    /// Moves walkers to the end of a cell.
     fn enter<C: Curve, S: Simd>(&mut self, simd: S, node: Node, crowd: &Crowd<'_>) -> ControlFlow<()> {
+        // The recursion itself stays outside `vectorize`: an inlined closure cannot contain a call
+        // to itself.
         simd.vectorize(
             #[inline(always)]
             || {
@@ -267,12 +306,14 @@ impl Walk<'_> {
         self.halve::<C, S>(simd, node)
     }
 
-    /// Splits a cell for the walkers on its level's list, and takes them across its halves.
+    /// Splits a cell for the walkers on its level's list, and moves them across both halves in
+    /// order of time.
     fn halve<C: Curve, S: Simd>(&mut self, simd: S, node: Node) -> ControlFlow<()> {
         let level = usize::from(node.level);
         if self.walkers.lists[level].len == 0 {
             return ControlFlow::Continue(());
         }
+        // Both halves read this list, and they fill the lists of deeper levels only.
         let mut list = std::mem::take(&mut self.walkers.lists[level]);
         list.pad();
         self.walkers.splits += list.len as u64;
@@ -287,7 +328,8 @@ impl Walk<'_> {
         done
     }
 
-    /// What the halves of a cell need: the middle of a Brownian motion between known ends is normal around their mean.
+    /// Draws the middle of the cell: between known ends, a Brownian motion is normal around their
+    /// mean, with a quarter of the cell's length as its variance.
     #[inline(always)]
     fn split<C: Curve, S: Simd>(&self, simd: S, node: Node, list: &mut List) {
         let Self { window, walkers, .. } = self;
@@ -302,6 +344,8 @@ impl Walk<'_> {
             store(eight::uniform(draw), &mut list.half, i);
         }
         eight::normals(simd, &mut list.half[..end]);
+        // Two passes over the list: the transcendental `normals` runs faster over one long array
+        // than eight at a time.
         let deviation = 0.5 * f64::from(node.length()).sqrt();
         let middle = f64::from(node.start + node.length() / 2);
         let at = window.leg_at(middle);
@@ -316,7 +360,8 @@ impl Walk<'_> {
         }
     }
 
-    /// Moves walkers across a cell that no barrier is within reach of; lists the others, by what is to be done.
+    /// Moves each walker to the end of the cell if no barrier is within its reach. The others are
+    /// put on the list of leaves or on the list of the cells to split.
     #[inline(always)]
     fn visit<C: Curve, S: Simd>(&mut self, simd: S, node: Node, crowd: &Crowd<'_>) {
         let level = usize::from(node.level);
@@ -344,7 +389,9 @@ impl Walk<'_> {
             }
             let mut leaf = 0;
             if node.length() <= LEAF {
-                // No curve strays farther from its chord than 2.03 times what its curvature allows a parabola.
+                // A parabola with this curvature strays by `straying`, and no curve here strays by
+                // more than 2.03 times that. So this bound decides most lanes without the exact
+                // distance, which costs an exponential each.
                 let sure = if knots.is_empty() { bits((straying * 2.1).simd_le(STRAIGHT)) } else { 0 };
                 leaf = live & known & sure;
                 leaf |= self.leaves::<C>(node, &members, live & known & !sure);
@@ -357,7 +404,7 @@ impl Walk<'_> {
         self.walkers.leaves = leaves;
     }
 
-    /// Barriers of eight walkers.
+    /// The barriers of eight walkers.
     #[inline(always)]
     fn barriers<S: Simd>(&self, simd: S, members: &[usize; 8]) -> Wide<S> {
         let Self { window, walkers, writer } = self;
@@ -372,14 +419,15 @@ impl Walk<'_> {
         }
     }
 
-    /// Legs of the window that begin inside a cell.
+    /// The legs of the window that begin strictly inside the cell: the drift may bend at their
+    /// stamps.
     fn knots(&self, node: Node) -> Range<usize> {
         let [a, b] = node.ends();
         let before = |t: f64| self.window.legs.partition_point(|leg| leg.stamp < t);
         before(a.next_up())..before(b)
     }
 
-    /// The largest distance of the drift from its chord in a cell at the stamps inside.
+    /// The largest distance of the drift from its chord at the stamps inside the cell.
     #[inline(always)]
     fn knots_of<S: Simd>(
         &self,
@@ -402,9 +450,10 @@ impl Walk<'_> {
         farthest
     }
 
-    /// Those of eight walkers for whom a short cell is a leaf: in which the drift is straight.
+    /// The lanes for which a short cell is a leaf because the drift in it is straight.
     #[inline(always)]
     fn leaves<C: Curve>(&self, node: Node, members: &[usize; 8], live: u64) -> u64 {
+        // A cell of one nanosecond is always a leaf: times are not resolved below it.
         if node.level == LEVELS {
             return live;
         }
@@ -415,8 +464,8 @@ impl Walk<'_> {
         leaf
     }
 
-    /// A bound on the distance of a walker's drift from its chord in a cell: the largest at the stamps inside, plus what
-    /// a piece can stray from its own chord.
+    /// A bound on the distance between a walker's drift and its chord in a cell: the largest
+    /// distance at the stamps inside, plus the largest distance of a piece from its own chord.
     fn straying<C: Curve>(&self, node: Node, member: usize) -> f64 {
         let [a, b] = node.ends();
         let legs = &self.window.legs;
@@ -439,7 +488,7 @@ impl Walk<'_> {
         (first + 1..=last).map(stray).fold(0.0, f64::max) + (first..=last).map(bulge).fold(0.0, f64::max)
     }
 
-    /// Takes walkers across a leaf. Their first draws are made together.
+    /// Moves walkers across a leaf, and writes their events.
     #[inline(always)]
     fn cross_leaves<S: Simd>(&mut self, simd: S, node: Node) -> ControlFlow<()> {
         let Self { window, walkers, writer } = self;
@@ -452,6 +501,8 @@ impl Walk<'_> {
         for i in (0..walkers.leaves.len).step_by(8) {
             let list = &walkers.leaves;
             let seats = u64x8::from_fn(simd, |lane| walkers.seats[list.members[i + lane] as usize]);
+            // Most walkers need at most four draws here. Eight lanes make them at once; the rare
+            // fifth is made alone.
             let [first, second] = [cells.pair(seats, 0), cells.pair(seats, 1)];
             for lane in 0..8.min(list.len - i) {
                 let member = list.members[i + lane] as usize;

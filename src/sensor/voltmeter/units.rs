@@ -1,4 +1,4 @@
-//! The units that a literal `k` is given in, and the one system that the program computes in.
+//! The units of a literal `k`, and the one unit system in which the program computes.
 //!
 //! The official system is that of the published program: microseconds and grey 0..255. There k1 is a pure number, k2 in
 //! grey, k3 in grey^.5/us^.5, k4 in 1/us, k5 in 1/(grey us), k6 in 1/us^.5.
@@ -28,7 +28,7 @@ pub enum TimeUnit {
 }
 
 impl TimeUnit {
-    /// One microsecond in this unit.
+    /// The number of microseconds in this unit.
     #[must_use]
     pub fn of_a_microsecond(self) -> f64 {
         match self {
@@ -39,7 +39,7 @@ impl TimeUnit {
     }
 }
 
-/// The brightness that white has; `255` or `1` in a recipe.
+/// The brightness of white; `255` or `1` in a recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u32", into = "u32")]
 pub enum Brightness {
@@ -50,7 +50,7 @@ pub enum Brightness {
 }
 
 impl Brightness {
-    /// Greys of 0..255 in one unit of this scale.
+    /// The number of greys of 0..255 in one unit of this scale.
     #[must_use]
     pub fn greys(self) -> f64 {
         match self {
@@ -60,7 +60,7 @@ impl Brightness {
     }
 }
 
-/// A brightness of white that is neither 255 nor 1.
+/// The error for a brightness of white other than 255 or 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("brightness {0} is neither 255 nor 1")]
 pub struct BrightnessError(u32);
@@ -90,8 +90,8 @@ impl Units {
     /// The units of the published program.
     pub const OFFICIAL: Self = Self { time: TimeUnit::Us, brightness: Brightness::Grey255 };
 
-    /// `k` of these units in the official ones: the same process, so every increment of the drift and of the noise's
-    /// standard deviation stays what it is.
+    /// Converts `k` from these units to the official ones. The process stays the same: every
+    /// increment of the drift and of the noise's standard deviation is unchanged.
     #[must_use]
     pub fn to_official(self, k: [f64; 6]) -> [f64; 6] {
         let (r, g) = (self.time.of_a_microsecond(), self.brightness.greys());
@@ -103,7 +103,8 @@ impl Units {
 mod tests {
     use super::*;
 
-    /// Drift between two brightnesses and standard deviation over a time, in whatever units the arguments share.
+    /// Drift between two brightnesses and standard deviation over a time, in the common units of
+    /// the arguments.
     fn increments([k1, k2, k3, k4, k5, k6]: [f64; 6], [a, b]: [f64; 2], time: f64) -> [f64; 2] {
         let drift = k1 * ((b + k2) / (a + k2)).ln() + (k4 + k5 * a) * time;
         [drift, (k3 * a.sqrt() / (a + k2) + k6) * time.sqrt()]

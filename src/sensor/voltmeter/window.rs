@@ -5,46 +5,48 @@ use super::exact::{Law, Stored};
 use super::tree::LEVELS;
 use std::ops::Range;
 
-/// One window of time.
+/// One window of time, with the frames and legs that it crosses.
 #[derive(Debug)]
 pub(super) struct Window<'a> {
     pub(super) law: &'a Law,
     pub(super) frames: Vec<&'a Stored>,
-    /// In order of time; the first begins at or before the window's start, the last ends at or after its end.
+    /// The legs in order of time. The first begins at or before the window's start; the last ends
+    /// at or after its end.
     pub(super) legs: Vec<Leg>,
-    /// Frames whose brightness the legs' curves go by.
+    /// Indices of the frames that the legs' curves depend on.
     pub(super) knots: Range<usize>,
-    /// The leg that holds the middle, the later one at a stamp, and the time since its start.
+    /// The leg that contains the window's middle (the later one at a stamp), and the time since the
+    /// leg's start.
     pub(super) middle: (usize, f64),
-    /// Longest part of a leg in the window, ns.
+    /// Length of the longest part of a leg in the window, ns.
     pub(super) widest: f64,
-    /// ns since the first stamp.
+    /// Start of the window, ns since the first stamp.
     pub(super) start: i64,
-    /// ns between the microsecond that the window begins in and its start.
+    /// Time from the last full microsecond before the window to its start, ns.
     pub(super) into_microsecond: u64,
-    /// ns
+    /// Length of the window, ns.
     pub(super) length: f64,
-    /// Later events, in ns since `start`, are dropped.
+    /// Events after this time, ns since `start`, are dropped.
     pub(super) last: f64,
 }
 
-/// The way from a frame to the next, or on after the last.
+/// The stretch from one frame to the next, or beyond the last frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Leg {
     /// Position of the earlier frame among those that are kept.
     pub(super) frame: usize,
-    /// Its stamp, ns since the window's start.
+    /// Stamp of the earlier frame, ns since the window's start.
     pub(super) stamp: f64,
-    /// One over the time to the next frame; 0 after the last.
+    /// Inverse of the time to the next frame, per ns; 0 after the last frame.
     pub(super) inverse: f64,
-    /// What of it lies in the window, ns since the window's start.
+    /// Start of the part inside the window, ns since the window's start.
     pub(super) from: f64,
-    /// Its end.
+    /// End of the part inside the window, ns since the window's start.
     pub(super) to: f64,
 }
 
 impl<'a> Window<'a> {
-    /// The window from `start` to `end`, in ns, which the first frame does not follow.
+    /// The window from `start` to `end`, in ns. It does not begin before the first frame.
     pub(super) fn new(law: &'a Law, frames: Vec<&'a Stored>, [start, end]: [i64; 2], last: i64) -> Self {
         let since_start = |t: i64| (t - start) as f64;
         let before = |t: i64| frames.partition_point(|frame| frame.t <= t) - 1;
@@ -84,7 +86,7 @@ impl<'a> Window<'a> {
         }
     }
 
-    /// The leg that holds `t`, ns since the window's start; at a stamp, the later one.
+    /// The leg that contains `t`, ns since the window's start; at a stamp, the later leg.
     pub(super) fn leg_at(&self, t: f64) -> usize {
         self.legs.iter().position(|leg| t < leg.to).unwrap_or(self.legs.len() - 1)
     }

@@ -1,4 +1,4 @@
-//! Counts a pixel's events and writes them down.
+//! Counts and stores the events of pixels.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -13,19 +13,19 @@ use crate::sensor::window::Packed;
 use crate::sensor::{Account, SensorError};
 use std::ops::ControlFlow;
 
-/// What one pixel's events were.
+/// The event counts of one pixel.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Tally {
     on: u32,
     off: u32,
-    /// Number of the frame that precedes the latest event, and the events that followed it.
+    /// Index of the frame before the latest event, and the number of events since that frame.
     frame: u32,
     since: u32,
 }
 
 impl Tally {
-    /// Adds a pixel to the account. What its events have taken from the voltage differs from its drift over the run by
-    /// noise and by the voltages at the ends; `bound` says by how much at most (O1).
+    /// Adds a pixel to the account. Events times thresholds differ from the drift over the run by
+    /// noise and by the voltages at both ends; `bound` is the largest difference that is accepted.
     pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut Account) {
         account.on += u64::from(self.on);
         account.off += u64::from(self.off);
@@ -36,7 +36,7 @@ impl Tally {
         account.drift_violations += u64::from(share > 1.0);
     }
 
-    /// Counts an event; how many there have been since the frame before it.
+    /// Counts an event, and returns the number of events since the frame before it.
     fn count(&mut self, polarity: Polarity, frame: u32) -> u32 {
         match polarity {
             Polarity::On => self.on += 1,
@@ -48,23 +48,24 @@ impl Tally {
     }
 }
 
-/// Writes down the events of a band's pixels.
+/// Stores the events of a band's pixels.
 #[derive(Debug)]
 pub(super) struct Writer<'a> {
     pub(super) window: &'a Window<'a>,
-    /// Number of the band's first pixel.
+    /// Index of the band's first pixel.
     pub(super) first: usize,
     pub(super) tally: &'a mut [Tally],
     pub(super) events: &'a mut Vec<Packed>,
-    /// Most events of one pixel between two frames.
+    /// Largest number of events of one pixel between two frames.
     pub(super) most: &'a mut u32,
     pub(super) capped: &'a mut Option<SensorError>,
-    /// Of each pixel `ln(L + k2)` at its last event, where events are labelled.
+    /// `ln(L + k2)` of each pixel at its last event. Only for labelled events.
     pub(super) logs: Option<&'a mut [f64]>,
 }
 
 impl Writer<'_> {
-    /// Writes down the events of one of the band's pixels, which is at this place on the sensor (`y << 16 | x`).
+    /// A sink for the events of one pixel of the band, at this position on the sensor (`y << 16 |
+    /// x`).
     #[inline(always)]
     pub(super) fn of(&mut self, pixel: usize, seat: u64) -> impl Emit {
         let [left, top] = self.window.law.origin;
@@ -86,7 +87,7 @@ impl Emit for Pen<'_, '_> {
         if t > window.last {
             return ControlFlow::Continue(());
         }
-        // An event at a stamp belongs to the frames before it.
+        // An event exactly at a stamp belongs to the interval before it.
         let legs = &window.legs;
         let leg = &legs[legs.iter().position(|leg| t <= leg.to).unwrap_or(legs.len() - 1)];
         let frame = leg.frame;

@@ -1,8 +1,9 @@
 //! Interval arithmetic: bounds on a value from bounds on its operands, rounded outwards.
 //!
-//! Operations that IEEE 754 rounds correctly (`+ - * / sqrt`) are widened by one unit in the last place on either
-//! side; `libm`'s functions, whose error is under one unit, by four. Bounds therefore hold for the
-//! real value (of the expression in the doubles nearest its constants) and for the value that `f64` evaluation gives.
+//! Operations that IEEE 754 rounds correctly (`+ - * / sqrt`) are widened by one unit in the last
+//! place on both sides; `libm`'s functions, with errors under one unit, by four. The bounds
+//! therefore hold for the real value (of the expression in the doubles nearest its constants) and
+//! for the value that `f64` evaluation gives.
 
 use super::{Binary, Function};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -14,11 +15,11 @@ pub(super) struct Interval {
     pub(super) high: f64,
 }
 
-/// Units in the last place that `libm`'s results are widened by.
+/// Number of units in the last place by which `libm`'s results are widened.
 const LIBM_ULPS: u32 = 4;
-/// Arguments of sine, cosine and tangent beyond which an extremum cannot be placed to 1e-6.
+/// Largest argument of sine, cosine and tangent. Beyond it, an extremum cannot be located to 1e-6.
 const LARGEST_ANGLE: f64 = 1e9;
-/// Margin around extrema, relative to 1 + the argument: covers the roundings of a multiple of pi.
+/// Margin around extrema, relative to 1 + the argument. It covers the rounding of a multiple of pi.
 const ANGLE_MARGIN: f64 = 1e-14;
 
 impl Interval {
@@ -26,7 +27,7 @@ impl Interval {
         Self { low: value, high: value }
     }
 
-    /// The hull of `values`, widened by `ulps` on either side; `None` where a bound is infinite or NaN.
+    /// The hull of `values`, widened by `ulps` on both sides; `None` if a bound is infinite or NaN.
     fn hull(values: &[f64], ulps: u32) -> Option<Self> {
         if !values.iter().all(|v| v.is_finite()) {
             return None;
@@ -44,7 +45,7 @@ impl Interval {
         Self { low: -self.high, high: -self.low }
     }
 
-    /// Bounds of `op`, `None` where the result need not be defined or has no finite bounds.
+    /// Bounds of `op`; `None` if the result may be undefined or has no finite bounds.
     pub(super) fn binary(op: Binary, a: Self, b: Self) -> Option<Self> {
         let corners =
             |f: fn(f64, f64) -> f64| [f(a.low, b.low), f(a.low, b.high), f(a.high, b.low), f(a.high, b.high)];
@@ -54,7 +55,7 @@ impl Interval {
             Binary::Multiply => Self::hull(&corners(|x, y| x * y), 1),
             Binary::Divide if b.low <= 0.0 && b.high >= 0.0 => None,
             Binary::Divide => Self::hull(&corners(|x, y| x / y), 1),
-            // On a positive base the power is monotone in base and exponent, whichever way.
+            // On a positive base, the power is monotonic in base and exponent, rising or falling.
             Binary::Power if a.low > 0.0 || (a.low >= 0.0 && b.low > 0.0) => {
                 Self::hull(&corners(libm::pow), LIBM_ULPS)
             }
@@ -64,7 +65,7 @@ impl Interval {
         }
     }
 
-    /// Bounds of the power with a constant whole exponent, whose base may have any sign.
+    /// Bounds of a power with a constant integer exponent. The base may have any sign.
     pub(super) fn whole_power(self, exponent: f64) -> Option<Self> {
         let ends = [libm::pow(self.low, exponent), libm::pow(self.high, exponent)];
         let holds_zero = self.low <= 0.0 && self.high >= 0.0;
@@ -79,7 +80,7 @@ impl Interval {
         }
     }
 
-    /// Bounds of a function, `None` where it need not be defined or has no finite bounds.
+    /// Bounds of a function; `None` if it may be undefined or has no finite bounds.
     pub(super) fn call(f: Function, a: Self) -> Option<Self> {
         let ends = |f: fn(f64) -> f64, ulps| Self::hull(&[f(a.low), f(a.high)], ulps);
         match f {
@@ -99,7 +100,7 @@ impl Interval {
         }
     }
 
-    /// Sine or cosine, whose maxima lie at `crest` plus whole turns.
+    /// Bounds of a sine or cosine with maxima at `crest` plus whole turns.
     fn wave(self, f: fn(f64) -> f64, crest: f64) -> Option<Self> {
         let mut bounds = Self::hull(&[f(self.low), f(self.high)], LIBM_ULPS)?;
         if self.holds(crest, TAU) {
@@ -111,7 +112,7 @@ impl Interval {
         Some(Self { low: bounds.low.max(-1.0), high: bounds.high.min(1.0) })
     }
 
-    /// Whether `phase + k * period` may lie inside for some whole `k`.
+    /// Whether `phase + k * period` may lie inside for some integer `k`.
     fn holds(self, phase: f64, period: f64) -> bool {
         let largest = self.low.abs().max(self.high.abs());
         if largest > LARGEST_ANGLE {
@@ -119,7 +120,7 @@ impl Interval {
         }
         let margin = ANGLE_MARGIN * (1.0 + largest);
         let next = ((self.low - margin - phase) / period).ceil() * period + phase;
-        // One period earlier as well: the quotient may have rounded up past a whole number.
+        // The previous period is tested as well: the quotient may have rounded up past an integer.
         next <= self.high + margin || next - period >= self.low - margin
     }
 }
@@ -154,7 +155,7 @@ mod tests {
             .prop_map(|(low, width, a, b)| Interval { low: low * a, high: low * a + width * b })
     }
 
-    /// Inside `bounds`, if there are any; without bounds nothing is claimed.
+    /// The value lies within `bounds`, if there are any. Without bounds, nothing is claimed.
     fn check(bounds: Option<Interval>, value: f64) -> Result<(), TestCaseError> {
         if let Some(b) = bounds {
             prop_assert!(b.low <= value && value <= b.high, "{value} outside {b:?}");

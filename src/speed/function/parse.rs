@@ -1,13 +1,14 @@
-//! From text to tree, by recursive descent.
+//! Parser of speed expressions, by recursive descent.
 
 use super::{Binary, ExpressionError, Function, Node};
 
-/// Longest text, bytes.
+/// Maximum length of a text, bytes.
 const LONGEST: usize = 1000;
-/// Deepest nesting of operators and parentheses: bounds the stack of the parser and of every walk over the tree.
+/// Maximum nesting of operators and parentheses. It bounds the stack of the parser and of every
+/// walk over the tree.
 const DEEPEST: usize = 100;
 
-/// The tree of `text`.
+/// Parses `text` into a tree.
 pub(super) fn parse(text: &str) -> Result<Node, ExpressionError> {
     if text.len() > LONGEST {
         return Err(ExpressionError::TooLong { bytes: text.len(), limit: LONGEST });
@@ -30,7 +31,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    /// The next character that is no space, and its place in `at`.
+    /// The next character that is not a space; its place is in `at`.
     fn peek(&mut self) -> Option<char> {
         let rest = &self.text[self.at..];
         self.at += rest.len() - rest.trim_start().len();
@@ -89,7 +90,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Every way down to nested text leads through here, so that this is where depth is counted.
+    /// Every path to nested text leads through this function, so depth is counted here.
     fn sign(&mut self) -> Result<Tall, ExpressionError> {
         self.depth += 1;
         if self.depth > DEEPEST {
@@ -134,7 +135,8 @@ impl Parser<'_> {
         if self.takes(")") { Ok(()) } else { Err(self.unexpected(expected)) }
     }
 
-    /// Digits, a point and digits, and an exponent where a digit follows the `e` (`2e` is 2 and the number e).
+    /// Digits, a point and digits, and an exponent only if a digit follows the `e` (`2e` is 2 times
+    /// the number e).
     fn number(&mut self) -> Result<f64, ExpressionError> {
         let rest = &self.text[self.at..];
         let digits = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();

@@ -1,17 +1,20 @@
-//! Positivity over [0, 1], proved: interval bounds on halves of halves of [0, 1], down to a width of 2^-16.
+//! Proof of positivity over [0, 1]: interval bounds on repeated halves of [0, 1], down to a width
+//! of 2^-16.
 //!
-//! A law that is sampled instead passes or fails by the number of poses. What cannot be proved is refused: a law that
-//! touches zero, or whose bounds are wider than it is (the same `t` in opposing places).
+//! A law that is only sampled passes or fails depending on the number of poses. A law that cannot
+//! be proved positive is refused: one that touches zero, or one with bounds wider than its value
+//! (the same `t` in opposing places).
 
 use super::interval::Interval;
 use super::{Binary, ExpressionError, Node};
 
-/// Halvings of [0, 1], at most.
+/// Maximum number of halvings of [0, 1].
 const DEPTH: u32 = 16;
-/// Cells of the grid on which a counterexample is looked for, after the proof has failed.
+/// Number of cells of the grid on which a counterexample is searched after the proof has failed.
 const GRID: u32 = 1024;
 
-/// Proves the value of `node` positive and finite for all t in [0, 1], leftmost trouble first.
+/// Proves that the value of `node` is positive and finite for all t in [0, 1]. Reports the leftmost
+/// failure.
 pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
     let mut open = vec![(0.0, 1.0, 0)];
     while let Some((from, to, depth)) = open.pop() {
@@ -22,7 +25,7 @@ pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
         if depth == DEPTH || bounds.is_some_and(|b| b.high <= 0.0) {
             return Err(explain(node, from, to, bounds));
         }
-        // Bounds are dyadic, so that halving is exact.
+        // Bounds are dyadic, so halving is exact.
         let middle = f64::midpoint(from, to);
         open.push((middle, to, depth + 1));
         open.push((from, middle, depth + 1));
@@ -30,8 +33,8 @@ pub(super) fn prove_positive(node: &Node) -> Result<(), ExpressionError> {
     Ok(())
 }
 
-/// What is wrong around `[from, to]`, which could not be proved: a `t` where the law fails, there or anywhere on a
-/// grid, or the lack of one.
+/// The error for `[from, to]`, where the proof failed: a `t` at which the law fails, there or
+/// anywhere on a grid, or the lack of a proof.
 fn explain(node: &Node, from: f64, to: f64, bounds: Option<Interval>) -> ExpressionError {
     let here = [from, f64::midpoint(from, to), to].map(|t| (t, from, to));
     let grid = (0..=GRID).map(|k| {
@@ -55,7 +58,7 @@ fn explain(node: &Node, from: f64, to: f64, bounds: Option<Interval>) -> Express
 }
 
 impl Node {
-    /// Bounds of the value over all `t` in an interval.
+    /// Bounds of the value for all `t` in an interval.
     fn bounds(&self, t: Interval) -> Option<Interval> {
         match self {
             Self::T => Some(t),
@@ -75,7 +78,7 @@ impl Node {
         }
     }
 
-    /// The value of a literal whole number, signed or not.
+    /// The value of a literal integer, with or without a sign.
     fn whole_number(&self) -> Option<f64> {
         match self {
             Self::Number(value) => (value.fract() == 0.0 && *value < 1e15).then_some(*value),

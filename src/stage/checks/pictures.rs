@@ -1,4 +1,4 @@
-//! Pictures of what passes saw, where a picture tells more than a number.
+//! Pictures for passes whose result is easier to see than to read.
 
 use crate::check::Tally;
 use crate::image::{Image, Size, png};
@@ -6,12 +6,12 @@ use crate::stage::{Context, StageError};
 use std::fs::File;
 use std::io::BufWriter;
 
-/// Residuals from here on are impossible, in thresholds: they are shown in another colour.
+/// Residual in thresholds from which on it is impossible, and shown in another colour.
 const IMPOSSIBLE: f32 = 1.1;
-/// Pixels across a picture at most.
+/// Maximum width of a picture, px.
 const WIDEST: u32 = 320;
 
-/// Writes the pictures of a stream; `name` is its suffix, empty where it is the only one.
+/// Writes the pictures of a stream. `name` is its suffix; empty for the only stream.
 pub(super) fn write(name: &str, tally: &Tally, cx: &Context<'_>) -> Result<(), StageError> {
     let prefix = name.strip_prefix('/').map_or_else(String::new, |name| format!("{name}."));
     let save = |check: &str, image: &Image<[u8; 3]>| {
@@ -28,7 +28,8 @@ pub(super) fn write(name: &str, tally: &Tally, cx: &Context<'_>) -> Result<(), S
     Ok(())
 }
 
-/// What is left of each pixel's drift: brighter than its events say is red, darker is blue, impossible is yellow.
+/// The residual drift of each pixel. Red: brighter than its events say; blue: darker; yellow:
+/// impossible.
 fn residuals(size: Size, residuals: &[f32]) -> Image<[u8; 3]> {
     let colour = |left: f32| match left {
         left if left.abs() > IMPOSSIBLE || left.is_nan() => [255.0, 220.0, 0.0],
@@ -36,14 +37,14 @@ fn residuals(size: Size, residuals: &[f32]) -> Image<[u8; 3]> {
         left => [255.0 * (1.0 + left), 255.0 * (1.0 + left), 255.0],
     };
     let step = step(size);
-    // The worst of each block, so that a single bad pixel is seen.
+    // The worst pixel of each block, so that a single bad pixel is visible.
     shrink(size, step, |block| {
         let worst = block.map(|i| residuals[i]).fold(0.0f32, |a, b| if b.abs() > a.abs() { b } else { a });
         colour(worst)
     })
 }
 
-/// Counts on a scale from white, none, to black, what all but one in a thousand have.
+/// Counts from white (none) to black (the count that all but one in a thousand do not exceed).
 fn counts(size: Size, counts: &[u16]) -> Image<[u8; 3]> {
     let mut sorted = counts.to_vec();
     let at = counts.len() - 1 - counts.len() / 1000;
@@ -59,7 +60,7 @@ fn step(size: Size) -> u32 {
     size.width.div_ceil(WIDEST).max(1)
 }
 
-/// One pixel for each block of `step` by `step`.
+/// One pixel per block of `step` by `step`.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "values from 0 to 255")]
 fn shrink(
     size: Size,
@@ -78,7 +79,7 @@ fn shrink(
     Image::from_vec(small, pixels.collect())
 }
 
-/// Two images of one size next to each other, with a line between.
+/// Two images of one size next to each other, with a line between them.
 fn beside([left, right]: &[Image<[u8; 3]>; 2]) -> Image<[u8; 3]> {
     let Size { width, height } = left.size();
     let rows = left.pixels().chunks(width as usize).zip(right.pixels().chunks(width as usize));

@@ -1,5 +1,4 @@
-//! A few intervals of a stream at twice the frames: what the frames between would have changed (numerics.md section 9,
-//! pass 14).
+//! Some intervals of a stream with twice the frames, to measure the effect of frames in between.
 
 use super::Simulating;
 use crate::camera::Camera;
@@ -15,12 +14,13 @@ use crate::sensor::{Model, Sensor, SensorError};
 use crate::stage::{Context, StageError};
 use crate::units::Timestamp;
 
-/// Intervals that are tried.
+/// Number of intervals.
 const INTERVALS: usize = 4;
-/// Of so many rows one is looked at: where a picture moves fast there are many events in few intervals.
+/// One row in this many is compared: where the image moves fast, there are many events in few
+/// intervals.
 const ROWS: u16 = 4;
 
-/// The events of the rows that are looked at.
+/// The events of the compared rows.
 #[derive(Default)]
 struct Rows(Vec<Event>);
 
@@ -32,8 +32,8 @@ impl EventSink for Rows {
 }
 
 impl Simulating {
-    /// What each sensor makes of the middle of the sequence, at its frames and at twice as many; `None` for a sensor whose
-    /// noise goes by frames, or that sees colour.
+    /// The events of each sensor in the middle of the sequence, with its frames and with twice as
+    /// many. `None` for a sensor with noise per frame, or one that sees colour.
     pub(super) fn resample(
         &self,
         path: &Path,
@@ -93,12 +93,12 @@ impl Simulating {
     }
 }
 
-/// Whether the same noise meets a sensor at any frames, and luminance is all that it sees.
+/// Whether a sensor's noise does not depend on the frames, and it sees luminance only.
 fn is_comparable(sensor: &Sensor) -> bool {
     DriftLaw::of(sensor).is_ok() && !sensor.as_model().front_end().needs_colour()
 }
 
-/// The stamps, and those in the middle between them.
+/// The stamps, and those halfway between them.
 fn doubled(stamps_us: &[i64]) -> Vec<i64> {
     let between = stamps_us.windows(2).flat_map(|w| [w[0], i64::midpoint(w[0], w[1])]);
     let mut all: Vec<i64> = between.chain(stamps_us.last().copied()).collect();

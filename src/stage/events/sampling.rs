@@ -1,4 +1,4 @@
-//! Where frames are: at the poses, or where a tolerance needs them.
+//! Times of the frames: at the poses, or where a tolerance requires them.
 
 use super::Simulating;
 use crate::artifact::{Motion, Stream};
@@ -18,11 +18,11 @@ use crate::stage::{Context, StageError};
 use crate::trajectory::Trajectory;
 use crate::units::amount;
 
-/// Where frames are, and what renders them.
+/// Times of the frames, and their renderer.
 pub(super) struct Sampled {
     pub(super) trajectory: Trajectory,
     pub(super) velocities: Vec<Velocity>,
-    /// `None` of frames at the poses.
+    /// `None` for frames at the poses.
     pub(super) chosen: Option<Chosen>,
     pub(super) renderer: Box<dyn Renderer>,
 }
@@ -90,7 +90,7 @@ impl Simulating {
         Ok(Sampled { trajectory, velocities, chosen: Some(chosen), renderer: scout.into_renderer() })
     }
 
-    /// The same parameters with another brightness between frames.
+    /// The same parameters with another interpolation of brightness.
     pub(super) fn between(&self, between: Between) -> Self {
         let with = |sensor: &Sensor| match sensor {
             Sensor::Voltmeter(sensor) => Sensor::Voltmeter(Voltmeter { between, ..sensor.clone() }),
@@ -104,8 +104,8 @@ impl Simulating {
         }
     }
 
-    /// Says how many events there are, of which frames, and warns of each sensor whose own noise hides what a tolerance asks
-    /// for.
+    /// Reports the numbers of events and frames, and warns of each sensor whose own noise exceeds
+    /// the tolerance.
     pub(super) fn tell(
         &self,
         trajectory: &Trajectory,
@@ -139,7 +139,7 @@ impl Simulating {
         })
     }
 
-    /// What would make jumps smaller.
+    /// A suggestion to reduce jumps.
     fn advice(&self) -> &'static str {
         match (self.render.rules, self.render.order) {
             (Rules::Soft, Layering::Blended) => "",

@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Parameters: the program, and how it is given the capture.
+/// Parameters: the program, and the form in which it gets the capture.
 #[derive(Debug, Serialize)]
 pub struct Training {
     /// The program.
@@ -21,10 +21,10 @@ pub struct Training {
     command: Command,
     /// See [`LAYOUT`].
     layout: u32,
-    /// Where its photos and points are.
+    /// Location of its photos and points.
     #[serde(skip)]
     source: Capturing,
-    /// How the scene is rendered when it is held against its photos.
+    /// Rendering for the comparison with the photos.
     #[serde(skip)]
     render: RenderChoice,
 }
@@ -72,7 +72,7 @@ impl Training {
             Desk { folder: &folder, log: &log, goes_on: &|| !cx.is_cancelled(), programs: &cx.programs };
         let trained = self.command.train(capture, &files, desk);
         let Trained { gaussians, without_photo } = trained.map_err(failure)?;
-        // Nothing of it is a part of the product.
+        // Nothing in this folder is part of the product.
         std::fs::remove_dir_all(&folder).map_err(StageError::io(&folder))?;
         let gaussians = Arc::new(gaussians);
         self.hold(capture, &gaussians, cx)?;
@@ -83,8 +83,8 @@ impl Training {
         Ok(Arc::unwrap_or_clone(gaussians))
     }
 
-    /// Holds the scene against the photos of the views that trainers hold out by convention, on the CPU: what is kept must
-    /// not depend on the machine.
+    /// Compares the scene with the photos of the views that trainers hold out by convention. It
+    /// renders on the CPU, because the decision to keep a scene must not depend on the machine.
     fn hold(
         &self,
         capture: &Capture,
@@ -100,7 +100,7 @@ impl Training {
     }
 }
 
-/// Whether the capture holds all that a file of a source says.
+/// Whether the capture contains everything that a file of a source says.
 fn holds_poses(file: &Path) -> bool {
     let is = |name: &str| file.file_name().is_some_and(|found| found == name);
     let is_json = file.extension().is_some_and(|extension| extension == "json");

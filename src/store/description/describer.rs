@@ -1,11 +1,11 @@
-//! The walk over parameters: a serde serializer that makes a [`Value`].
+//! A serde serializer that makes a [`Value`] from parameters.
 
 use super::Value;
 use serde::ser::{self, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Why a value cannot be described.
+/// The reason why a value cannot be described.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(super) struct Undescribable(String);
@@ -16,7 +16,7 @@ impl ser::Error for Undescribable {
     }
 }
 
-/// `None` is an absent field.
+/// `None` means an absent field.
 type Described = Result<Option<Value>, Undescribable>;
 
 pub(super) struct Describer;
@@ -25,7 +25,7 @@ fn real(v: f64) -> Described {
     if !v.is_finite() {
         return Err(Undescribable(format!("{v} has no place in a key")));
     }
-    // Adding +0 turns -0 into +0 and changes nothing else.
+    // Adding +0 turns -0 into +0, and changes nothing else.
     Ok(Some(Value::Real(v + 0.0)))
 }
 

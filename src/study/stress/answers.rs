@@ -1,21 +1,21 @@
-//! The answers that were computed beforehand, with 120 digits.
+//! Answers that were computed in advance with 120 digits.
 
-/// `answers.py` writes it.
+/// Written by `answers.py`.
 const TABLE: &str = include_str!("answers.txt");
 
-/// What is known of one point.
+/// One point of a table of answers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
-    /// What the program is given.
+    /// Input of the program.
     pub given: Vec<f64>,
-    /// What it should answer.
+    /// Correct output.
     pub wanted: Vec<f64>,
 }
 
 /// The answers of this name.
 ///
 /// # Panics
-/// Where there are none: the table is a part of the program.
+/// There are none: the table is part of the program.
 #[must_use]
 pub fn answers(name: &str) -> Vec<Answer> {
     let numbers = |text: &str| -> Vec<f64> {

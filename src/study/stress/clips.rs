@@ -1,4 +1,4 @@
-//! Clips in plain terms, and what a sensor makes of them.
+//! Short synthetic clips, and the events of a sensor for them.
 
 pub use crate::seed::ks::scaled_distance as ks;
 
@@ -9,10 +9,10 @@ use crate::seed::Seed;
 use crate::sensor::{Account, Model, simulate};
 use std::ops::ControlFlow;
 
-/// Frames of this luminance, 0..255, by column, row and time in us.
+/// Frames with this luminance, 0..255, as a function of column, row and time in us.
 ///
 /// # Panics
-/// Where stamps do not increase.
+/// Stamps do not increase.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "frames hold 32 bits")]
 pub fn clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f64) -> ArrayFrames {
@@ -26,10 +26,10 @@ pub fn clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> 
         .expect("stamps increase, and there is a sample a pixel")
 }
 
-/// Shows a clip to a sensor, from its beginning.
+/// Simulates a sensor on a clip, from the beginning.
 ///
 /// # Panics
-/// Where the sensor refuses it: clips and sensors of cases are sound.
+/// The sensor refuses the clip. Clips and sensors of cases are valid.
 #[must_use]
 pub fn run(sensor: &dyn Model, frames: &ArrayFrames, seed: u64) -> (Vec<Event>, Account) {
     let (mut events, mut frames) = (Vec::new(), frames.clone());
@@ -49,7 +49,7 @@ pub fn by_pixel(size: Size, events: &[Event]) -> Vec<Train> {
         pixels[usize::from(event.y) * size.width as usize + usize::from(event.x)]
             .push((event.t.0, event.polarity));
     }
-    // Within a microsecond a stream is ordered by pixel and polarity.
+    // Within a microsecond, a stream is ordered by pixel and polarity.
     pixels.iter_mut().for_each(|events: &mut Train| events.sort_by_key(|event| event.0));
     pixels
 }

@@ -1,5 +1,5 @@
-//! Time: where it begins, how far apart stamps may be, how much fits into a microsecond; and that nothing but the signal
-//! decides on events: no frame rate, no thread, no neighbour.
+//! Time: its origin, the range of intervals, the capacity of a microsecond; and invariance of
+//! events under frame rate, threads and neighbouring pixels.
 
 mod sameness;
 
@@ -11,7 +11,7 @@ use crate::image::Size;
 use crate::sensor::voltmeter::Voltmeter;
 use crate::units::Timestamp;
 
-/// Every case of time.
+/// All cases of time.
 #[must_use]
 pub fn cases<'a>() -> Vec<Case<'a>> {
     let case = |words, run: fn() -> Found| Case::new(Area::Clock, words, run);
@@ -38,10 +38,10 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
     all
 }
 
-/// First stamps of a sequence, us.
+/// First stamps of sequences, us.
 const FIRST: [i64; 6] = [0, 16_800_000, 1 << 31, 1_000_000_000_000_000, -5, -3_000_000_000];
 
-/// The stamp in a file, us, of an event so long after the first stamp, ns.
+/// The stamp in a file, us, of an event at this time after the first stamp, ns.
 #[must_use]
 pub fn absolute(clock: impl Fn(i64, i64) -> Option<i64>) -> Found {
     let mut worst = Worst::default();
@@ -59,7 +59,8 @@ const PIXEL: Size = Size { width: 1, height: 1 };
 /// Times of events are whole nanoseconds.
 const LIMIT_NS: f64 = 1.0;
 
-/// A sensor of this gain over `ln(L + 16)`, of this leak a us, without noise and with next to none: the programs differ.
+/// A sensor with this gain over `ln(L + 16)` and this leak per us, without noise or with almost
+/// none: the two use different code.
 fn sensors(gain: f64, leak: f64) -> [(&'static str, Voltmeter); 2] {
     [("no noise", 0.0), ("faint noise", 1e-150)].map(|(name, sigma)| {
         let k = [gain, 16.0, 0.0, leak, 0.0, sigma];
@@ -67,7 +68,7 @@ fn sensors(gain: f64, leak: f64) -> [(&'static str, Voltmeter); 2] {
     })
 }
 
-/// Holds the events of one pixel in a clip of this length against even times, `every_ns` apart.
+/// Compares the events of one pixel in a clip of this length with even times, `every_ns` apart.
 fn hold(worst: &mut Worst, events: &[Event], [length_ns, every_ns]: [f64; 2], what: &str) {
     let unsorted = events.windows(2).filter(|w| w[1].file_order() < w[0].file_order()).count();
     worst.see(Point::count(unsorted as u64, 0), || format!("{what}: out of order"));
@@ -80,7 +81,7 @@ fn hold(worst: &mut Worst, events: &[Event], [length_ns, every_ns]: [f64; 2], wh
     }
 }
 
-/// Each frame doubles `L + 16`, which 32 bits hold exactly.
+/// Each frame doubles `L + 16`, which 32 bits represent exactly.
 fn microseconds() -> Found {
     const OCTAVES: i64 = 15;
     const GAIN: f64 = 100.0;

@@ -1,4 +1,4 @@
-//! The law of the sensor: probabilities to the last digits, laws of times, bursts, and units.
+//! The law of the sensor: exact probabilities, laws of times, bursts, and units.
 
 mod bursts;
 pub mod interval_law;
@@ -12,7 +12,7 @@ use crate::sensor::statistics::Renewal;
 use crate::sensor::voltmeter::units::{Brightness, TimeUnit, Units};
 use crate::sensor::voltmeter::{self, Voltmeter};
 
-/// Every case of the sensor.
+/// All cases of the sensor.
 #[must_use]
 pub fn cases<'a>() -> Vec<Case<'a>> {
     let case = |words, run: fn() -> Found| Case::new(Area::Sensor, words, run);
@@ -30,7 +30,7 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
         case(["first-off-of-sensor", "the same by thresholds, through the whole sensor", "se"], || {
             passages::first_off_of_sensor()
         }),
-        case(["bridge", "both barriers in reach: the three bridges of O11", "se"], || {
+        case(["bridge", "both barriers in reach: three bridges", "se"], || {
             bridge_off(passages::first_of_leaf)
         }),
     ];
@@ -47,8 +47,8 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
     all
 }
 
-/// The probability that a voltage of that drift and of variance 2 leaves through the barrier that far up, not through
-/// the one that far down.
+/// The probability that a voltage with this drift and variance 2 leaves through the upper barrier,
+/// not through the lower one, at these distances.
 #[must_use]
 pub fn polarity(on_share: impl Fn(f64, f64, f64) -> f64) -> Found {
     let mut worst = Worst::default();
@@ -60,11 +60,12 @@ pub fn polarity(on_share: impl Fn(f64, f64, f64) -> f64) -> Found {
     worst.found()
 }
 
-/// The time of the first touch, as a share of a bridge's length, from its ends' distances `a` and `g`, its variance, and
-/// a normal and a uniform draw: both roots of the inverse Gaussian's transform, where `a` and the variance are 1.
+/// The time of the first touch, as a share of a bridge's length, from the distances `a` and `g` of
+/// its ends, its variance, and a normal and a uniform draw. The cases cover both roots of the
+/// inverse Gaussian's transform, with `a` and the variance equal to 1.
 #[must_use]
 pub fn root(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> Found {
-    /// The draw takes the larger root where the smaller is less likely than this.
+    /// The draw takes the larger root if the smaller one is less likely than this.
     const LIKELY: f64 = 0.99;
     let mut worst = Worst::default();
     for Answer { given, wanted } in answers("root") {
@@ -74,7 +75,7 @@ pub fn root(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> Found {
         for (u, share) in [(0.0, smaller)].into_iter().chain(second) {
             let found = touch_time(1.0, phi, 1.0, z, u);
             let point = Point::relative(found, share, 1e-15);
-            // A time that is none is off by more than any share.
+            // An invalid time has an infinite error.
             let point = if found > 0.0 { point } else { Point { error: f64::INFINITY, ..point } };
             worst.see(point, || format!("phi {phi:e}, z {z:e}, u {u}"));
         }
@@ -85,7 +86,7 @@ pub fn root(touch_time: impl Fn(f64, f64, f64, f64, f64) -> f64) -> Found {
 /// The set that the GS2E paper prints without units.
 const PRINTED: [f64; 6] = [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5];
 
-/// The units of a reading, as the table of answers names them.
+/// The units of a reading, by their names in the table of answers.
 fn reading(microsecond: f64, white: f64) -> Units {
     let time = [TimeUnit::Us, TimeUnit::Ms, TimeUnit::S];
     let time = time.into_iter().find(|unit| unit.of_a_microsecond().to_bits() == microsecond.to_bits());
@@ -105,7 +106,7 @@ fn units() -> Found {
     worst.found()
 }
 
-/// Rates of both polarities together. The form that is used where drift hardly counts leaves out a share of 1e-8.
+/// Rates of both polarities together. The form for small drift omits a relative part of 1e-8.
 fn noise() -> Found {
     let mut worst = Worst::default();
     for Answer { given, wanted } in answers("noise") {

@@ -1,4 +1,5 @@
-//! The renderers at the edges of their arithmetic: needles, giants, stacks, ties, what is no number, and whole pictures.
+//! The renderers at the edges of their arithmetic: needles, giants, stacks, ties, values that are
+//! not finite, and whole pictures.
 
 pub mod blobs;
 mod counting;
@@ -16,16 +17,16 @@ use crate::render::{Channels, RenderError, Rendered, Style, View, Work};
 use crate::scene::Gaussians;
 use std::sync::Arc;
 
-/// What cases of the renderers are run with.
+/// The back ends and scenes for the cases of the renderers.
 #[derive(Debug, Default)]
 pub struct Stage {
-    /// The back ends by name, or why one is not there.
+    /// The back ends by name, or the reason why one is absent.
     pub backends: Vec<(&'static str, Result<Backend, NotRun>)>,
-    /// A scene of one's own, beside the embedded one.
+    /// A scene of the user, in addition to the embedded one.
     pub scene: Option<Arc<Gaussians>>,
 }
 
-/// Bits of a back end's numbers.
+/// Precision of a back end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
     /// 32.
@@ -34,7 +35,7 @@ pub enum Precision {
     Double,
 }
 
-/// A renderer as cases use it.
+/// A renderer as used by cases.
 #[derive(Debug, Clone, Copy)]
 struct Player<'a>(&'a Backend);
 
@@ -46,13 +47,13 @@ impl Player<'_> {
         }
     }
 
-    /// Of many scenes as many as this one renders in seconds: a GPU takes a tenth of a second to set one up. Shapes that
-    /// come in fives are met in every direction all the same.
+    /// The number of scenes that this renderer can do in seconds: a GPU takes a tenth of a second
+    /// to set up a scene. Shapes that come in groups of five still occur in every direction.
     fn some<T>(self, all: Vec<T>) -> impl Iterator<Item = T> {
         all.into_iter().step_by(if self.0.takes_gpu() { 3 } else { 1 })
     }
 
-    /// One picture.
+    /// Renders one picture.
     fn picture(
         self,
         scene: &Arc<Gaussians>,
@@ -66,7 +67,7 @@ impl Player<'_> {
     }
 }
 
-/// A GPU may have no room, or be lost; the scenes and views of cases are sound.
+/// A GPU may be out of memory or lost. The scenes and views of cases are valid.
 fn not_run(error: RenderError) -> NotRun {
     match error {
         RenderError::Gpu(error) => NotRun(error.to_string()),
@@ -74,19 +75,19 @@ fn not_run(error: RenderError) -> NotRun {
     }
 }
 
-/// The luminance of every pixel and its rate, by the reference in 64 bits.
+/// Luminance and rate of every pixel, by the reference in 64 bits.
 fn exact(scene: &Arc<Gaussians>, style: Style, view: &View) -> Vec<[f64; 2]> {
     let reference = Reference::new(scene.clone(), style).and_then(|reference| reference.luminance(view));
     reference.unwrap_or_else(|e| panic!("a case is rendered: {e}"))
 }
 
-/// The opacity of every pixel.
+/// Opacity of every pixel.
 fn alphas(image: &Rendered) -> Vec<f64> {
     let plane = image.alpha.iter().flat_map(|plane| plane.pixels());
     plane.map(|&alpha| f64::from(alpha)).collect()
 }
 
-/// Every value of every image, as bits, so that NaN equals itself.
+/// Every value of every image as bits, so that NaN equals itself.
 fn bits(image: &Rendered) -> Vec<u32> {
     let planes = [&image.luminance, &image.alpha, &image.depth, &image.doubtful];
     let grey = planes.into_iter().flatten().flat_map(|plane| plane.pixels().iter());
@@ -96,7 +97,7 @@ fn bits(image: &Rendered) -> Vec<u32> {
 
 type Run = fn(&Stage, Player<'_>) -> Outcome;
 
-/// Every case of each back end.
+/// All cases of each back end.
 #[must_use]
 pub fn cases(stage: &Stage) -> Vec<Case<'_>> {
     let of = |(name, backend): &'_ (&'static str, Result<Backend, NotRun>)| {
@@ -119,7 +120,7 @@ fn case<'a>(
     Case { area: Area::Splat, name: case, regime, unit, backend: Some(name), run: Box::new(run) }
 }
 
-/// The cases of a back end of this precision.
+/// The cases of a back end with this precision.
 fn table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], Run)> {
     let mut table: Vec<([&'static str; 3], Run)> = vec![
         (["needles", "aspect 10 .. 1e6, long axis 10 .. 30,000 px; near the mean", "power"], |_, by| {
@@ -159,7 +160,7 @@ fn table(precision: Precision, own_scene: bool) -> Vec<([&'static str; 3], Run)>
     table
 }
 
-/// The cases of the embedded scene.
+/// The cases on the embedded scene.
 fn pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
     let grey = ["luminance-path", "one channel in place of three", "1"];
     let mut table: Vec<([&'static str; 3], Run)> =
@@ -178,7 +179,7 @@ fn pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
     table
 }
 
-/// The same of the scene that the user names.
+/// The cases on the user's scene.
 fn own_pictures(precision: Precision) -> Vec<([&'static str; 3], Run)> {
     let grey = ["own-luminance-path", "the scene given: one channel in place of three", "1"];
     let mut table: Vec<([&'static str; 3], Run)> =

@@ -1,5 +1,5 @@
-//! Paths and speeds: lengths of curves that all but stop, rotations near nothing and near a half turn, speed laws, and
-//! what a path far from the origin loses.
+//! Paths and speeds: lengths of curves that almost stop, rotations near zero and near a half turn,
+//! speed laws, and the loss of precision far from the origin.
 
 mod lengths;
 mod smoothness;
@@ -21,7 +21,7 @@ use crate::units::{Hertz, Ratio};
 use glam::{DQuat, DVec3};
 use std::f64::consts::PI;
 
-/// Every case of paths.
+/// All cases of paths.
 #[must_use]
 pub fn cases<'a>() -> Vec<Case<'a>> {
     let case = |words, run: fn() -> Found| Case::new(Area::Trajectory, words, run);
@@ -46,14 +46,15 @@ pub fn cases<'a>() -> Vec<Case<'a>> {
     ]
 }
 
-/// The rotation vector of an exponential is the vector that it is of; `log` is what undoes it.
+/// The rotation vector of an exponential is the vector from which it was made; `log` is the
+/// inverse.
 #[must_use]
 pub fn turns(log: impl Fn(DQuat) -> DVec3) -> Found {
     let mut worst = Worst::default();
     for Answer { given, .. } in answers("turn") {
         let r = DVec3::new(given[0], given[1], given[2]);
         let (angle, found) = (r.length(), log(exp(r)));
-        // At a half turn both directions are the same turn.
+        // At a half turn, both directions are the same turn.
         let ends = if angle > PI - 1e-12 { [r, -r] } else { [r, r] };
         let error = (found - ends[0]).length().min((found - ends[1]).length());
         let error = if angle > 0.0 { error / angle } else { error };
@@ -95,7 +96,8 @@ fn blend() -> Found {
     worst.found()
 }
 
-/// A hand-held half circle about the origin: centres on a grid of 2^-20, so that adding such an offset loses nothing.
+/// A hand-held half circle about the origin, with centres on a grid of 2^-20, so that adding such
+/// an offset loses nothing.
 fn half_circle(offset: DVec3) -> Vec<(String, Se3)> {
     let pose = |i: i32| {
         let phi = PI * f64::from(i) / 29.0 + 0.02 * libm::sin(f64::from(7 * i));

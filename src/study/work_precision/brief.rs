@@ -1,4 +1,5 @@
-//! A study in short: what a frame rate's error costs by each rule set, and how low each gets. Markdown.
+//! A study in brief: the cost of a given error under each rule set, and the lowest error of each.
+//! Markdown.
 
 use super::pick::{Measure, Place};
 use super::report::{at_most, short};
@@ -7,10 +8,11 @@ use std::fmt::Write as _;
 
 /// Measures of the short table.
 const SHOWN: [Measure; 4] = [Measure::Rms, Measure::Count, Measure::Miscount, Measure::Median];
-/// Those whose lowest is told: a difference of counts passes through 0 by luck.
+/// Measures for which the lowest error is shown. A difference of counts may pass through 0 by
+/// chance.
 const LOWEST: [Measure; 2] = [Measure::Rms, Measure::Median];
 
-/// The cheapest method of each rule set at the errors of the setting that all are held against.
+/// The cheapest method of each rule set at the errors of the reference setting.
 pub(super) fn cheapest(out: &mut String, study: &Study, base: &Row) {
     let _ = writeln!(
         out,
@@ -44,7 +46,7 @@ fn taken(method: &str, place: Place, base_core_s: f64) -> String {
     format!("`{method}` | {}{frames} | {core_s} | {:.2} |", at_most(&place), base_core_s / place.core_s)
 }
 
-/// The lowest errors that each rule set has at these rates, and what they cost.
+/// The lowest errors of each rule set at these rates, and their cost.
 pub(super) fn lowest(out: &mut String, study: &Study) {
     let _ = writeln!(
         out,
@@ -71,7 +73,7 @@ pub(super) fn lowest(out: &mut String, study: &Study) {
     out.push('\n');
 }
 
-/// The row of a rule set that has the lowest error; of several the cheapest.
+/// The row of a rule set with the lowest error; among equals, the cheapest.
 fn lowest_of<'a>(study: &'a Study, rules: &str, measure: Measure) -> Option<(&'a Row, f64)> {
     let rows = study.rows.iter().filter(|row| row.rules == rules);
     let known = rows.filter_map(|row| Some((row, measure.of(row)?)));

@@ -1,4 +1,5 @@
-//! Error over cost, both logarithmic: a curve a method, with the sensor's own jitter and what the renderer's jumps leave.
+//! Error over cost on logarithmic axes: one curve per method, with the sensor's own jitter and the
+//! error from jumps.
 
 use super::grid::Steps;
 use super::pick::Measure;
@@ -9,12 +10,12 @@ use std::ops::RangeInclusive;
 
 const SIZE: [f64; 2] = [960.0, 560.0];
 const INNER: Panel = Panel { left: 80.0, top: 46.0, width: 590.0, height: 450.0 };
-/// Of the rule sets, in order.
+/// Colours of the rule sets, in order.
 const COLOURS: [&str; 5] = ["#d1495b", "#2a7fb8", "#3a8f4f", "#8a5fb0", "#c98a1b"];
 const GREY: &str = "#333333";
-/// Room at both ends of an axis, as a factor.
+/// Margin at both ends of an axis, as a factor.
 const ROOM: f64 = 1.25;
-/// Where the legend begins, and how far its lines are apart, px.
+/// Position of the legend, and the distance of its lines, px.
 const LEGEND: [f64; 2] = [690.0, 60.0];
 const LINE: f64 = 18.0;
 
@@ -35,7 +36,7 @@ impl Axis {
         libm::log(value / self.low) / libm::log(self.high / self.low)
     }
 
-    /// 1, 2 and 5 times the powers of ten on it; the powers alone where it is long.
+    /// 1, 2 and 5 times the powers of ten on the axis; the powers alone on a long axis.
     fn marks(self) -> Vec<f64> {
         let decades = libm::log10(self.high / self.low);
         let digits: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
@@ -47,7 +48,7 @@ impl Axis {
     }
 }
 
-/// The picture of one measure as SVG; `None` where no setting has an error by it.
+/// The chart of one measure as SVG; `None` if no setting has an error in it.
 #[must_use]
 pub fn svg(study: &Study, measure: Measure) -> Option<String> {
     let shown: Vec<(&Row, f64)> =
@@ -55,7 +56,7 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
     let lines = lines(study, measure);
     let cost = Axis::around(shown.iter().map(|(row, _)| row.core_s()))?;
     let lowest = shown.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
-    // A line far below everything would only squeeze the curves.
+    // Lines far below everything would only compress the curves.
     let within = lines.iter().map(|line| line.error).filter(|error| *error > 0.2 * lowest);
     let error = Axis::around(shown.iter().map(|(_, error)| *error).chain(within))?;
     let mut out = Svg::new(SIZE);
@@ -79,7 +80,7 @@ pub fn svg(study: &Study, measure: Measure) -> Option<String> {
     for line in lines.iter().filter(|line| (error.low..=error.high).contains(&line.error)) {
         let ends = [0.0, 1.0].map(|x| point(x, error.share(line.error)));
         dashed(&mut out, &ends, line.colour, "2 4");
-        // Lines may lie on each other, their names may not.
+        // Lines may overlap, their labels may not.
         let mut y = ends[1][1] + 4.0;
         while named.iter().any(|other| (other - y).abs() < LINE) {
             y -= LINE;
@@ -112,12 +113,12 @@ fn axes(out: &mut Svg, cost: Axis, error: Axis, machine: &str) {
     out.text(below, "middle", GREY, &format!("core-seconds ({machine})"));
 }
 
-/// A mark: one digit and zeros.
+/// A tick label: one digit and zeros.
 fn plain(mark: f64) -> String {
     if (1e-4..1e5).contains(&mark) { format!("{}", (mark * 1e6).round() / 1e6) } else { format!("{mark:e}") }
 }
 
-/// How a method is drawn: rules by colour, interpolation by dashes, steps by marks.
+/// Drawing style of a method: rules by colour, interpolation by dashes, steps by marks.
 #[derive(Debug, Clone, Copy)]
 struct Look {
     colour: &'static str,
@@ -154,14 +155,14 @@ fn dashed(out: &mut Svg, points: &[[f64; 2]], colour: &str, dashes: &str) {
     out.line("</g>");
 }
 
-/// An error that is not a setting's.
+/// A horizontal line for an error that does not belong to a setting.
 struct Line {
     error: f64,
     colour: &'static str,
     words: String,
 }
 
-/// What jumps leave of each rule set, and the sensor's jitter, as far as the measure has them.
+/// The error from jumps for each rule set, and the sensor's jitter, if the measure has them.
 fn lines(study: &Study, measure: Measure) -> Vec<Line> {
     let mut lines = Vec::new();
     for (of, colour) in study.rules.iter().zip(COLOURS) {
@@ -181,7 +182,7 @@ fn lines(study: &Study, measure: Measure) -> Vec<Line> {
 
 fn legend(out: &mut Svg, entries: &[(String, Look)], error: Axis, lines: &[Line]) {
     let [x, mut y] = LEGEND;
-    // Names of the lines stand at the right end of these; the legend keeps out of their way.
+    // Labels of the lines stand at their right ends; the legend avoids them.
     let taken: Vec<f64> = lines.iter().map(|line| point(1.0, error.share(line.error))[1]).collect();
     for (method, look) in entries {
         while taken.iter().any(|at| (at - y).abs() < LINE) {

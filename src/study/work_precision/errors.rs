@@ -1,23 +1,24 @@
-//! What one event stream is worth against another: counts, matches and times.
+//! Comparison of two event streams: counts, matches and times.
 //!
-//! Events are matched per pixel and polarity, in order, each once: going along both streams, the earlier of two events
-//! that are further apart than the tolerance is left over; of two that are nearer, an event is passed over where its
-//! follower is nearer to the other stream's event, and that event nearer to this follower than its own follower is.
+//! Events are matched per pixel and polarity, in order, each at most once. Of two events that are
+//! farther apart than the tolerance, the earlier one stays unmatched. Of two nearer events, one is
+//! skipped if its successor is nearer to the other stream's event, and that event is nearer to this
+//! successor than its own successor is.
 
 use crate::event::{Event, EventSink};
 use serde::Serialize;
 use std::io;
 
-/// Tolerances of F1, us.
+/// Tolerances of the F1 scores, us.
 pub const WITHIN_US: [i64; 3] = [10, 100, 1000];
 
-/// Bits of a packed event's time, ns: 137 s.
+/// Number of bits for the time of a packed event, ns: 137 s.
 const TIME_BITS: u32 = 37;
-/// Bits of its pixel.
+/// Number of bits for its pixel.
 const PIXEL_BITS: u32 = u64::BITS - TIME_BITS - 1;
 
-/// Events of 8 bytes each: pixel, polarity and time from the highest bit down, so that their order as numbers is that by
-/// pixel, polarity and time.
+/// Events of 8 bytes each: pixel, polarity and time from the highest bit down, so that their
+/// numerical order is that by pixel, polarity and time.
 #[derive(Debug, Clone, Default)]
 pub struct Packed {
     width: u64,
@@ -25,13 +26,13 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// None yet, of a sensor this wide.
+    /// An empty stream of a sensor with this width.
     #[must_use]
     pub fn new(width: u32) -> Self {
         Self { width: u64::from(width), events: Vec::new() }
     }
 
-    /// All, in order.
+    /// All events, sorted.
     #[must_use]
     pub fn sorted(mut self) -> Vec<u64> {
         self.events.sort_unstable();
@@ -57,33 +58,33 @@ impl EventSink for Packed {
     }
 }
 
-/// Pixels that have an event in a sorted stream.
+/// Number of pixels with an event in a sorted stream.
 #[must_use]
 pub fn active_pixels(sorted: &[u64]) -> usize {
     sorted.chunk_by(|a, b| a >> (TIME_BITS + 1) == b >> (TIME_BITS + 1)).count()
 }
 
-/// How far a stream is from a reference.
+/// Errors of a stream against a reference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Errors {
-    /// Events.
+    /// Number of events.
     pub events: usize,
-    /// Events of the reference.
+    /// Number of events of the reference.
     pub reference: usize,
-    /// Difference of the two numbers as a share of the reference's.
+    /// Difference of the two numbers, relative to the reference.
     pub count: f64,
-    /// The same summed over pixels and polarities, each without its sign.
+    /// Absolute differences summed over pixels and polarities, relative to the reference.
     pub miscount: f64,
-    /// F1 of matches within 10, 100 and 1000 us.
+    /// F1 scores of matches within 10, 100 and 1000 us.
     pub f1: [f64; 3],
-    /// Median of the times between matched events (within 1000 us), us; `None` where none matches.
+    /// Median time between matched events (within 1000 us), us; `None` without matches.
     pub median_us: Option<f64>,
-    /// 99 % of them are no larger, us.
+    /// The 99 % quantile of these times, us.
     pub p99_us: Option<f64>,
 }
 
 impl Errors {
-    /// Of two sorted streams ([`Packed::sorted`]).
+    /// Compares two sorted streams ([`Packed::sorted`]).
     #[must_use]
     pub fn of(found: &[u64], reference: &[u64]) -> Self {
         let mut miscount = 0;
@@ -120,7 +121,7 @@ fn rank(ns: &mut [i64], percent: usize) -> Option<f64> {
     Some(*ns.select_nth_unstable(at).1 as f64 * 1e-3)
 }
 
-/// The events of each pixel and polarity in both.
+/// The events of each pixel and polarity in both streams.
 fn pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64], &'a [u64])> {
     let group = |event: &u64| event >> TIME_BITS;
     let (mut a, mut b) = (a, b);
@@ -135,7 +136,7 @@ fn pairs<'a>(a: &'a [u64], b: &'a [u64]) -> impl Iterator<Item = (&'a [u64], &'a
     })
 }
 
-/// Matches of one pixel's events of one polarity, and how far each are apart, ns.
+/// Number of matches of one pixel's events of one polarity, and the time of each, ns.
 #[expect(clippy::cast_possible_wrap, reason = "times have 37 bits")]
 fn matches(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) -> usize {
     let apart = |i: usize, j: usize| match (a.get(i), b.get(j)) {
@@ -145,7 +146,7 @@ fn matches(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) -> usiz
     let (mut i, mut j, mut count) = (0, 0, 0);
     while i < a.len() && j < b.len() {
         let here = apart(i, j);
-        // Passing one over pays only if the follower is the nearer one from both sides.
+        // Skipping an event pays only if the successor is nearer from both sides.
         let pass_a = apart(i + 1, j) < here && apart(i + 1, j) < apart(i + 1, j + 1);
         let pass_b = apart(i, j + 1) < here && apart(i, j + 1) < apart(i + 1, j + 1);
         let (step_a, step_b) = match (here <= within, a[i] < b[j]) {
@@ -216,7 +217,7 @@ mod tests {
         assert_eq!((same.miscount, same.f1, same.p99_us), (0.0, [1.0; 3], Some(0.0)));
     }
 
-    /// A train of events 300 us apart that lacks its third: the rest keep their own partners.
+    /// A train of events 300 us apart without its third: the others keep their partners.
     #[test]
     fn a_missing_event_does_not_shift_the_matches_after_it() {
         let train = |skip: i64, late: i64| -> Vec<(u16, i64, Polarity)> {

@@ -1,34 +1,36 @@
-//! Which frames a setting sees. Every grid is a part of one fine sequence, so that one rendering of it serves all.
+//! The frames of a setting. Every grid is a part of one fine sequence, so that one rendering serves
+//! all.
 
 use serde::Serialize;
 
-/// How the times of frames are chosen.
+/// Choice of frame times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Steps {
     /// At a frame rate.
     Uniform,
-    /// So that the picture moves equally far in each step (`numerics.md` 3.4, rule 1).
+    /// Steps with equal image motion.
     Flow,
 }
 
-/// Some of the frames of a fine sequence.
+/// Some frames of a fine sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// How they were chosen.
+    /// The rule.
     pub steps: Steps,
-    /// Frames a second; of flow steps, that of the uniform grid that has as many frames.
+    /// Frames per second. For flow steps, the rate of the uniform grid with the same number of
+    /// frames.
     pub rate: u32,
-    /// Numbers of the fine frames, rising: the first and the last of the sequence are among them, and an even number of
-    /// steps lies between two, so that each interval has its middle.
+    /// Indices of the fine frames, ascending, including the first and the last of the sequence. The
+    /// number of fine steps between two of them is even, so that each interval has a middle.
     pub places: Vec<usize>,
 }
 
 impl Grid {
-    /// Every so many-th of `intervals + 1` fine frames.
+    /// Every n-th of `intervals + 1` fine frames.
     ///
     /// # Panics
-    /// Unless `rate` divides `finest` into an even number, and `intervals` is even.
+    /// `rate` does not divide `finest` into an even number, or `intervals` is odd.
     #[must_use]
     pub fn uniform(rate: u32, finest: u32, intervals: usize) -> Self {
         assert!(finest.is_multiple_of(2 * rate) && intervals.is_multiple_of(2), "intervals have a middle");
@@ -37,7 +39,8 @@ impl Grid {
         Self { steps: Steps::Uniform, rate, places }
     }
 
-    /// The grid of the shortest flow steps that has no more frames than a uniform one. `flows` is how far the picture moves in each fine interval, px.
+    /// The grid with the shortest flow steps that has no more frames than a uniform one. `flows` is
+    /// the image motion in each fine interval, px.
     #[must_use]
     pub fn flow(flows: &[f64], uniform: &Self) -> Self {
         let most = flows.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * flows.len() as f64;
@@ -50,7 +53,8 @@ impl Grid {
     }
 }
 
-/// The longest even steps over which the highest flow in them, for their whole length, moves the picture `px` at most.
+/// The longest even steps for which the highest flow in them, over their whole length, moves the
+/// image by at most `px`.
 fn places(flows: &[f64], px: f64) -> Vec<usize> {
     let mut places = vec![0];
     let mut at = 0;
@@ -86,7 +90,7 @@ mod tests {
         // Slow, then eight times as fast.
         let flows: Vec<f64> = (0..32).map(|j| if j < 16 { 1.0 } else { 8.0 }).collect();
         assert_eq!(places(&flows, 16.0), [0, 16, 18, 20, 22, 24, 26, 28, 30, 32]);
-        // A step does not reach into the fast part that it would be too long for.
+        // A step does not extend into the fast part, where it would be too long.
         assert_eq!(places(&flows, 12.0)[..4], [0, 12, 16, 18]);
         let even = Grid::flow(&[1.0; 32], &Grid::uniform(100, 800, 32));
         assert_eq!(even.places, [0, 8, 16, 24, 32]);

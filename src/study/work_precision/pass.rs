@@ -1,4 +1,4 @@
-//! One pass over the fine frames of a rule set, from which every setting is fed.
+//! One pass over the fine frames of a rule set that feeds all settings.
 
 use super::Spent;
 use super::errors::{Packed, active_pixels};
@@ -13,38 +13,38 @@ use crate::sensor::{Model as _, Pixels, SensorError, SimulateError};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// What is fed.
+/// The inputs of a pass.
 #[derive(Debug)]
 pub struct Setup<'a> {
-    /// The sensor of every setting; its interpolation is replaced.
+    /// The sensor of all settings; its interpolation is replaced.
     pub sensor: &'a Voltmeter,
-    /// Seed of its noise, one for all.
+    /// Seed of its noise, the same for all.
     pub seed: Seed,
     /// The grids.
     pub grids: &'a [Grid],
-    /// The interpolations, of each grid.
+    /// The interpolations for each grid.
     pub between: &'a [Between],
 }
 
-/// What one setting made of the frames.
+/// The result of one setting.
 #[derive(Debug)]
 pub struct Fed {
-    /// Number of the grid.
+    /// Index of the grid.
     pub grid: usize,
-    /// Brightness between its frames.
+    /// Interpolation between its frames.
     pub between: Between,
-    /// Of k1 V at interval middles, in thresholds.
+    /// RMS error of k1 V at the middles of intervals, in thresholds.
     pub rms_th: f64,
     /// Its events, sorted.
     pub events: Vec<u64>,
-    /// By its sensor.
+    /// Time of its sensor.
     pub spent: Spent,
 }
 
-/// What a pass made.
+/// The result of a pass.
 #[derive(Debug)]
 pub struct Passed {
-    /// Events of the finest frames, `hermite`, sorted.
+    /// Events of the finest frames with `hermite`, sorted.
     pub reference: Vec<u64>,
     /// The settings, grid by grid.
     pub fed: Vec<Fed>,
@@ -53,7 +53,7 @@ pub struct Passed {
 }
 
 impl Passed {
-    /// What noise a sensor of this window would do to the reference's times; `None` where no event is.
+    /// Time jitter by noise of a sensor in this window; `None` without events.
     #[must_use]
     pub fn jitter(&self, sensor: &Voltmeter, seconds: f64) -> Option<Jitter> {
         let counts = [self.reference.len(), active_pixels(&self.reference)].map(|n| n as u64);
@@ -61,11 +61,11 @@ impl Passed {
     }
 }
 
-/// Feeds the settings from fine frames that have rates. `clock` says what was spent so far; `tap` is called after each
-/// frame and may break the pass off.
+/// Feeds the settings from fine frames with rates. `clock` returns the time spent so far. `tap` is
+/// called after each frame, and may stop the pass.
 ///
 /// # Errors
-/// When a frame cannot be had, a sensor cannot go on, or `tap` breaks.
+/// A frame cannot be rendered, a sensor fails, or `tap` stops.
 pub fn pass(
     setup: &Setup<'_>,
     frames: &mut dyn Frames,
@@ -99,7 +99,7 @@ pub fn pass(
     Ok(Passed { reference: reference.end(clock)?.0, fed, grey })
 }
 
-/// A sensor at work.
+/// A sensor during the pass.
 struct Sensing {
     pixels: Box<dyn Pixels>,
     events: Packed,
@@ -131,7 +131,7 @@ impl Sensing {
 /// The settings of one grid.
 struct Gridded<'a> {
     grid: &'a Grid,
-    /// Its next frame, by its number among the grid's.
+    /// Index of its next frame among the grid's frames.
     next: usize,
     sensing: Vec<Sensing>,
     voltages: Voltages,
@@ -201,7 +201,8 @@ mod tests {
     const INTERVALS: usize = 960;
     const FINEST: u32 = 9600;
 
-    /// `k1 V` of each pixel is a sine of its own phase with an amplitude of 6 thresholds, and a frequency of 30 Hz.
+    /// `k1 V` of each pixel is a sine with its own phase, an amplitude of 6 thresholds, and a
+    /// frequency of 30 Hz.
     struct Waves(usize);
 
     impl Frames for Waves {
@@ -244,8 +245,9 @@ mod tests {
         pass(&setup, &mut Waves(0), &Spent::default, &mut go_on).unwrap()
     }
 
-    /// Over whole periods the curvature of a sine of amplitude A is `A w^2/sqrt(2)` rms, so that lines miss middles by
-    /// `h^2/8` of it; Hermite's cubics by `h^4/384` of the fourth derivative, `A w^4/sqrt(2)`.
+    /// Over whole periods, the curvature of a sine of amplitude A is `A w^2/sqrt(2)` rms, so lines
+    /// miss middles by `h^2/8` of it; Hermite's cubics miss by `h^4/384` of the fourth derivative,
+    /// `A w^4/sqrt(2)`.
     #[test]
     fn planted_waves_have_the_errors_of_the_textbook() {
         let passed = passed();
@@ -254,7 +256,8 @@ mod tests {
         for (grid, rate) in [(0, 300.0), (1, 600.0)] {
             let rms = |b: usize| passed.fed[3 * grid + b].rms_th;
             let w = omega / rate;
-            // The next terms of both series are w^2/48 and w^2/32 of the first; stamps round by 0.5 us of h.
+            // The next terms of both series are w^2/48 and w^2/32 of the first; stamps round h by
+            // 0.5 us.
             let slack = w * w / 30.0 + 0.5e-6 * rate * 8.0;
             for (found, wanted) in
                 [(rms(0), amplitude * w * w / 8.0), (rms(2), amplitude * libm::pow(w, 4.0) / 384.0)]
@@ -268,7 +271,7 @@ mod tests {
     #[test]
     fn finer_frames_and_cubics_make_the_events_of_the_reference() {
         let passed = passed();
-        // Three periods of 12 thresholds up and down: 72 events of a pixel, but for the turns.
+        // Three periods of 12 thresholds up and down: 72 events of a pixel, except at the turns.
         let each = passed.reference.len() as f64 / SIZE.pixels() as f64;
         assert!((60.0..72.0).contains(&each), "{each}");
         let errors: Vec<Errors> =

@@ -1,31 +1,31 @@
-//! Which setting is cheapest at which error.
+//! The cheapest setting at a given error.
 
 use super::Row;
 use serde::Serialize;
 
-/// What an error is measured as.
+/// A measure of error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Measure {
     /// RMS of k1 V at interval middles, in thresholds.
     Rms,
-    /// Difference of the numbers of events, as a share of all.
+    /// Difference of the numbers of events, relative to all events.
     Count,
-    /// The same summed over pixels and polarities, each without its sign.
+    /// Absolute differences summed over pixels and polarities, relative to all events.
     Miscount,
     /// Median time between matched events, us.
     Median,
-    /// What 99 % of these times do not exceed, us.
+    /// The 99 % quantile of these times, us.
     P99,
     /// 1 - F1 of events within 100 us.
     F1,
 }
 
 impl Measure {
-    /// All.
+    /// All measures.
     pub const ALL: [Self; 6] = [Self::Rms, Self::Count, Self::Miscount, Self::Median, Self::P99, Self::F1];
 
-    /// The error of a row; `None` where no event tells.
+    /// The error of a row; `None` if there are too few events.
     #[must_use]
     pub fn of(self, row: &Row) -> Option<f64> {
         let value = match self {
@@ -39,7 +39,7 @@ impl Measure {
         value.filter(|value| value.is_finite())
     }
 
-    /// What it is called, with its unit.
+    /// Name with unit.
     #[must_use]
     pub fn title(self) -> &'static str {
         match self {
@@ -52,7 +52,7 @@ impl Measure {
         }
     }
 
-    /// An error by it, as a part of a sentence.
+    /// An error in this measure, as part of a sentence.
     #[must_use]
     pub fn says(self, error: &str) -> String {
         match self {
@@ -65,7 +65,7 @@ impl Measure {
         }
     }
 
-    /// Its name in files.
+    /// Name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -79,47 +79,48 @@ impl Measure {
     }
 }
 
-/// A place on a curve of error over cost.
+/// A point on a curve of error over cost.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Place {
     /// Core seconds.
     pub core_s: f64,
     /// Frames.
     pub frames: f64,
-    /// Whether the curve begins here already below the error: less would do too.
+    /// Whether the curve is below the error already at its start: a cheaper setting might be
+    /// sufficient.
     pub at_most: bool,
 }
 
-/// A method at the error that was asked for.
+/// A method at the requested error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Offer {
     /// Name of the rule set.
     pub rules: String,
     /// Rules, interpolation and steps.
     pub method: String,
-    /// Where its curve reaches the error; `None` where it does not.
+    /// The point at which its curve reaches the error; `None` if it does not.
     pub place: Option<Place>,
     /// Its lowest error.
     pub lowest: f64,
-    /// What that costs, core seconds.
+    /// Cost of its lowest error, core seconds.
     pub lowest_core_s: f64,
 }
 
-/// What every method costs at one error.
+/// The cost of all methods at one error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Pick {
-    /// As what the error is measured.
+    /// The measure.
     pub measure: Measure,
     /// The error.
     pub error: f64,
-    /// Core seconds of the setting that has it, which the others are held against.
+    /// Core seconds of the reference setting, which has this error.
     pub base_core_s: f64,
-    /// The methods, the cheapest first, those that do not reach it last.
+    /// The methods, the cheapest first; those that do not reach the error come last.
     pub offers: Vec<Offer>,
 }
 
 impl Pick {
-    /// Of `rows` at the error that `base` has; `None` where it has none.
+    /// Compares `rows` at the error of `base`; `None` if it has none.
     #[must_use]
     pub fn at(measure: Measure, base: &Row, rows: &[Row]) -> Option<Self> {
         let error = measure.of(base).filter(|error| *error > 0.0)?;
@@ -147,7 +148,7 @@ impl Pick {
     }
 }
 
-/// What stands for no error at all, which has no logarithm.
+/// Replaces an error of zero, which has no logarithm.
 const LEAST: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy)]
@@ -170,7 +171,8 @@ fn offer([rules, method]: [String; 2], mut curve: Vec<Point>, error: f64) -> Opt
     Some(Offer { rules, method, place: reaches(&curve, error), lowest, lowest_core_s })
 }
 
-/// From where on a curve has at most this error, straight in logarithms between its points: a point that happens to be
+/// The point from which on a curve has at most this error, linear in logarithms between its points.
+/// A good point before worse ones is chance.
 /// good before worse ones is luck.
 fn reaches(curve: &[Point], error: f64) -> Option<Place> {
     let at = curve.iter().rposition(|point| point.error > error).map_or(0, |worse| worse + 1);
@@ -194,7 +196,7 @@ fn reaches(curve: &[Point], error: f64) -> Option<Place> {
 mod tests {
     use super::*;
 
-    /// Costs that rise with the frames, errors that fall with a power of them down to a floor.
+    /// Costs that rise with the frames, and errors that fall with a power of them down to a floor.
     fn curve(cost: f64, c: f64, p: f64, floor: f64) -> Vec<Point> {
         let frames = [100.0, 200.0, 400.0, 800.0, 1600.0];
         frames

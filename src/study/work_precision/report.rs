@@ -1,4 +1,4 @@
-//! The table of a study for programs, and in words.
+//! The results of a study as a table for programs, and in words.
 
 use super::brief;
 use super::grid::Steps;
@@ -8,10 +8,10 @@ use crate::image::Size;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-/// Writes a row a setting.
+/// Writes one row per setting.
 ///
 /// # Errors
-/// When it cannot be written.
+/// Writing fails.
 pub fn csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
@@ -33,7 +33,7 @@ pub fn csv(study: &Study, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// The study in words: which setting is cheapest at which error. Markdown.
+/// The study in words: the cheapest setting at each error. Markdown.
 #[must_use]
 pub fn words(study: &Study) -> String {
     let mut out = String::new();
@@ -58,7 +58,7 @@ pub fn words(study: &Study) -> String {
     out
 }
 
-/// What a user should take from it.
+/// Conclusions for the user.
 #[must_use]
 pub fn paragraph(study: &Study) -> String {
     let Some(base) = study.base() else { return String::new() };
@@ -108,7 +108,7 @@ pub(super) fn at_most(place: &Place) -> &'static str {
     if place.at_most { "at most " } else { "" }
 }
 
-/// What every method costs at the errors of the base.
+/// The cost of each method at the errors of the reference setting.
 fn picks(out: &mut String, study: &Study, base: &Row) {
     let picks = study.picks();
     let _ = write!(
@@ -237,7 +237,7 @@ fn settings(out: &mut String, study: &Study) {
     }
 }
 
-/// Three digits.
+/// Three significant digits.
 pub(super) fn short(value: f64) -> String {
     match value.abs() {
         size if size < f64::MIN_POSITIVE => "0".to_owned(),

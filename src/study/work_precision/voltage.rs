@@ -1,4 +1,4 @@
-//! How far brightness between frames is from what is rendered there: the signal's own error, before any event.
+//! Interpolation error of brightness between frames: the error of the signal, before any event.
 
 use crate::frames::Frame;
 use crate::sampling::between::{Knot, value};
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// `V = ln(L + k2)` of a frame and its rate of change, where the frame has it.
+/// `V = ln(L + k2)` of a frame and its rate of change, if the frame has it.
 #[derive(Debug)]
 pub(super) struct Seen {
     seconds: f64,
@@ -31,14 +31,15 @@ impl Seen {
     }
 }
 
-/// The intervals of one grid: each is judged at its middle when the frame after it is there too.
+/// The intervals of one grid. Each is evaluated at its middle, after the frame that follows it has
+/// arrived.
 #[derive(Debug)]
 pub(super) struct Voltages {
     between: Vec<Between>,
-    /// The frame before an interval, its two ends and the one after it.
+    /// The frame before an interval, its two ends, and the frame after it.
     window: [Option<Arc<Seen>>; 4],
     middles: VecDeque<Arc<Seen>>,
-    /// Of the squares, by method.
+    /// Sums of squares by method.
     sums: Vec<f64>,
     count: usize,
 }
@@ -60,7 +61,7 @@ impl Voltages {
         self.middles.push_back(seen.clone());
     }
 
-    /// Root of the mean square over pixels and intervals, by method.
+    /// Root mean square over pixels and intervals, by method.
     pub(super) fn finish(mut self) -> Vec<f64> {
         self.shift(None);
         let count = self.count.max(1) as f64;
@@ -96,7 +97,8 @@ mod tests {
     const K2: f64 = 20.0;
     const ALL: [Between; 3] = [Between::Linear, Between::Catmull, Between::Hermite];
 
-    /// One pixel whose `V` and slope at a time are given, sampled at these microseconds; middles between them.
+    /// One pixel with `V` and slope as functions of time, sampled at these microseconds, with
+    /// middles between them.
     #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
     fn rms(times_us: &[i64], signal: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
         let seen = |t: i64| {
@@ -120,13 +122,14 @@ mod tests {
         voltages.finish()
     }
 
-    /// Frames are f32 at about 100 grey: `V` is off by 1e2 * 6e-8 / 120.
+    /// Frames are f32 at about 100 grey: `V` has an error of 1e2 * 6e-8 / 120.
     const ROUNDING: f64 = 2e-7;
 
     #[test]
     fn a_parabola_misses_a_line_by_h_squared_over_eight_of_its_bend() {
-        // Even steps of 2 ms: linear is off by h^2/8 * 2q at each middle; the parabola is in both cubics, but for Catmull
-        // in its one-sided end intervals, where the slope is off by q h and the middle by q h^2/8.
+        // Even steps of 2 ms: linear has an error of h^2/8 * 2q at each middle. Both cubics contain
+        // the parabola, except Catmull in its one-sided end intervals, where the slope has an error
+        // of q h and the middle of q h^2/8.
         let (q, h) = (2000.0, 2e-3);
         let found = rms(&[0, 2000, 4000, 6000, 8000], |t| (4.5 + q * t * t - 8.0 * t, 2.0 * q * t - 8.0));
         let line = q * h * h / 4.0;

@@ -1,9 +1,9 @@
 //! The curve `bezier`: one Bezier curve near all knots, from the first to the last.
 //!
-//! Control points at the ends are pinned to the knots; those between them are the least-squares fit at the parameters
-//! `x_k = s_k / s_(K-1)`. Rotations are fitted in the same way, as rotation vectors `log(mean^-1 R_k)` about the mean
-//! of all knots. The curve's parameter is `s`, as for the other curves, and its segments are those between knots, on
-//! all of which it is the same polynomial.
+//! Control points at the ends are fixed to the knots. Those between are the least-squares fit at
+//! the parameters `x_k = s_k / s_(K-1)`. Rotations are fitted in the same way, as rotation vectors
+//! `log(mean^-1 R_k)` about the mean of all knots. The parameter of the curve is `s`, as for the
+//! other curves. Its segments are those between knots; the polynomial is the same on all of them.
 
 mod least_squares;
 mod pinned;
@@ -19,16 +19,17 @@ use glam::{DQuat, DVec3};
 use pinned::Pinned;
 use std::f64::consts::PI;
 
-/// Highest degree: the condition of its basis, 1e6, leaves ten digits.
+/// Maximum degree. The condition of its basis, 1e6, leaves ten digits.
 pub const MOST_DEGREE: u32 = 20;
-/// Rotations further than this from their mean are not fitted: beyond a half turn their vectors would leap.
+/// Largest angle from the mean for which rotations are fitted. Beyond a half turn, their vectors
+/// would jump.
 const WIDEST: f64 = 170.0 / 180.0 * PI;
 
 /// A Bezier curve near its knots.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bezier {
     steps: Vec<f64>,
-    /// The parameter before each knot.
+    /// The parameter at each knot.
     before: Vec<f64>,
     degree: u32,
     centres: Pinned,
@@ -39,24 +40,24 @@ pub struct Bezier {
 enum Rotations {
     /// Rotation vectors about a mean.
     Around(DQuat, Pinned),
-    /// A spline through the knots; through two it is their slerp.
+    /// A spline through the knots; for two knots, their slerp.
     Spline(RotationSpline),
 }
 
 impl Bezier {
-    /// The curve near `knots`, with `steps[i] > 0` in the parameter from knot i to knot i+1. So many knots determine a
-    /// degree lower by one than their number; a higher one is lowered to that, since its elevated form is the same
-    /// curve. A degree out of range is taken for the nearest in range.
+    /// The curve near `knots`, with `steps[i] > 0` as the length of the parameter from knot i to
+    /// knot i+1. K knots determine a degree of K-1. A higher degree is reduced to that, since its
+    /// elevated form is the same curve. A degree out of range is replaced by the nearest in range.
     ///
-    /// Where a rotation is more than 170 degrees from the mean of all, where there is no mean, or where the vectors of
-    /// neighbours lie more than a half turn apart (so that the fit would go the long way round), rotations follow the
-    /// C2 rotation spline instead.
+    /// Rotations follow the C2 rotation spline if one is more than 170 degrees from the mean of
+    /// all, if there is no mean, or if the vectors of neighbours lie more than a half turn apart
+    /// (the fit would then take the long way round).
     ///
     /// # Errors
-    /// Where that rotation spline does not settle.
+    /// That rotation spline does not converge.
     ///
     /// # Panics
-    /// Unless there are at least two knots and one step fewer than knots.
+    /// There are fewer than two knots, or their number is not one more than that of steps.
     pub fn fit(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, Unsettled> {
         assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");
         let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MOST_DEGREE);
@@ -82,13 +83,14 @@ impl Bezier {
         self.before[self.steps.len()]
     }
 
-    /// The share of the parameter that lies before a place.
+    /// The share of the parameter before a place.
     fn share(&self, at: Place) -> f64 {
         ((self.before[at.segment] + at.x) / self.whole()).min(1.0)
     }
 }
 
-/// The mean of more than two rotations and their vectors from it, where a curve can be fitted to these.
+/// The mean of more than two rotations and their vectors from it, if a curve can be fitted to
+/// these.
 fn around_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
     if rotations.len() == 2 {
         return None;

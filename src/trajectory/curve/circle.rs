@@ -1,6 +1,7 @@
-//! The curve of an orbit: a circle about an axis, travelled with the camera turning along.
+//! The curve of an orbit: a circle about an axis, along which the camera turns.
 //!
-//! In closed form: centre and rotation turn about the axis by one angle, so that both speeds are constant.
+//! In closed form: centre and rotation turn about the axis by the same angle, so both speeds are
+//! constant.
 
 use super::PoseCurve;
 use crate::se3::rotation::exp;
@@ -13,7 +14,7 @@ use glam::DVec3;
 pub struct Circle {
     /// A point of the axis.
     centre: DVec3,
-    /// Along the axis, as long as the whole turn in radians.
+    /// Direction of the axis. Its length is the whole turn in radians.
     turn: DVec3,
     start: Se3,
 }
@@ -25,7 +26,7 @@ impl Circle {
         Self { centre, turn, start }
     }
 
-    /// From the axis' point to the camera at a place.
+    /// The vector from the axis point to the camera at a place.
     fn arm(&self, at: Place) -> DVec3 {
         exp(self.turn * at.x) * (self.start.translation - self.centre)
     }

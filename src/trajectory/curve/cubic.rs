@@ -1,7 +1,7 @@
 //! The curve `cubic`: a C2 cubic spline on centres and a C2 rotation spline, on one set of knots.
 //!
-//! Its parameter is the paper's `s`, the mixed length of the chords between knots (divided by whatever its maker
-//! divides the steps by).
+//! The parameter is the paper's `s`, the mixed length of the chords between knots, divided by the
+//! unit of the steps.
 
 use super::PoseCurve;
 use crate::se3::rotation_spline::{RotationSpline, Unsettled};
@@ -18,13 +18,14 @@ pub struct Cubic {
 }
 
 impl Cubic {
-    /// The splines through `knots`, with `steps[i] > 0` in the parameter from knot i to knot i+1.
+    /// The splines through `knots`, with `steps[i] > 0` as the length of the parameter from knot i
+    /// to knot i+1.
     ///
     /// # Errors
-    /// Where the rotation spline does not settle.
+    /// The rotation spline does not converge.
     ///
     /// # Panics
-    /// Unless there are at least two knots and one step fewer than knots.
+    /// There are fewer than two knots, or their number is not one more than that of steps.
     pub fn through(steps: Vec<f64>, knots: &[Se3]) -> Result<Self, Unsettled> {
         let centres: Vec<DVec3> = knots.iter().map(|k| k.translation).collect();
         let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();

@@ -1,9 +1,10 @@
 //! The curve `cumulative`: a uniform cumulative cubic B-spline on R^3 x SO(3).
 //!
-//! `R = R_k exp(b1 W1) exp(b2 W2) exp(b3 W3)` with the cumulative basis `b` and the turns `W` between neighbouring
-//! rotations (Kim, Kim and Shin 1995, "A general construction scheme for unit quaternion curves"); centres in the
-//! same form. It is C2 and passes near the knots, not through them. Both end knots count threefold, so that it starts
-//! and ends in them, at rest in its parameter, which is the number of the knot.
+//! `R = R_k exp(b1 W1) exp(b2 W2) exp(b3 W3)` with the cumulative basis `b` and the turns `W`
+//! between neighbouring rotations (Kim, Kim and Shin 1995, "A general construction scheme for unit
+//! quaternion curves"). Centres have the same form. The curve is C2 and passes near the knots, not
+//! through them. Both end knots count threefold, so the curve starts and ends in them, at rest in
+//! its parameter, which is the index of the knot.
 
 use super::PoseCurve;
 use crate::se3::rotation::exp;
@@ -12,20 +13,20 @@ use crate::se3::spline::Place;
 use crate::se3::{Se3, Twist};
 use glam::{DQuat, DVec3};
 
-/// How often an end knot counts.
+/// Multiplicity of an end knot.
 const MULTIPLICITY: usize = 3;
 
 /// A cumulative B-spline near its knots.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cumulative {
     steps: Vec<f64>,
-    /// The knots, those at the ends threefold.
+    /// The knots, with threefold ends.
     control: Vec<Se3>,
-    /// From each to the next: way and turn.
+    /// Displacement and turn from each knot to the next.
     moves: Vec<Twist>,
 }
 
-/// The three moves that make a segment, weighted with the basis.
+/// The three moves of a segment, weighted with the basis.
 struct Weights([f64; 3]);
 
 impl Weights {
@@ -51,7 +52,7 @@ impl Cumulative {
     /// The curve near `knots`.
     ///
     /// # Panics
-    /// Unless there are at least two knots.
+    /// There are fewer than two knots.
     #[must_use]
     pub fn near(knots: &[Se3]) -> Self {
         let [first, .., last] = knots else { panic!("a curve needs two knots") };
@@ -105,7 +106,7 @@ impl PoseCurve for Cumulative {
         let ([_, b, c], [ra, rb, rc]) = self.turns(at);
         let bends = Weights::bend(at.x);
         let [ba, bb, bc] = [0, 1, 2].map(|k| self.moves(at)[k].angular * bends.0[k]);
-        // A vector seen from a body that turns at rate w: d/du (exp(-B) v) = exp(-B) v' + (exp(-B) v) x w.
+        // A vector in a body that turns at rate w: d/du (exp(-B) v) = exp(-B) v' + (exp(-B) v) x w.
         let carried = b.conjugate() * ra;
         let (inner, inner_slope) = (carried + rb, b.conjugate() * ba + carried.cross(rb) + bb);
         let carried = c.conjugate() * inner;
@@ -114,7 +115,8 @@ impl PoseCurve for Cumulative {
     }
 
     fn knot(&self, number: usize) -> Place {
-        // A segment starts nearest to the second of its four control poses; the outer knots lie on the ends.
+        // A segment starts nearest to the second of its four control poses. The outer knots lie on
+        // the ends.
         let last = self.steps.len() - 2;
         match number {
             0 => Place { segment: 0, x: 0.0 },

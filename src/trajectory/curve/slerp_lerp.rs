@@ -1,4 +1,5 @@
-//! The curve `slerp-lerp`: straight lines between centres, slerps between rotations. An ablation: both rates jump at
+//! The curve `slerp-lerp`: straight lines between centres, slerps between rotations. An ablation:
+//! both rates jump at the knots.
 //! the knots.
 
 use super::PoseCurve;
@@ -18,10 +19,11 @@ pub struct SlerpLerp {
 }
 
 impl SlerpLerp {
-    /// The curve through `knots`, with `steps[i] > 0` in the parameter from knot i to knot i+1.
+    /// The curve through `knots`, with `steps[i] > 0` as the length of the parameter from knot i to
+    /// knot i+1.
     ///
     /// # Panics
-    /// Unless there are at least two knots and one step fewer than knots.
+    /// There are fewer than two knots, or their number is not one more than that of steps.
     #[must_use]
     pub fn through(steps: Vec<f64>, knots: &[Se3]) -> Self {
         assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");

@@ -1,12 +1,12 @@
-//! Asked and achieved speed over time, each relative to its mean: where the curves lie on each other, the path follows
-//! its law.
+//! Asked and achieved speed over time, each relative to its mean. If the curves coincide, the path
+//! follows its law.
 
 use super::{Panel, Svg, round_down, short, spread};
 use crate::trajectory::report::Report;
 
-/// Steps drawn, at most.
+/// Maximum number of steps drawn.
 const STEPS: usize = 1200;
-/// Room for the labels of the axes, px.
+/// Space for the labels of the axes, px.
 const LEFT: f64 = 56.0;
 const BOTTOM: f64 = 40.0;
 const TOP: f64 = 34.0;
@@ -19,7 +19,7 @@ struct Curve {
     values: Vec<f64>,
 }
 
-/// Draws the chart of a trajectory that takes `seconds`.
+/// Draws the chart of a trajectory with a duration of `seconds`.
 pub(super) fn draw(out: &mut Svg, panel: Panel, seconds: f64, report: &Report) {
     out.frame(panel);
     let curves = curves(report);
@@ -72,7 +72,7 @@ fn curves(report: &Report) -> Vec<Curve> {
         .collect()
 }
 
-/// The middle of every step, as a share of the whole time.
+/// The middle of every step, as a share of the duration.
 fn middles(report: &Report) -> Vec<f64> {
     let mut end = 0.0;
     let middle = |duration: f64| {

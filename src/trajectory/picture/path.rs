@@ -1,22 +1,22 @@
 //! The path from above and from the side.
 //!
-//! A capture does not say where up is. The picture takes the mean of the cameras' own up directions for it, and the
-//! line from the first camera to the one farthest from it for its horizontal.
+//! A capture does not define up. The picture uses the mean of the cameras' up directions, and the
+//! line from the first camera to the one farthest from it as its horizontal.
 
 use super::{Panel, Svg, round_down, short, spread};
 use crate::se3::Se3;
 use glam::DVec3;
 
-/// Frusta drawn, at most.
+/// Maximum number of frusta drawn.
 const FRUSTA: usize = 19;
-/// Points of the path drawn, at most.
+/// Maximum number of points of the path drawn.
 const POINTS: usize = 1500;
 /// Length of a frustum as a share of the panel.
 const FRUSTUM: f64 = 0.07;
-/// Room left around the path, px.
+/// Margin around the path, px.
 const INSET: f64 = 48.0;
 
-/// Draws both views and the scale of colours. `speeds` are those of the steps, units per second.
+/// Draws both views and the colour scale. `speeds` are those of the steps, units per second.
 pub(super) fn draw(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], speeds: &[f64]) {
     let axes = axes(poses);
     draw_view(out, above, "from above", (poses, speeds), [axes[0], axes[1]]);
@@ -26,7 +26,7 @@ pub(super) fn draw(out: &mut Svg, [above, side]: [Panel; 2], poses: &[Se3], spee
     }
 }
 
-/// Orthonormal axes: along the path, across it, up.
+/// Orthonormal axes: along the path, across it, and up.
 pub(super) fn axes(poses: &[Se3]) -> [DVec3; 3] {
     let up =
         poses.iter().map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize().unwrap_or(DVec3::Z);
@@ -44,7 +44,7 @@ fn draw_view(out: &mut Svg, panel: Panel, name: &str, (poses, speeds): (&[Se3], 
     out.polyline(spread(poses.len(), POINTS).map(|j| map.point(poses[j].translation)), "#999999", 1.0);
     let range = range(speeds);
     for j in spread(poses.len(), FRUSTA) {
-        // The last pose has no step of its own.
+        // The last pose has no step after it.
         let speed = speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
         draw_frustum(out, &map, &poses[j], &colour(share(speed, range)));
     }
@@ -65,7 +65,7 @@ fn draw_frustum(out: &mut Svg, map: &Map, pose: &Se3, colour: &str) {
     out.polyline(frustum(map, pose), colour, 1.2);
 }
 
-/// The pyramid of a camera with a field of view of 53 degrees, as if 4:3, in one stroke.
+/// The pyramid of a camera with a field of view of 53 degrees and aspect 4:3, as one stroke.
 pub(super) fn frustum(map: &Map, pose: &Se3) -> [[f64; 2]; 11] {
     let size = map.frustum;
     let corner =
@@ -76,7 +76,7 @@ pub(super) fn frustum(map: &Map, pose: &Se3) -> [[f64; 2]; 11] {
     [a, b, c, d, a, apex, b, apex, c, apex, d]
 }
 
-/// From the world to a panel: a plane seen from the front, to scale.
+/// Map from the world to a panel: an orthographic projection, to scale.
 pub(super) struct Map {
     origin: DVec3,
     plane: [DVec3; 2],
@@ -88,7 +88,7 @@ pub(super) struct Map {
 }
 
 impl Map {
-    /// The map that shows every pose with `inset` px of room around them, `None` where there is none.
+    /// The map that shows every pose with a margin of `inset` px; `None` without poses.
     pub(super) fn fit(panel: Panel, inset: f64, poses: &[Se3], plane: [DVec3; 2]) -> Option<Self> {
         let origin = poses.first()?.translation;
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
@@ -119,14 +119,14 @@ pub(super) fn range(speeds: &[f64]) -> [f64; 2] {
     [speeds.iter().copied().fold(f64::INFINITY, f64::min), speeds.iter().copied().fold(0.0, f64::max)]
 }
 
-/// Where a speed lies in its range, 0 to 1; 0 in a range that is empty but for rounding.
+/// The position of a speed in its range, 0 to 1; 0 in a range that is empty except for rounding.
 pub(super) fn share(speed: f64, [low, high]: [f64; 2]) -> f64 {
     const ROUNDING: f64 = 1e-6;
     let share = (speed - low) / (high - low);
     if share.is_finite() && high - low > ROUNDING * high { share.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// Colours of the scale from slow to fast: viridis at five places, its last one darkened for white paper.
+/// Colours from slow to fast: viridis at five places, the last one darkened for white paper.
 const COLOURS: [[f64; 3]; 5] =
     [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 189.0, 80.0], [226.0, 190.0, 20.0]];
 

@@ -1,32 +1,33 @@
-//! The path from above and from the side in a few strokes, for pages that show many trajectories.
+//! The path from above and from the side as a simple sketch, for pages with many trajectories.
 
 use super::path::{Map, axes, colour, frustum, range, share};
 use super::{Panel, round_down, short, spread};
 use crate::se3::Se3;
 use glam::DVec3;
 
-/// Room left around the path, px.
+/// Margin around the path, px.
 const INSET: f64 = 22.0;
 /// The longest scale bar, as a share of the view's width.
 const BAR: f64 = 0.25;
 
-/// One view of a path. Places are px from the upper left corner of the view.
+/// One view of a path. Places are px from the upper left corner.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sketch {
-    /// From where it is seen.
+    /// Name of the viewpoint.
     pub(crate) name: &'static str,
-    /// The path, first pose first.
+    /// The path, from the first pose.
     pub(crate) path: Vec<[f64; 2]>,
-    /// Cameras, a stroke each, with the colour of their speed.
+    /// Camera frusta, one stroke each, with the colour of their speed.
     pub(crate) frusta: Vec<([[f64; 2]; 11], String)>,
     /// Length of the scale bar, px.
     pub(crate) bar: f64,
-    /// What the bar stands for.
+    /// Label of the scale bar.
     pub(crate) bar_words: String,
 }
 
-/// The view from above and that from the side, of [width, height] px each, with at most [`points`, `frusta`] of the poses;
-/// `None` where there is no pose. `speeds` are those of the steps, units per second.
+/// The view from above and the view from the side, of [width, height] px each, with at most
+/// [`points`, `frusta`] of the poses; `None` without poses. `speeds` are those of the steps, units
+/// per second.
 pub(crate) fn sketch(
     poses: &[Se3],
     speeds: &[f64],
@@ -40,7 +41,7 @@ pub(crate) fn sketch(
     let view = |name: &'static str, plane: [DVec3; 2]| {
         let map = Map::fit(Panel { left: 0.0, top: 0.0, width, height }, INSET, poses, plane)?;
         let range = range(speeds);
-        // The last pose has no step of its own.
+        // The last pose has no step after it.
         let speed = |j: usize| speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
         let camera = |j: usize| (frustum(&map, &poses[j]), colour(share(speed(j), range)));
         let unit = round_down(width * BAR / map.scale);
@@ -62,7 +63,8 @@ mod tests {
 
     #[test]
     fn both_views_are_to_scale_and_inside() {
-        // 4 units along x, 1 unit down (y is down for cameras that look along z), level cameras.
+        // 4 units along x and 1 unit down (y is down for cameras that look along z), with level
+        // cameras.
         let pose = |k: u32| Se3 {
             rotation: DQuat::IDENTITY,
             translation: DVec3::new(f64::from(k), f64::from(k) / 4.0, 0.0),
@@ -73,7 +75,8 @@ mod tests {
         for view in [&above, &side] {
             let inside = |p: &[f64; 2]| (0.0..=160.0).contains(&p[0]) && (0.0..=120.0).contains(&p[1]);
             assert!(view.path.iter().all(inside), "{view:?}");
-            // 4 units take the whole width but for the insets, so a bar of 1 unit is a quarter of that.
+            // 4 units take the whole width except for the margins, so a bar of 1 unit is a quarter
+            // of that.
             let width = view.path[2][0] - view.path[0][0];
             assert!((width - 116.0).abs() < 1e-9 && (view.bar - width / 4.0).abs() < 1e-9, "{view:?}");
             assert_eq!(view.bar_words, "1 unit");

@@ -1,4 +1,5 @@
-//! The clips of numerics.md 2.2, made from their formulas, and their counts by both laws.
+//! Clips made from formulas, and their counts by both laws as other programs measured them
+//! (docs/design/oracles.md, "clip counts").
 
 use super::{frames, run};
 use gs2e::frames::array::ArrayFrames;
@@ -50,8 +51,8 @@ impl Clip {
     }
 }
 
-/// Means of 6 seeds of a sensor against a row of the table, whose own means are of at least 6. `deviation` is that of
-/// one seed's count: at most 6 in dvs346, 40 in gs2e-si.
+/// Means of 6 seeds of a sensor against a row of the table, whose own means are of at least 6. `deviation`
+/// is that of one seed's count: at most 6 in dvs346, 40 in gs2e-si.
 fn check(clip: &Clip, sensor: &Voltmeter, wanted: [f64; 2], deviation: f64) {
     const SEEDS: u64 = 6;
     let frames = clip.frames();

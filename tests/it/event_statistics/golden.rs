@@ -1,7 +1,8 @@
-//! The golden sequences of `../shared/data/golden/events`: what other implementations of the exact law, and the published
-//! program, measured.
+//! The golden sequences of `tests/golden/events`: statistics by other implementations of the exact law and
+//! of the published one.
 
 use super::{by_pixel, mean_and_deviation, run};
+use crate::support::golden;
 use gs2e::event::{Event, Polarity};
 use gs2e::frames::array::{ArrayFrames, Samples};
 use gs2e::image::Size;
@@ -10,22 +11,13 @@ use gs2e::sensor::voltmeter::{Gain, Law, Preset, Voltmeter};
 use serde_json::Value;
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const SIZE: Size = Size { width: 64, height: 48 };
 const SEEDS: u64 = 24;
 
 /// The events of one seed.
 type Run = (Vec<Event>, Account);
-
-fn goldens() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/golden/events");
-    if folder.exists() {
-        return Some(folder);
-    }
-    eprintln!("not run: ../shared is absent");
-    None
-}
 
 /// A clip and what is known about it under one parameter set.
 struct Golden {
@@ -130,8 +122,7 @@ fn intervals(events: &[Event]) -> Vec<f64> {
 }
 
 fn check(clip: &str, preset: Preset, law: Law) {
-    let Some(folder) = goldens() else { return };
-    let golden = Golden::read(&folder, clip, preset, law);
+    let golden = Golden::read(&golden::folder("events"), clip, preset, law);
     let sensor = Voltmeter { gain: Gain::Midpoint, law, ..Voltmeter::new(golden.k) };
     let runs: Vec<(Vec<Event>, Account)> =
         (0..SEEDS).map(|seed| run(&sensor, &golden.frames, seed)).collect();
@@ -165,7 +156,8 @@ fn check_times(golden: &Golden, runs: &[Run]) {
     let mean = times.iter().sum::<f64>() / times.len() as f64;
     let wanted = golden.figure("mean_norm_time");
     println!("  mean time {mean:.5}, wanted {wanted:.5}");
-    // Most of an event's time is the clip's doing: its spread over the seeds is far below that of one event, 0.3.
+    // Most of an event's time is the clip's doing: its spread over the seeds is far below that of one
+    // event, 0.3.
     assert!((mean - wanted).abs() < 0.3 / (times.len() as f64).sqrt());
     let mut intervals: Vec<f64> = runs.iter().flat_map(|run| intervals(&run.0)).collect();
     intervals.sort_unstable_by(f64::total_cmp);

@@ -1,4 +1,5 @@
-//! One sequence of luminance makes one stream, however it is sampled, cut or scheduled (O6, O8, O9, O10).
+//! One sequence of luminance makes one stream, however it is sampled, cut or scheduled (the oracles rate
+//! invariance, noiseless crossings, same bytes and time shift).
 
 use super::{by_pixel, frames, run};
 use gs2e::event::{Event, Polarity};
@@ -56,8 +57,9 @@ fn a_signal_that_stays_the_same_can_be_sampled_finer() {
     let coarse = ramp(&[0, end]);
     assert!(coarse.len() > 3000, "{}", coarse.len());
     same_events(SIZE, &coarse, &ramp(&[0, 20_000, 40_000, 60_000, end]), 1);
-    // Elsewhere a frame rounds L to 24 bits, the drift by 3e-7 thresholds. The signal drifts by 1.7e-4 a us, so events
-    // move by 2 ns; where noise makes the path flat at the barrier, by some hundred times that.
+    // Elsewhere a frame rounds L to 24 bits, the drift by 3e-7 thresholds. The signal drifts by 1.7e-4 a
+    // us, so events move by 2 ns; where noise makes the path flat at the barrier, by some hundred times
+    // that.
     for rate in [240.0, 1429.0, 2400.0] {
         same_events(SIZE, &coarse, &ramp(&stamps(rate, end)), 500);
     }
@@ -101,7 +103,8 @@ fn without_noise_leaks_are_clocks() {
     }
 }
 
-/// The thresholds by which the pixels of a size fire, without noise, on a ramp of the logarithm from grey to grey.
+/// The thresholds by which the pixels of a size fire, without noise, on a ramp of the logarithm from grey
+/// to grey.
 fn thresholds(sensor: &Voltmeter, size: Size, greys: [f64; 2]) -> Vec<f64> {
     let end = 1_000_000;
     let [k1, k2, ..] = sensor.k;
@@ -145,7 +148,7 @@ fn unequal_pixels_have_thresholds_of_their_own() {
     assert!(
         up.iter().zip(thresholds(&sensor(1e-18, 0.1), size, [0.0, 255.0])).all(|(a, b)| (a - b).abs() < 1e-7)
     );
-    // O1 holds for each pixel with its own thresholds, under noise too.
+    // The drift balance holds for each pixel with its own thresholds, under noise too.
     let noisy = Voltmeter { threshold_spread: 0.2, ..noisy() };
     let (events, account) = run(&noisy, &moving(size), 9);
     assert!(events.len() > 1000 && account.drift_violations == 0, "{account:?}");

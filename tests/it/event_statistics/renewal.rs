@@ -1,7 +1,9 @@
-//! Static pixels make a renewal process whose rates, polarities and intervals are known (O2 to O5).
+//! Static pixels make a renewal process whose rates, polarities and intervals are known
+//! (docs/design/numerics-sensor.md, "Closed forms").
 
 use super::interval_law::Exit;
 use super::{by_pixel, frames, ks, ks_of_two, run};
+use crate::support::absent::not_run;
 use gs2e::event::Polarity;
 use gs2e::image::Size;
 use gs2e::sensor::statistics::Renewal;
@@ -56,13 +58,13 @@ impl Watched {
         intervals
     }
 
-    /// KS distance of the intervals from their law (O4).
+    /// KS distance of the intervals from their law.
     fn interval_distance(&self) -> f64 {
         let Renewal { drift, variance, up, down } = self.process;
         ks(&self.intervals(None), |t| Exit { drift, variance, up, down }.by(t))
     }
 
-    /// ON share of the first events in standard errors (O3).
+    /// ON share of the first events in standard errors.
     fn polarity_score(&self) -> f64 {
         let taken = self.pixels.iter().flat_map(|events| &events[..TAKEN]);
         let (n, share) = ((TAKEN * self.pixels.len()) as f64, self.process.on_share());
@@ -71,7 +73,8 @@ impl Watched {
         (on - n * share) / deviation.max(1.0)
     }
 
-    /// Balance of the two polarities in standard errors: drift, noise and the voltages at the end, each below 1 (O2).
+    /// Balance of the two polarities in standard errors: drift, noise and the voltages at the end, each
+    /// below 1.
     fn net_score(&self) -> f64 {
         let Renewal { drift, variance, up, down } = self.process;
         let balance: f64 =
@@ -83,7 +86,7 @@ impl Watched {
         (balance - n * (drift * self.duration - left_over)) / (n * spread).sqrt()
     }
 
-    /// Events after five mean intervals in standard errors (O2); thresholds must be equal.
+    /// Events after five mean intervals in standard errors; thresholds must be equal.
     fn rate_score(&self) -> f64 {
         let mean = self.process.mean_interval();
         let from = 5.0 * mean;
@@ -95,8 +98,9 @@ impl Watched {
     }
 }
 
-/// Mean voltage of a pixel long after its first frame, by integrating the Green's function of the exit problem: the
-/// mean time spent at each voltage, by Simpson's rule over the occupation density of numerics.md 8.3.
+/// Mean voltage of a pixel long after its first frame, by integrating the Green's function of the exit
+/// problem: the mean time spent at each voltage, by Simpson's rule over the occupation density,
+/// docs/design/numerics-sensor.md, "Stationary voltage".
 fn stationary_mean(process: Renewal) -> f64 {
     let Renewal { drift, variance, up, down } = process;
     let q = 2.0 * drift / variance;
@@ -184,7 +188,7 @@ fn unequal_thresholds() {
     check(0.1, 2000.0, [1e3, 1e3], 11);
 }
 
-/// With equal thresholds an interval says nothing about the polarity of the event that ends it (O5).
+/// With equal thresholds an interval says nothing about the polarity of the event that ends it.
 #[test]
 fn intervals_and_polarities_are_independent() {
     let watched = watch(process(0.3, 2000.0, [1.0, 1.0]), 1.0, 12);
@@ -198,8 +202,7 @@ fn intervals_and_polarities_are_independent() {
 #[test]
 fn rates_hold_for_an_hour() {
     if std::env::var_os("RUN_SLOW_TESTS").is_none() {
-        eprintln!("not run: RUN_SLOW_TESTS is not set");
-        return;
+        return not_run("RUN_SLOW_TESTS is not set");
     }
     let process = process(2.0, 1e6, [1.0, 1.0]);
     let sensor = Voltmeter {
@@ -223,7 +226,8 @@ fn five_percent_of_noise_are_noticed() {
     assert!(interval > KS_LIMIT && rate.abs() > Z_LIMIT);
 }
 
-/// With `initial: stationary` nothing tells the first second of a static pixel from any other (numerics.md 8.3).
+/// With `initial: stationary` nothing tells the first second of a static pixel from any other
+/// (docs/design/numerics-sensor.md, "Stationary voltage").
 #[test]
 fn stationary_pixels_fire_evenly_from_the_start() {
     let process = process(3.0, 4000.0, [1.0, 1.0]);
@@ -238,7 +242,8 @@ fn stationary_pixels_fire_evenly_from_the_start() {
         events.iter().for_each(|event| counts[(event.t.0 - 1) as usize / 2_000_000] += 1.0);
         counts
     };
-    // Each fifth is half a mean interval long: a pixel fires in it at most about once, so the count is binomial.
+    // Each fifth is half a mean interval long: a pixel fires in it at most about once, so the count is
+    // binomial.
     let expected = SIZE.pixels() as f64 * 2000.0 / process.mean_interval();
     let scores = |initial| counts(initial).map(|count| (count - expected) / expected.sqrt());
     let (even, in_step) = (scores(Initial::Stationary), scores(Initial::Zero));

@@ -114,7 +114,7 @@ fn units_are_converted_and_presets_are_numbers() {
             assert!((found - wanted).abs() <= 1e-6 * wanted, "{yaml}: {found:e}, wanted {wanted:e}");
         }
     };
-    // The table of numerics 1.1, in official units.
+    // The table of docs/design/numerics-sensor.md, "Units and presets", in official units.
     let dvs240 = [4.42411, 23.0, 2e-4, 1e-7, 5e-8, 1e-5];
     let gs2e_si = [0.5, 0.255, 1.596_872e-3, 1e-8, 3.921_569e-10, 1e-8];
     t("preset: dvs240", dvs240);

@@ -2,10 +2,11 @@
 //! them.
 
 use super::npy;
-use crate::support::shared;
 use crate::support::workspace::Workspace;
+use crate::support::{golden, shared};
 use serde_json::Value;
 use std::fs;
+use std::path::Path;
 
 /// Mean and largest difference.
 const LIMITS: [f64; 2] = [2e-5, 5e-3];
@@ -18,19 +19,30 @@ fn difference(found: &[f32], wanted: &[f32]) -> [f64; 2] {
 
 #[test]
 fn the_verb_meets_goldens_of_every_kind() {
+    meets(
+        &golden::folder("render"),
+        &[
+            ("needle.official", &["cpu", "reference"]),
+            ("nearplane.exact", &["cpu", "reference"]),
+            ("opaque_stack.official", &["auto"]),
+            ("offset1e6.exact", &["cpu"]),
+            ("nan.exact", &["cpu"]),
+        ],
+    );
+}
+
+#[test]
+fn the_verb_meets_goldens_of_a_captured_scene() {
     let Some(root) = shared::path("data/golden/render") else { return };
+    meets(&root, &[("playbot_lod3_v4.gsplat.aa", &["cpu"]), ("playbot_lod3_v21.official", &["cpu"])]);
+}
+
+/// Renders named cases by the given back ends.
+fn meets(root: &Path, cases: &[(&str, &[&str])]) {
     let manifest: Vec<Value> =
         serde_json::from_slice(&fs::read(root.join("manifest.json")).unwrap()).unwrap();
     let place = Workspace::new();
-    for (name, backends) in [
-        ("needle.official", &["cpu", "reference"][..]),
-        ("nearplane.exact", &["cpu", "reference"]),
-        ("opaque_stack.official", &["auto"]),
-        ("offset1e6.exact", &["cpu"]),
-        ("nan.exact", &["cpu"]),
-        ("playbot_lod3_v4.gsplat.aa", &["cpu"]),
-        ("playbot_lod3_v21.official", &["cpu"]),
-    ] {
+    for &(name, backends) in cases {
         let case = manifest.iter().find(|case| case["name"] == name).unwrap();
         let text = |key: &str| case[key].as_str().unwrap();
         let golden = case["same_as"].as_str().unwrap_or(name);

@@ -1,12 +1,13 @@
 //! What COLMAP's own program says of real models, against what is read here.
 
 use super::shared;
+use crate::support::absent::absent;
 use gs2e::source::colmap;
 use std::path::Path;
 use std::process::Command;
 
-/// The output of COLMAP with these arguments; `None`, said, where there is no COLMAP.
-#[expect(clippy::print_stderr, reason = "a test that is not run says so")]
+/// The output of COLMAP with these arguments; `None`, and the test is named as not run, where COLMAP is
+/// absent.
 fn run(arguments: &[&str]) -> Option<String> {
     match Command::new("colmap").args(arguments).output() {
         Ok(output) => {
@@ -15,8 +16,7 @@ fn run(arguments: &[&str]) -> Option<String> {
             Some(String::from_utf8([output.stdout, output.stderr].concat()).unwrap())
         }
         Err(error) => {
-            assert!(std::env::var_os("REQUIRE_COLMAP").is_none(), "COLMAP is wanted: {error}");
-            eprintln!("not run: there is no COLMAP");
+            absent("REQUIRE_COLMAP", &format!("COLMAP is absent: {error}"));
             None
         }
     }
@@ -54,7 +54,8 @@ fn poses_are_those_of_colmaps_own_export() {
             let found = view.world_from_camera.inverse();
             let q = found.rotation;
             let sign = (q.w * w + q.x * x + q.y * y + q.z * z).signum();
-            // The text has 17 digits; there and back through the camera's centre costs a few roundings of numbers up to 10.
+            // The text has 17 digits; there and back through the camera's centre costs a few roundings of
+            // numbers up to 10.
             for (found, wanted) in [(q.w, w), (q.x, x), (q.y, y), (q.z, z)] {
                 assert!((sign * found - wanted).abs() < 1e-15, "{image}: {q} for {w} {x} {y} {z}");
             }

@@ -1,10 +1,11 @@
 //! Photos without their lens, against OpenCV's `undistort`.
 //!
-//! Both start from one decoded picture. OpenCV rounds places in the photo to 1/32 px and its weights to 1/32,768, so that
-//! a pixel at a sharp edge may be another grey. Where Python lacks OpenCV, that is said on stderr; with `REQUIRE_OPENCV=1`
-//! it is a failure.
+//! Both start from one decoded picture. OpenCV rounds places in the photo to 1/32 px and its weights to
+//! 1/32,768, so that a pixel at a sharp edge may be another grey. Where Python lacks OpenCV, the test is
+//! named as not run; with `REQUIRE_OPENCV=1` it is a failure.
 
 use super::shared;
+use crate::support::absent::absent;
 use gs2e::image::{Image, jpeg, png};
 use gs2e::source::undistort::undistorted;
 use gs2e::source::{View, colmap};
@@ -31,8 +32,7 @@ fn opencv_is_there() -> bool {
     if python(&["-c", "import cv2"]).is_some_and(|output| output.status.success()) {
         return true;
     }
-    assert!(std::env::var_os("REQUIRE_OPENCV").is_none_or(|value| value != "1"), "OpenCV is absent");
-    drop(std::io::stderr().write_all(b"not run: python3 with OpenCV is absent\n"));
+    absent("REQUIRE_OPENCV", "python3 with OpenCV is absent");
     false
 }
 

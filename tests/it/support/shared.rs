@@ -1,14 +1,14 @@
-//! The optional folder of test data beside the repository.
+//! The optional folder of test data next to the repository.
 
-use std::io::Write as _;
+use super::absent::absent;
 use std::path::{Path, PathBuf};
 
-/// A path below `../shared`, or `None`, said on stderr, where that folder is absent.
+/// A path below `../shared`; `None`, and the test is named as not run, where that folder is absent. With
+/// `REQUIRE_SHARED=1` its absence is a failure.
 pub(crate) fn path(relative: &str) -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     if !root.exists() {
-        // Past the capture of the test's output: a test that was not run says so although it passes.
-        drop(std::io::stderr().write_all(b"not run: ../shared is absent\n"));
+        absent("REQUIRE_SHARED", "../shared is absent");
         return None;
     }
     Some(root.join(relative))

@@ -20,13 +20,8 @@ struct Frame {
     transform_matrix: [[f64; 4]; 4],
 }
 
-#[expect(clippy::print_stderr, reason = "a test that does not run says so")]
 fn data(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
-    if !path.exists() {
-        eprintln!("not run: ../shared is absent");
-    }
-    path.exists().then_some(path)
+    crate::support::shared::path(&format!("data/{name}"))
 }
 
 fn views(path: &Path) -> Views {

@@ -1,16 +1,17 @@
-//! How late events are against frames, from pixels on their way.
+//! Delay of events against frames, measured from pixels with steady drift.
 //!
-//! Where the voltage of a pixel rises steadily by more than a threshold on either side of an instant, what is left of its
-//! drift there, `dv - s`, lies evenly between 0 and the threshold: half of it in the mean, however fast the pixel is. Events
-//! that are late by `lag` leave `rate lag` more. So over pixels of many rates, rising and falling, the slope of what is left
-//! against the rate is the lag. (The time at which the correlation of counts and changes is largest, as numerics.md has
-//! it, is late by itself where edges are a threshold or two high: their one event comes at the end of their way.)
+//! If the voltage of a pixel rises steadily by more than a threshold on both sides of an instant,
+//! its residual `dv - s` is uniform between 0 and the threshold: half of it on average, for any
+//! speed. Events with a delay of `lag` leave `rate lag` more. Over pixels of many rates, rising and
+//! falling, the slope of the residual against the rate is therefore the lag. (The maximum of the
+//! correlation between counts and changes is itself late where edges are only one or two thresholds
+//! high, because their single event comes at the end.)
 
-/// Least way on either side of the instant, in thresholds, and how uneven the two may be.
+/// Minimum drift on both sides of the instant, in thresholds, and the largest ratio of the two.
 const LEAST_WAY: f64 = 1.0;
 const MOST_UNEVEN: f64 = 3.0;
 
-/// Sums over the pixels on their way.
+/// Sums over the pixels with steady drift.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Lag {
     /// Number of pixels.
@@ -23,13 +24,13 @@ pub struct Lag {
 }
 
 impl Lag {
-    /// Adds a pixel that has `left` of its drift at an instant, and on its ways to it and from it drifts by `ways` in
-    /// `span` microseconds.
+    /// Adds a pixel with the residual `left` at an instant, and with the drifts `ways` before and
+    /// after it in `span` microseconds.
     pub(super) fn add(&mut self, left: f64, ways: [f64; 2], span: f64, thresholds: [f64; 2]) {
         let threshold = if ways[0] > 0.0 { thresholds[0] } else { thresholds[1] };
         let [small, large] = [ways[0].abs().min(ways[1].abs()), ways[0].abs().max(ways[1].abs())];
         let steady = ways[0] * ways[1] > 0.0 && small > LEAST_WAY * threshold && large < MOST_UNEVEN * small;
-        // What is impossible, as that of a hot pixel, would outweigh the rest.
+        // Impossible residuals, such as that of a hot pixel, would outweigh the rest.
         if !steady || left.abs() > 8.0 * threshold {
             return;
         }
@@ -43,8 +44,8 @@ impl Lag {
         self.products += rate * left;
     }
 
-    /// The lag of all spans, us, and its standard deviation; `None` where there are no pixels to tell. Each span has its
-    /// own mean of what is left: that of voltages which start anywhere.
+    /// The lag over all spans, us, and its standard deviation; `None` without pixels. Each span has
+    /// its own mean residual, which covers voltages that start anywhere.
     #[must_use]
     pub fn pooled(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
         let (mut pixels, mut squares, mut products, mut left_squares) = (0.0, 0.0, 0.0, 0.0);
@@ -70,13 +71,14 @@ impl Lag {
 mod tests {
     use super::*;
 
-    /// Ramps of many rates, up and down, whose events are late by so many us: what is left is found by counting.
+    /// Ramps of many rates, up and down, with events delayed by `late` us. Residuals are found by
+    /// counting.
     fn ramps(late: f64, start: f64) -> [f64; 2] {
         let (span, mut lag) = (2000.0, Lag::default());
         for i in 0..4000 {
             let share = f64::from(i) * 0.618_033_988_749_895 % 1.0;
             let rate = (2.5 + 6.0 * share) / span * if i % 2 == 0 { 1.0 } else { -1.0 };
-            // A way before the span that differs from pixel to pixel.
+            // The drift before the span differs from pixel to pixel.
             let before = 20.0 * (f64::from(i) * 0.754_877_666_246_693 % 1.0);
             let dv = rate * span / 2.0 + before.copysign(rate);
             let s = (dv - rate * late).trunc();

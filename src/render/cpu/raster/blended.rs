@@ -1,9 +1,19 @@
-//! Pass 4 where layers of nearly the same depth cover each other in part (`numerics.md` 3.3): layer `i` is lit by the
-//! product over the others of `1 - alpha_j cover(z_j, z_i)`.
+//! Pass 4 with blended depth order: layers of nearly the same depth cover each other in part.
 //!
-//! A layer is laid down once all that cover it are known, which are those that follow it by less than
-//! [`BLENDED_DEPTHS`]; it waits in a queue until nothing more lies within reach of it. Which layers a pixel blends and
-//! where it stops are those of the plain order. For references: written to be read, over numbers with or without rates.
+//! The plain order jumps when two layers swap: the front one takes all the light. Here layer `i` is
+//! lit by the product over all other layers of `1 - alpha_j cover(z_j, z_i)`, where `cover` rises
+//! smoothly from 0 to 1 as `z_j` passes from behind `z_i` to the front.
+//!
+//! ```text
+//!  depth  ->   laid down   |  wait in the queue      |  not yet read
+//!              cover = 1   |  0 < cover < 1 possible |  cover = 0
+//! ```
+//!
+//! A layer can be blended once every layer that covers it is known. Those are the layers that
+//! follow it by less than [`BLENDED_DEPTHS`], so it waits in a queue until the next layer lies
+//! beyond that. The set of layers at a pixel, and the layer at which the pixel stops, are those of
+//! the plain order. This code makes references: it is written to be read, and it is generic over
+//! plain numbers and numbers with a rate.
 
 #![expect(clippy::cast_precision_loss, reason = "tile coordinates are small")]
 
@@ -17,7 +27,7 @@ use fearless_simd::{Simd, SimdBase as _, f32x16};
 use std::collections::VecDeque;
 use std::f32::consts::LN_2;
 
-/// One tile with `N` features a splat, into its part of the planes (see [`super::run`]).
+/// Blends one tile with `N` features per splat into its part of the planes (see [`super::run`]).
 #[inline(always)]
 pub(super) fn one<V: Simd, S: Real<Plain = f32>, const N: usize>(
     simd: V,
@@ -52,22 +62,22 @@ struct Layer<S, const N: usize> {
     grey: S,
 }
 
-/// One row of a tile, and the layers that wait to be laid down or may still cover others.
+/// One row of a tile, with the layers that are waiting or may still cover others.
 struct Row<S, const N: usize> {
     /// Centre of the first pixel, px.
     first: [f32; 2],
     /// Whether each pixel goes on.
     open: [bool; TILE],
-    /// What is left of the light behind all layers so far.
+    /// Transmittance of all layers so far, in plain order: decides where a pixel stops.
     rest: [S; TILE],
     sums: [[f32; TILE]; N],
     grey_rate: [f32; TILE],
     blended: u64,
     /// Front to back.
     queue: VecDeque<Layer<S, N>>,
-    /// How many of the queue are laid down.
+    /// Number of layers at the front of the queue that are laid down.
     laid: usize,
-    /// What the layers that have left the queue let through.
+    /// Transmittance of the layers that have left the queue.
     before: [S; TILE],
 }
 
@@ -86,7 +96,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         }
     }
 
-    /// The next splat in depth.
+    /// Takes the next splat in order of depth.
     #[inline(always)]
     fn take<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &Rates) {
         let [first, end] = splat.rows.map(f32::from);
@@ -109,7 +119,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         self.queue.push_back(Layer { depth, alpha, features, grey });
     }
 
-    /// What the splat takes of the light at each pixel: 0 where it does not count or the pixel stops.
+    /// The splat's opacity at each pixel: 0 where it is too small to count or the pixel stops.
     #[inline(always)]
     fn alphas<V: Simd>(&mut self, simd: V, splat: &Splat, rates: &Rates) -> [S; TILE] {
         let [mx, my] = [0, 1].map(|k| S::with_rate(splat.mean[k], rates.mean[k]));
@@ -140,9 +150,11 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         })
     }
 
-    /// Lays down the next of the queue.
+    /// Adds the next layer of the queue to the sums.
     fn lay(&mut self) {
         let depth = self.queue[self.laid].depth;
+        // A layer that covers this one fully covers all later ones fully: its factor moves into
+        // `before` for good.
         while self.laid > 0 && cover(self.queue[0].depth, depth).value() >= 1.0 {
             let gone = self.queue.pop_front().expect("those laid down are in the queue");
             for (light, alpha) in self.before.iter_mut().zip(gone.alpha) {
@@ -168,7 +180,7 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
         self.laid += 1;
     }
 
-    /// Lays down the rest.
+    /// Adds the layers that still wait.
     fn finish(&mut self) {
         while self.laid < self.queue.len() {
             self.lay();
@@ -189,19 +201,20 @@ impl<S: Real<Plain = f32>, const N: usize> Row<S, N> {
     }
 }
 
-/// `2^-q` of each.
+/// `2^-q` for each value.
 #[inline(always)]
 fn powers<V: Simd>(simd: V, mut q: [f32; TILE]) -> [f32; TILE] {
     exp2_neg(simd, f32x16::from_slice(simd, &q)).store_slice(&mut q);
     q
 }
 
-/// How much of its opacity a layer of depth `of` takes from the light that reaches one of depth `at`.
+/// The share of its opacity with which a layer at depth `of` dims a layer at depth `at`: 1 far in
+/// front, 0 far behind.
 fn cover<S: Real>(of: S, at: S) -> S {
     smoothstep((at - of) / (S::constant(2.0 * BLENDED_DEPTHS) * at) + S::constant(0.5))
 }
 
-/// From 0 at 0 to 1 at 1, level at both and beyond.
+/// `3u^2 - 2u^3` with `u` clamped to 0..1: rises from 0 to 1 with slope 0 at both ends.
 fn smoothstep<S: Real>(x: S) -> S {
     let (low, high) = (S::constant(0.0), S::constant(1.0));
     let u = if x > low { x } else { low };

@@ -1,4 +1,9 @@
-//! The pixels of a tile, block by block, and what a layer does to them.
+//! The pixels of a tile, stored block by block, and the blending of one layer over a block.
+//!
+//! A pixel stops when the next layer would leave less transmittance than the rules allow. A stopped
+//! pixel keeps its transmittance with the sign set. Every later layer then yields a negative
+//! transmittance, fails the same comparison, and adds nothing: one sign bit replaces a mask that
+//! would take a register of its own.
 
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
 
@@ -14,36 +19,37 @@ use std::f32::consts::LN_2;
 /// One value for each pixel of a tile, block by block, each block row by row.
 type Plane = [f32; PIXELS];
 
-/// What the rules leave out.
+/// Thresholds of the rendering rules.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
-    /// Least opacity that is blended.
+    /// Smallest opacity that is blended.
     least: f32,
-    /// Least rest of light that a pixel goes on with.
+    /// Smallest transmittance with which a pixel goes on.
     stop: f32,
 }
 
 /// The pixels of one tile while they are blended.
 pub(super) struct Pixels<const N: usize> {
     limits: Limits,
-    /// Centres, px.
+    /// Pixel centres, px.
     x: Plane,
     y: Plane,
-    /// What is left of the light behind; negative once the pixel is finished.
+    /// Transmittance; negative once the pixel is finished.
     light: Plane,
+    /// Sums of weight times feature.
     sums: [Plane; N],
-    /// Rate of the light behind.
+    /// Rate of the transmittance.
     light_rate: Plane,
     /// Rate of the luminance.
     grey_rate: Plane,
-    /// Bit `b`: block `b` has a pixel to blend.
+    /// Bit `b` is set while block `b` has a pixel that goes on.
     open: u64,
     /// Pixels of the tile that lie outside the image.
     outside: usize,
     blended: u64,
 }
 
-/// The place of a plane's value within the tile, its column and row.
+/// Column and row within the tile of the `i`-th value of a plane.
 #[inline(always)]
 fn place(i: usize) -> [usize; 2] {
     let across = TILE / SIDE;
@@ -59,6 +65,8 @@ impl<const N: usize> Pixels<N> {
         let mut pixels = Self {
             limits: Limits {
                 least: least_alpha(rules),
+                // gsplat stops at `T <= 1e-4`, the official rasteriser at `T < 1e-4`. The next
+                // float turns the first comparison into the second.
                 stop: if rules == Rules::Gsplat { STOP.next_up() } else { STOP },
             },
             x: nothing,
@@ -78,6 +86,7 @@ impl<const N: usize> Pixels<N> {
             if x < size.width as usize && y < size.height as usize {
                 pixels.open |= 1 << (i / LANES);
             } else {
+                // Pixels outside the image start finished, so no layer counts there.
                 pixels.light[i] = -1.0;
                 pixels.outside += 1;
             }
@@ -85,19 +94,19 @@ impl<const N: usize> Pixels<N> {
         pixels
     }
 
-    /// Whether no pixel is left to blend.
+    /// Whether all pixels are finished.
     #[inline(always)]
     pub(super) fn is_finished(&self) -> bool {
         self.open == 0
     }
 
-    /// Whether the block has a pixel to blend.
+    /// Whether the block has a pixel that goes on.
     #[inline(always)]
     pub(super) fn is_open(&self, block: usize) -> bool {
         self.open >> block & 1 == 1
     }
 
-    /// Blends the splats of a batch that a mask has bits of over a block, front to back.
+    /// Blends over a block, front to back, the splats of a batch whose bits are set in `mask`.
     #[inline(always)]
     pub(super) fn blend<S: Simd, const SOFT: bool, const RATE: bool>(
         &mut self,
@@ -161,7 +170,7 @@ impl<const N: usize> Pixels<N> {
         }
     }
 
-    /// Counts what was blended and which pixels stopped early.
+    /// Adds the blended layers and the pixels that stopped early.
     #[inline(always)]
     pub(super) fn count(&self, work: &mut Work) {
         work.blended += self.blended;
@@ -169,7 +178,7 @@ impl<const N: usize> Pixels<N> {
     }
 }
 
-/// The pixels of one block.
+/// The pixels of one block, in registers.
 struct State<S: Simd, const N: usize> {
     x: f32x16<S>,
     y: f32x16<S>,
@@ -182,7 +191,8 @@ struct State<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> State<S, N> {
-    /// One layer over the block; the rates are those of `numerics.md` 7.5.
+    /// Blends one layer over the block. Rates follow by the product rule from the rates of mean,
+    /// conic and opacity.
     #[inline(always)]
     fn blend<const SOFT: bool, const RATE: bool>(
         &mut self,
@@ -194,6 +204,9 @@ impl<S: Simd, const N: usize> State<S, N> {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
         let [w1, w2, w3] = splat.w;
         let (dx, dy) = (self.x - splat.mean[0], self.y - splat.mean[1]);
+        // The exponent as a sum of two squares (a Cholesky factor of the conic) is never negative,
+        // even where rounding would make `a dx^2 + 2 b dx dy + c dy^2` of a needle negative and its
+        // opacity larger than 1.
         let (e1, e2) = (dx * w1 + dy * w2, dy * w3);
         let free = exp2_neg(simd, e1 * e1 + e2 * e2) * splat.opacity;
         let mut alpha = free.min(MAX_ALPHA);
@@ -204,6 +217,7 @@ impl<S: Simd, const N: usize> State<S, N> {
             let e1_rate = dx * rates.w[0] + (dy * rates.w[1] - w1 * rates.mean[0] - w2 * rates.mean[1]);
             let q2_rate = e2 * (dy * rates.w[2] - w3 * rates.mean[1]);
             let power_rate = (e1 * e1_rate + q2_rate) * (2.0 * LN_2);
+            // A clamped opacity is constant, so its rate is 0.
             let moves = counts & free.simd_lt(MAX_ALPHA);
             rate = moves.select(alpha * (f32x16::splat(simd, rates.opacity) - power_rate), zero);
         }
@@ -213,7 +227,8 @@ impl<S: Simd, const N: usize> State<S, N> {
             alpha *= ramp;
         }
         let after = self.light * (one - alpha);
-        // never for a finished pixel; always where alpha is 0 and the pixel is not
+        // False for every finished pixel, whose transmittance is negative. True where alpha is 0
+        // and the pixel goes on, since its transmittance passed this comparison before.
         let goes_on = after.simd_ge(limits.stop);
         let weight = goes_on.select(self.light * alpha, zero);
         if RATE {
@@ -223,15 +238,17 @@ impl<S: Simd, const N: usize> State<S, N> {
         }
         let finished = f32x16::from_bits(self.light.to_bits() | SIGN);
         self.light = goes_on.select(after, finished);
-        self.blended -= weight.simd_gt(zero).to_vector(); // true is -1
+        // A true lane is -1 as an integer.
+        self.blended -= weight.simd_gt(zero).to_vector();
         for (sums, feature) in self.sums.iter_mut().zip(splat.features) {
             *sums += weight * feature;
         }
     }
 }
 
-/// The centred ramp of the rules `soft` and its derivative: 0 at half a grey step, 1 at one and a half
-/// (`numerics.md` 3.3).
+/// The ramp of the rules `soft` and its derivative: 0 at an opacity of half a grey step, 1 at one
+/// and a half. A layer then fades in where the other rules cut it off, so brightness does not jump
+/// as the camera moves.
 #[inline(always)]
 fn ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     let u = (alpha * 255.0 - 0.5).max(0.0).min(1.0);

@@ -1,4 +1,13 @@
-//! Which splats of a batch may touch which blocks of a tile.
+//! The blocks of a tile that each splat of a batch may touch.
+//!
+//! ```text
+//!   row y  ----(  middle - reached ... middle + reached  )----
+//! ```
+//!
+//! On one row of pixels an ellipse covers an interval. A splat may touch a block if the union of
+//! the intervals of the block's four rows meets the block's columns. The test is conservative:
+//! rounding may add a block, and a margin makes sure that it never drops one. Lanes are splats, so
+//! one pass over the rows serves a full vector of them.
 
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
 
@@ -7,7 +16,7 @@ use crate::render::cpu::splat::{MARGIN, Splat};
 use crate::render::shared::TILE;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 
-/// The ellipses of a batch, one array a parameter.
+/// The ellipses of a batch, one array per parameter.
 pub(super) struct Shapes {
     mean: [[f32; BATCH]; 2],
     w: [[f32; BATCH]; 3],
@@ -21,7 +30,7 @@ impl Default for Shapes {
 }
 
 impl Shapes {
-    /// Takes the ellipses of a batch; places that it leaves free hold none.
+    /// Copies the ellipses of a batch. Unused places get a negative reach, which touches nothing.
     #[inline(always)]
     pub(super) fn fill(&mut self, splats: &[Splat]) {
         for (i, splat) in splats.iter().enumerate() {
@@ -32,7 +41,8 @@ impl Shapes {
         self.reach[splats.len()..].fill(-1.0);
     }
 
-    /// For each block of the tile at `corner`, the splats that may touch it: bit `i` is that of splat `i`.
+    /// For each block of the tile at `corner`, a mask of the splats that may touch it: bit `i`
+    /// belongs to splat `i`.
     #[inline(always)]
     pub(super) fn cover<S: Simd>(&self, simd: S, corner: [usize; 2]) -> [u64; BLOCKS] {
         let mut masks = [0; BLOCKS];
@@ -42,8 +52,8 @@ impl Shapes {
         masks
     }
 
-    /// The same for as many splats as a vector has lanes: a row of pixels is touched along [`Splat::chord`], a block
-    /// from the least to the greatest end of those of its rows.
+    /// The same for one vector of splats, from `first` on. The interval on a row is
+    /// [`Splat::chord`].
     #[inline(always)]
     fn cover_some<S: Simd>(&self, simd: S, corner: [usize; 2], first: usize, masks: &mut [u64; BLOCKS]) {
         let load = |from: &[f32; BATCH]| S::f32s::from_slice(simd, &from[first..first + S::f32s::LEN]);
@@ -62,6 +72,8 @@ impl Shapes {
                 let half = room.max(zero).sqrt() * inverse;
                 let shift = slope * dy;
                 let reached = half + (half + shift.abs()) * MARGIN[1] + MARGIN[0];
+                // The ellipse misses this row: an interval of minus infinity cannot widen the
+                // union.
                 let reached = room.simd_ge(zero).select(reached, nothing);
                 let middle = mean_x - shift;
                 begin = begin.min(middle - reached);
@@ -101,7 +113,8 @@ mod tests {
             ..ProptestConfig::default()
         })]
 
-        /// No block is left out that has a pixel that counts, and no splat takes the bit of another.
+        /// No block is left out that has a pixel that counts, and no splat takes the bit of
+        /// another.
         #[test]
         fn every_block_with_a_pixel_that_counts(found in prop::collection::vec(planted(), 20)) {
             let splats: Vec<Splat> = found.into_iter().flatten().collect();
@@ -129,7 +142,8 @@ mod tests {
         let mut shapes = Shapes::default();
         shapes.fill(&[dot]);
         for masks in by_each(&shapes, [TILE, TILE]) {
-            // a reach of 1 px: columns 17 and 18, rows 21 and 22, all in the first column and the second row of blocks
+            // a reach of 1 px: columns 17 and 18, rows 21 and 22, all in the first column and the
+            // second row of blocks
             assert_eq!(masks.map(|mask| mask == 1), from_fn(|b| b == 4), "{masks:?}");
         }
     }

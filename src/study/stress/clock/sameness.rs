@@ -1,4 +1,4 @@
-//! One signal makes one stream, however it is sampled, cut or scheduled.
+//! One signal gives one stream, for any sampling, cropping and scheduling.
 
 use super::FIRST;
 use crate::event::Event;
@@ -12,7 +12,7 @@ use crate::study::stress::clips::{by_pixel, clip, run};
 use crate::study::stress::{Area, Case, Found, Point, Worst};
 
 const SIZE: Size = Size { width: 24, height: 10 };
-/// Where a part of the sensor begins.
+/// Origins of a crop of the sensor.
 const CORNER: [u16; 2] = [600, 400];
 
 pub(super) fn cases<'a>() -> Vec<Case<'a>> {
@@ -24,29 +24,29 @@ pub(super) fn cases<'a>() -> Vec<Case<'a>> {
     ]
 }
 
-/// Noisy enough that every pixel fires now and then, static or not.
+/// Enough noise that every pixel fires occasionally, static or not.
 fn noisy() -> Voltmeter {
     Voltmeter::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
 }
 
-/// With noise, without it, and by the published law.
+/// With noise, without noise, and by the published law.
 fn sensors() -> [(&'static str, Voltmeter); 3] {
     let [k1, k2, _, k4, k5, _] = noisy().k;
     let official = Voltmeter { law: Law::Official, ..noisy() };
     [("exact", noisy()), ("no noise", Voltmeter::new([k1, k2, 0.0, k4, k5, 0.0])), ("official", official)]
 }
 
-/// Events that differ, whichever stream they are of.
+/// Events that differ, in either stream.
 fn differing(a: &[Event], b: &[Event]) -> usize {
     a.iter().zip(b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len())
 }
 
-/// Sees whether two streams are the same.
+/// Adds a comparison of two streams for equality.
 fn same(worst: &mut Worst, found: &[Event], wanted: &[Event], at: impl FnOnce() -> String) {
     worst.see_same(differing(found, wanted), wanted.len(), at);
 }
 
-/// Sees whether each pixel has the same events, and how far apart they are in time.
+/// Adds a comparison of the events of each pixel, and of their times.
 fn near(worst: &mut Worst, found: &[Event], wanted: &[Event], what: &str) {
     let pairs = by_pixel(SIZE, found).into_iter().zip(by_pixel(SIZE, wanted));
     let (mut others, mut furthest) = (0, 0);
@@ -61,14 +61,15 @@ fn near(worst: &mut Worst, found: &[Event], wanted: &[Event], what: &str) {
     worst.see(Point::absolute(furthest as f64, 0.0, 1.0), || format!("{what}: times"));
 }
 
-/// Stamps of a clip that ends at `end_us`, at this frame rate as far as it goes.
+/// Stamps of a clip that ends at `end_us`, at this frame rate as far as it divides.
 #[expect(clippy::cast_possible_truncation, reason = "short clips")]
 fn stamps(rate: f64, end_us: i64) -> Vec<i64> {
     let regular = (0..).map(|i| (f64::from(i) * 1e6 / rate).round() as i64);
     regular.take_while(|&t| t < end_us).chain([end_us]).collect()
 }
 
-/// Constant light, and light whose `L + 16` goes through four octaves, which frames at each octave hold exactly.
+/// Constant light, and light whose `L + 16` passes through four octaves, which frames at each
+/// octave represent exactly.
 fn frame_rates() -> Found {
     let mut worst = Worst::default();
     let at_rest = |stamps: &[i64]| run(&noisy(), &clip(SIZE, stamps, |x, y, _| f64::from(x * 10 + y)), 5).0;
@@ -87,7 +88,7 @@ fn frame_rates() -> Found {
     worst.found()
 }
 
-/// A clip that moves, with dark, bright and static parts.
+/// A moving clip with dark, bright and static parts.
 fn moving(size: Size, first_us: i64) -> ArrayFrames {
     let stamps: Vec<i64> = stamps(2400.0, 12_000).into_iter().map(|t| first_us + t).collect();
     clip(size, &stamps, |x, y, t| {
@@ -159,7 +160,7 @@ fn crops() -> Found {
             same(&mut worst, &found, &wanted, || format!("{name}, {size} at ({left}, {top})"));
         }
     }
-    // Every pixel by itself: the tiles are all of the whole.
+    // Every pixel by itself: together, the tiles cover the whole.
     let whole = of_part(&noisy(), &clip, [0, 0], SIZE);
     let tile = |x: u16, y: u16| {
         let tile = of_part(&noisy(), &clip, [x, y], Size { width: 1, height: 1 });

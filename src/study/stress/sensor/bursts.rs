@@ -1,4 +1,4 @@
-//! Events without noise, or with next to none: each has its time, however many there are.
+//! Events without noise, or with almost none: each has its exact time, for any number of events.
 
 use crate::event::Polarity;
 use crate::image::Size;
@@ -10,10 +10,10 @@ use crate::study::stress::{Area, Case, Found, Point, Worst};
 /// A frame interval of 2400 a second, us.
 const FRAME: i64 = 417;
 const PIXEL: Size = Size { width: 1, height: 1 };
-/// Times of files are whole nanoseconds; half of one is the middle of what a time may mean.
+/// Tolerance of a time in a file, ns: half a nanosecond, because times are whole nanoseconds.
 const LIMIT_NS: f64 = 1.0;
 
-/// Cases by the variance of the noise over a frame: none, so that another program runs, and next to none.
+/// Variances of the noise over a frame: none, and almost none, which use different code.
 pub(super) fn cases<'a>() -> Vec<Case<'a>> {
     let case = |name, regime, run: fn(f64) -> Found, variance| {
         Case::new(Area::Sensor, [name, regime, "ns"], move || run(variance))
@@ -28,20 +28,20 @@ pub(super) fn cases<'a>() -> Vec<Case<'a>> {
     ]
 }
 
-/// A sensor of this gain and leak a us, of which the noise has a variance over a frame.
+/// A sensor with this gain and leak per us, and with this variance of the noise over a frame.
 fn sensor([k1, k2]: [f64; 2], leak: f64, variance: f64) -> Voltmeter {
     let k = [k1, k2, 0.0, leak, 0.0, (variance / FRAME as f64).sqrt()];
     Voltmeter { max_events_per_pixel_frame: u32::MAX, ..Voltmeter::new(k) }
 }
 
-/// What one pixel makes of these greys.
+/// The events of one pixel for these greys.
 fn train(sensor: &Voltmeter, stamps_us: &[i64], greys: &[f64]) -> Train {
     let grey = |t: i64| greys[stamps_us.iter().position(|stamp| *stamp == t).unwrap_or(0)];
     let (events, _) = run(sensor, &clip(PIXEL, stamps_us, |_, _, t| grey(t)), 1);
     by_pixel(PIXEL, &events).swap_remove(0)
 }
 
-/// Holds a train against wanted times in ns: their number exactly, their polarities, each time.
+/// Compares a train with expected times in ns: the exact number, the polarities, and each time.
 fn hold(worst: &mut Worst, found: &Train, wanted: &[(f64, Polarity)], what: &str) {
     worst.see(Point::count(found.len() as u64, wanted.len() as u64), || format!("{what}: number"));
     let other = found.iter().zip(wanted).filter(|(found, wanted)| found.1 != wanted.1).count();
@@ -52,7 +52,7 @@ fn hold(worst: &mut Worst, found: &Train, wanted: &[(f64, Polarity)], what: &str
     }
 }
 
-/// From one grey to another in a frame, so that the drift is linear in time.
+/// From one grey to another within a frame, so that the drift is linear in time.
 fn ramp(variance: f64) -> Found {
     let mut worst = Worst::default();
     for Answer { given, wanted } in answers("step") {
@@ -103,7 +103,7 @@ fn flash(variance: f64) -> Found {
         let found = train(&sensor, &[0, 1, 2], &[0.0, to, 0.0]);
         let up = rise.floor();
         let ons = (1..).map(f64::from).take_while(|j| *j <= up).map(|j| (1e3 * j / rise, Polarity::On));
-        // After them the voltage is D - up; the j-th OFF event is where D is up - j OFF.
+        // After the ON events, the voltage is D - up. The j-th OFF event is where D is up - j OFF.
         let offs = (1..).map(|j| up - f64::from(j) * OFF).take_while(|level| *level > 0.0);
         let offs = offs.filter(|level| *level < rise).map(|level| (2e3 - 1e3 * level / rise, Polarity::Off));
         let wanted: Vec<_> = ons.chain(offs).collect();
@@ -112,15 +112,15 @@ fn flash(variance: f64) -> Found {
     worst.found()
 }
 
-/// The drift of a step of brightness, measured by the time of its last event on a way of 55 hours: a nanosecond of that
-/// is 5e-15 of the step.
+/// The drift of a step of brightness, measured by the time of its last event over 55 hours: a
+/// nanosecond of that is 5e-15 of the step.
 pub(super) fn steps() -> Found {
     const END_US: i64 = 200_000_000_000;
     let mut worst = Worst::default();
     for Answer { given, wanted } in answers("step") {
         let [k1, k2, from, to] = [given[0], given[1], given[2], given[3]];
         let rise = wanted[0];
-        // Two events and a half, or as many as there are.
+        // Two and a half events, or as many as there are.
         let threshold = (rise.abs() / 2.5).min(1.0);
         let sensor =
             Voltmeter { threshold_on: threshold, threshold_off: threshold, ..sensor([k1, k2], 0.0, 0.0) };

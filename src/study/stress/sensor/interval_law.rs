@@ -1,9 +1,9 @@
-//! The law of the time between events of a pixel of constant brightness: the first exit of a Brownian motion with drift
-//! from between two barriers, as a sum over mirror images (numerics.md 8.2).
+//! The law of the time between events of a pixel of constant brightness: the first exit of a
+//! Brownian motion with drift from an interval, as a sum over mirror images.
 
 use std::f64::consts::{PI, SQRT_2};
 
-/// Drift and variance per unit time, and the distances of the two barriers.
+/// Drift and variance per unit time, and the distances of both barriers.
 #[derive(Debug, Clone, Copy)]
 pub struct Exit {
     /// Drift.
@@ -17,14 +17,14 @@ pub struct Exit {
 }
 
 impl Exit {
-    /// Probability of having left by `t`.
+    /// Probability of an exit by `t`.
     #[must_use]
     pub fn by(self, t: f64) -> f64 {
         let mirrored = Self { drift: -self.drift, up: self.down, down: self.up, ..self };
         self.upward_by(t) + mirrored.upward_by(t)
     }
 
-    /// Probability of having left by `t` through the upper barrier.
+    /// Probability of an exit by `t` through the upper barrier.
     #[must_use]
     pub fn upward_by(self, t: f64) -> f64 {
         let Self { drift, variance, up, down } = self;
@@ -37,7 +37,7 @@ impl Exit {
             let away = libm::exp(lead + tilt + log_phi((-m * t - d.abs()) / root));
             d.signum() * (toward + away)
         };
-        // Images beyond the 12th are further away than the motion gets in ten mean intervals.
+        // Images beyond the 12th are farther away than the motion reaches in ten mean intervals.
         (-12..=12).map(term).sum()
     }
 }
@@ -47,6 +47,7 @@ fn log_phi(x: f64) -> f64 {
     if x > -10.0 {
         return libm::log(0.5 * libm::erfc(-x / SQRT_2));
     }
-    // Asymptotic: the next term is 15/x^6, 1.5e-5 at the border, where the function itself is below e^-50.
+    // Asymptotic series: the next term is 15/x^6, 1.5e-5 at the border, where the function itself
+    // is below e^-50.
     -0.5 * x * x - libm::log(-x * (2.0 * PI).sqrt()) + libm::log(1.0 - 1.0 / (x * x) + 3.0 / (x * x * x * x))
 }

@@ -1,4 +1,4 @@
-//! First passages by counting: which barrier, and when.
+//! First passages by counting: the barrier, and the time.
 
 use super::interval_law::Exit;
 use crate::event::Polarity;
@@ -10,22 +10,22 @@ use crate::study::stress::clips::{Train, by_pixel, clip, ks, run};
 use crate::study::stress::{Area, Case, Found, Point, Worst};
 use std::ops::ControlFlow;
 
-/// Standard errors that a count may be off: 6e-5 for each of a dozen.
+/// Allowed number of standard errors of a count: 6e-5 for each of a dozen.
 const ERRORS: f64 = 4.0;
-/// Paths that are counted.
+/// Number of simulated paths.
 const PATHS: u64 = 40_000;
-/// Of the Kolmogorov-Smirnov distance times the root of the sample: alpha 1e-4.
+/// Limit of the Kolmogorov-Smirnov distance times the root of the sample size: alpha 1e-4.
 const KS_LIMIT: f64 = 2.23;
 
-/// How many standard errors a count is off.
+/// Error of a count in standard errors.
 fn share(count: u64, n: u64, wanted: f64) -> Point {
     let (found, n) = (count as f64 / n as f64, n as f64);
     Point::scaled(found, wanted, (wanted * (1.0 - wanted) / n).sqrt(), ERRORS)
 }
 
-/// The first event of a path from `x` to `y` of this variance, between barriers at 1 and -1.
+/// The first event of a path from `x` to `y` with this variance, between barriers at 1 and -1.
 pub(super) fn first_of_leaf([x, y]: [f64; 2], variance: f64, draws: Draws) -> Option<Polarity> {
-    /// Of a leaf, ns; any would do.
+    /// Length of the leaf, ns; any value would do.
     const LENGTH: f64 = 1024.0;
     struct First(Option<Polarity>);
     impl Emit for First {
@@ -45,7 +45,8 @@ fn draws(index: u64) -> Draws {
     Seed(11).draws(Cell { x: 0, y: 0, level: 0, index }, Space::Leaf)
 }
 
-/// Paths whose first event is OFF, of [`PATHS`]; `end` draws each one's far end.
+/// Number of paths with OFF as the first event, among [`PATHS`]. `end` draws the far end of each
+/// path.
 fn count_off(
     first: &impl Fn([f64; 2], f64, Draws) -> Option<Polarity>,
     (x, variance): (f64, f64),
@@ -59,7 +60,8 @@ fn count_off(
     (0..PATHS).filter(is_off).count() as u64
 }
 
-/// How often the first event of a path with drift is OFF; `first` is given the path's ends, its variance, and draws.
+/// Share of paths with drift whose first event is OFF. `first` gets the ends of the path, its
+/// variance, and draws.
 #[must_use]
 pub fn first_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
     let mut worst = Worst::default();
@@ -72,7 +74,7 @@ pub fn first_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Fo
     worst.found()
 }
 
-/// The same for paths whose ends are given.
+/// The same for paths with given ends.
 #[must_use]
 pub fn bridge_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> Found {
     let mut worst = Worst::default();
@@ -84,7 +86,7 @@ pub fn bridge_off(first: impl Fn([f64; 2], f64, Draws) -> Option<Polarity>) -> F
     worst.found()
 }
 
-/// [`first_off`] of a sensor whose thresholds are as far from 0 as 1 and -1 are from `x`.
+/// [`first_off`] for a sensor with thresholds as far from 0 as 1 and -1 are from `x`.
 pub(super) fn first_off_of_sensor() -> Found {
     const SIZE: Size = Size { width: 250, height: 160 };
     const END: i64 = 1000;
@@ -108,14 +110,15 @@ pub(super) fn first_off_of_sensor() -> Found {
     worst.found()
 }
 
-/// Intervals that are taken of each pixel, from its first frame on.
+/// Number of intervals taken from each pixel, from its first frame on.
 const TAKEN: usize = 32;
 const WATCHED: Size = Size { width: 16, height: 8 };
-/// A root cell of the sensor's clock, us: how long it goes in one step where no barrier is in reach.
+/// Length of a root cell of the sensor's clock, us: the longest single step without a barrier
+/// within reach.
 const CELL_US: f64 = (1 << 20) as f64 * 1e-3;
 
-/// The first intervals of pixels of constant brightness, us, each with its polarity. `spread` bounds the squared
-/// coefficient of variation.
+/// The first intervals of pixels of constant brightness, us, each with its polarity. `spread`
+/// bounds the squared coefficient of variation.
 fn intervals_of(process: Exit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f64, Polarity)> {
     let Exit { drift, variance, up, down } = process;
     let k = [1.0, 1.0, 0.0, drift, 0.0, variance.sqrt()];
@@ -125,7 +128,8 @@ fn intervals_of(process: Exit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f
         max_events_per_pixel_frame: u32::MAX,
         ..Voltmeter::new(k)
     };
-    // 5.5 deviations of the number of events more than are taken, so that none is cut off.
+    // 5.5 standard deviations of the number of events more than needed, so that no interval is cut
+    // off.
     let watched = mean_us * (TAKEN as f64 + 4.0 + 5.5 * (1.5 * TAKEN as f64 * spread).sqrt());
     #[expect(clippy::cast_possible_truncation, reason = "below the clock's end")]
     let end = watched.ceil() as i64;
@@ -141,12 +145,12 @@ fn intervals_of(process: Exit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f
     intervals
 }
 
-/// The mean interval at equal thresholds of 1, by the hyperbolic tangent.
+/// The mean interval for equal thresholds of 1, by the hyperbolic tangent.
 fn mean_interval(nu: f64, variance: f64) -> f64 {
     if nu > 0.0 { libm::tanh(nu) / (nu * variance) } else { 1.0 / variance }
 }
 
-/// KS distance of intervals from the series, at each of these variances a cell of the clock.
+/// KS distance of intervals from the series, for each of these variances per cell of the clock.
 fn interval_case(nu: f64, variances: &[f64]) -> Found {
     let mut worst = Worst::default();
     for (seed, per_cell) in (1..).zip(variances) {
@@ -163,8 +167,9 @@ fn interval_case(nu: f64, variances: &[f64]) -> Found {
     worst.found()
 }
 
-/// A case a ratio of drift to noise. Where events are rarest they are thousands of cells apart, where most frequent a
-/// thousand nanoseconds or more, so that whole nanoseconds do not show in the distance.
+/// One case per ratio of drift to noise. The rarest events are thousands of cells apart; the most
+/// frequent are at least a thousand nanoseconds apart, so that whole nanoseconds do not affect the
+/// distance.
 pub(super) fn intervals<'a>() -> Vec<Case<'a>> {
     let case = |words, nu, variances: &'static [f64]| {
         Case::new(Area::Sensor, words, move || interval_case(nu, variances))
@@ -191,7 +196,7 @@ pub(super) fn thresholds() -> Found {
     for Answer { given, wanted } in answers("renewal") {
         let process = Exit { drift: given[0], variance: given[1], up: given[2], down: given[3] };
         let [on_share, mean] = [wanted[0], wanted[1]];
-        // Unequal thresholds spread intervals a little more.
+        // Unequal thresholds spread intervals slightly more.
         let found = intervals_of(process, [mean, 1.0], 5);
         let n = found.len() as f64;
         let on = found.iter().filter(|(_, polarity)| *polarity == Polarity::On).count();

@@ -1,4 +1,4 @@
-//! Small scenes in plain terms, and views of them.
+//! Small scenes, and views of them.
 
 use crate::camera::Camera;
 use crate::image::Size;
@@ -7,7 +7,7 @@ use crate::scene::{Gaussians, Screening, procedural, sh};
 use crate::se3::Se3;
 use glam::{DQuat, DVec3};
 
-/// Every image of a camera at rest.
+/// All images of a camera at rest.
 pub const ALL: Channels = Channels {
     rgb: true,
     luminance: true,
@@ -18,14 +18,14 @@ pub const ALL: Channels = Channels {
     doubtful: true,
 };
 
-/// The published rules over black.
+/// The published rules over a black background.
 pub const OFFICIAL: Style =
     Style { rules: Rules::Official, order: Layering::Depth, antialiased: false, background: [0.0; 3] };
 
 /// One Gaussian of constant colour.
 #[derive(Debug, Clone, Copy)]
 pub struct Blob {
-    /// Its mean.
+    /// Mean.
     pub position: [f32; 3],
     /// Standard deviations along its own axes.
     pub deviations: [f32; 3],
@@ -49,7 +49,7 @@ impl Default for Blob {
     }
 }
 
-/// A scene of these.
+/// A scene of these blobs.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "scenes hold 32-bit values")]
 pub fn scene(blobs: &[Blob]) -> Gaussians {
@@ -67,7 +67,7 @@ pub fn scene(blobs: &[Blob]) -> Gaussians {
     }
 }
 
-/// A view along z from the origin, its principal point in the middle.
+/// A view along z from the origin, with the principal point in the middle.
 #[must_use]
 pub fn ahead(width: u32, height: u32, focal: f64) -> View {
     let [cx, cy] = [width, height].map(|edge| f64::from(edge) / 2.0);
@@ -75,25 +75,27 @@ pub fn ahead(width: u32, height: u32, focal: f64) -> View {
     View::still(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
 }
 
-/// Numbers in 0..1 that a scene is scattered by, the same in every run (Steele, Lea, Flood 2014: SplitMix64).
+/// Pseudo-random numbers in 0..1 that place the blobs, equal in every run (Steele, Lea and Flood
+/// 2014: SplitMix64).
 #[derive(Debug, Clone)]
 pub struct Draws(pub u64);
 
 impl Draws {
-    /// The next.
+    /// The next number.
     #[expect(clippy::should_implement_trait, reason = "draws never end")]
     pub fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(procedural::STEP);
         (procedural::finalise(self.0) >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// The next, between these.
+    /// The next number in a range.
     pub fn within(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.next()
     }
 }
 
-/// Blobs of all shapes in front of, beside and behind the camera, with colours below zero and above one.
+/// Blobs of all shapes in front of the camera, to its sides and behind it, with colours below zero
+/// and above one.
 #[must_use]
 pub fn crowd(n: usize, seed: u64) -> Vec<Blob> {
     let mut d = Draws(seed);

@@ -1,4 +1,4 @@
-//! What is blended, stopped, left out or doubtful, as the rules say.
+//! Counts of blended, stopped, culled and doubtful Gaussians, as the rules define them.
 
 use super::blobs::{ALL, OFFICIAL};
 use super::scenes::{self, ALL_RULES, Counts};
@@ -9,13 +9,14 @@ use crate::render::{Rules, Style, Work};
 use crate::study::stress::{Outcome, Point, Worst};
 use std::sync::Arc;
 
-/// Layers of equal opacity, capped at 0.99, are a geometric series until the one that would leave less than 1e-4.
+/// Layers of equal opacity, clamped at 0.99, are a geometric series up to the layer that would
+/// leave less than 1e-4.
 pub(super) fn stack(by: Player<'_>) -> Outcome {
     const LAYERS: i32 = 1000;
     let mut worst = Worst::default();
     for opacity in [0.004, 0.009, 0.02, 0.5, 0.99, 0.99999_f64] {
         let alpha = opacity.min(0.99);
-        // 0.01 squared is below 1e-4 in 32 bits, and by decree in 64.
+        // 0.01 squared is below 1e-4 in 32 bits, and by definition in 64.
         let left = |n: i32| libm::pow(1.0 - alpha, f64::from(n));
         let blended = (1..=LAYERS).take_while(|n| left(*n) >= 1e-4 * (1.0 + 1e-6)).count();
         let sum = |first: i32| -> f64 {
@@ -45,13 +46,14 @@ fn counts(work: Work) -> Counts {
     Counts { gaussians, behind, degenerate, outside, doubtful: affine_doubtful, invalid: affine_invalid }
 }
 
-/// How many Gaussians are counted otherwise.
+/// Number of Gaussians with a different outcome.
 fn miscounted(found: Counts, wanted: Counts) -> u64 {
     let of = |c: Counts| [c.gaussians, c.behind, c.degenerate, c.outside, c.doubtful, c.invalid];
     of(found).into_iter().zip(of(wanted)).map(|(a, b)| a.abs_diff(b)).sum()
 }
 
-/// Against what is known of twelve Gaussians, and in 32 bits against the reference in a crowd.
+/// Compared with the known outcome of twelve Gaussians, and in 32 bits with the reference on a
+/// crowd.
 pub(super) fn counted(by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     let (scene, view, wanted) = scenes::counted();
@@ -74,7 +76,8 @@ pub(super) fn counted(by: Player<'_>) -> Outcome {
             let (_, work) = by.picture(&scene, style, &view, ALL)?;
             let (_, wanted) = Player(&Backend::Reference).picture(&scene, style, &view, ALL)?;
             let at = |what| move || format!("{what}, a crowd, {rules:?}, antialiased {antialiased}");
-            // 32 bits widen an extent by 0.02 px against rounding, and few are so near to it.
+            // 32 bits widen an extent by 0.02 px against rounding, and few Gaussians are that close
+            // to it.
             let outside = Point::absolute(work.outside as f64, wanted.outside as f64, 6.0);
             worst.see(outside, at("outside"));
             let [work, wanted] = [work, wanted].map(|work| counts(Work { outside: 0, ..work }));
@@ -87,7 +90,7 @@ pub(super) fn counted(by: Player<'_>) -> Outcome {
 pub(super) fn near_plane(by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     for rules in ALL_RULES {
-        // Of gsplat at the plane itself too.
+        // For gsplat, also at the plane itself.
         let (near, at) = if rules == Rules::Gsplat { (0.01_f32, 0) } else { (0.2, 1) };
         for (z, behind) in [(near.next_down(), 1), (near, at), (near.next_up(), 0), (-1.0, 1), (0.0, 1)] {
             let (scene, view) = scenes::at_depth(z);

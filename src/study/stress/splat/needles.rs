@@ -1,4 +1,4 @@
-//! Long thin Gaussians: what of their shape survives the projection.
+//! Long thin Gaussians: preservation of their shape in the projection.
 
 use super::blobs::OFFICIAL;
 use super::scenes::{self, DILATION, Needle};
@@ -18,7 +18,8 @@ const ALPHA: Channels = Channels {
     doubtful: false,
 };
 
-/// A needle's value at every pixel over that at its mean: in 64 bits its luminance, which images cannot hold.
+/// A needle's value at every pixel relative to that at its mean. In 64 bits, its luminance, because
+/// images have 32 bits.
 fn shape(by: Player<'_>, needle: &Needle, style: Style) -> Result<Vec<f64>, NotRun> {
     let (scene, view) = (Arc::new(needle.scene()), needle.view());
     if by.precision() == Precision::Double {
@@ -34,11 +35,12 @@ pub(super) fn near(by: Player<'_>) -> Outcome {
     needles(by.some(scenes::needles()), |needle| shape(by, needle, EXACT), by.precision())
 }
 
-/// Near a needle's mean its power is the square of the distance across it over the smaller eigenvalue, which is the
-/// determinant over the larger: what is lost in either shows there in full. `shape` gives `exp(-power)` at each pixel.
+/// Near a needle's mean, the power is the squared distance across it divided by the smaller
+/// eigenvalue, which is the determinant divided by the larger one: a loss in either is fully
+/// visible there. `shape` gives `exp(-power)` at each pixel.
 ///
 /// # Errors
-/// Where `shape` does.
+/// `shape` fails.
 pub fn needles(
     needles: impl IntoIterator<Item = Needle>,
     shape: impl Fn(&Needle) -> Result<Vec<f64>, NotRun>,
@@ -51,11 +53,12 @@ pub fn needles(
             if !(0.05..2.0).contains(&power) || distance > 8.0 {
                 continue;
             }
-            // How far the two distances that enter, each up to the distance over the smaller deviation, can be rounded.
+            // Possible rounding of the two distances, each of which is up to the distance divided
+            // by the smaller standard deviation.
             let reach = (2.0 * power).sqrt() * distance / narrow.sqrt();
             let limit = match precision {
-                // 2e-6 of the determinant; three roundings of each distance; alpha >= 0.13 is 1 - T, rounded at 6e-8,
-                // and 2^-q errs by 2e-7.
+                // 2e-6 of the determinant; three roundings of each distance; alpha >= 0.13 is 1 -
+                // T, rounded at 6e-8; and 2^-q has an error of 2e-7.
                 Precision::Single => 2e-6 * power + 6.0 * 6e-8 * reach + 1e-6,
                 // 1e-13, and the same roundings 2^-29 times as large.
                 Precision::Double => 1e-13 * power + 6.0 * 1.2e-16 * reach + 2e-15,
@@ -67,8 +70,9 @@ pub fn needles(
     Ok(worst.found())
 }
 
-/// As far from the mean as half of the needle's deviation: 99 % of the pixels by the table of numerics.md 7.2. In 64 bits
-/// 1e-13; at 1500 px doubles are 2e-13 px apart, and the edge of a needle is 0.6 px wide.
+/// At half the needle's standard deviation from the mean, 99 % of the pixels must agree. In 64 bits
+/// the tolerance is 1e-13; at 1500 px, doubles are 2e-13 px apart, and the edge of a needle is 0.6
+/// px wide.
 pub(super) fn far(by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     for (long_px, single, double) in [(300.0, 8e-6, 1e-13), (1000.0, 4.7e-5, 1e-13), (3000.0, 7.5e-5, 3e-13)]
@@ -87,18 +91,19 @@ pub(super) fn far(by: Player<'_>) -> Outcome {
     Ok(worst.found())
 }
 
-/// Needles that cross the picture askew, their means half of a deviation away.
+/// Needles that cross the picture diagonally, with means half a standard deviation away.
 fn oblique(long_px: f64) -> Vec<Needle> {
     let shapes =
         [10.0, 100.0, 1e3, 1e4].into_iter().flat_map(|a| [0.1, 0.3, 0.7, 1.2, 1.5].map(|angle| (a, angle)));
     shapes.map(|(aspect, angle)| Needle { long_px, aspect, angle, offset: long_px / 2.0 }).collect()
 }
 
-/// Antialiased rules weaken a needle by the root of its determinant without the dilation over that with it.
+/// The antialiased rule scales a needle by the root of its determinant without dilation divided by
+/// that with dilation.
 pub(super) fn undilated(by: Player<'_>) -> Outcome {
-    /// Below this the rules keep the ratio.
+    /// Ratio below which the rule is constant.
     const FLOOR: f64 = 2.5e-5;
-    /// Where a pixel shows it to six digits.
+    /// Ratio from which on a pixel shows it with six digits.
     const SEEN: f64 = 0.02;
     let mut worst = Worst::default();
     for needle in by.some(scenes::needles()) {
@@ -112,7 +117,7 @@ pub(super) fn undilated(by: Player<'_>) -> Outcome {
             continue;
         }
         let limit = match by.precision() {
-            // 2e-6 of the determinants, and 1 - T, rounded at 6e-8, and 2^-q, which errs by 2e-7.
+            // 2e-6 of the determinants; 1 - T, rounded at 6e-8; and 2^-q, with an error of 2e-7.
             Precision::Single => 2e-6 + 2.6e-7 / wanted,
             Precision::Double => 1e-13,
         };

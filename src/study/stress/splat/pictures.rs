@@ -1,4 +1,4 @@
-//! Whole pictures: 32 bits against 64, one channel against three, and how fast luminance changes.
+//! Whole pictures: 32 bits against 64, one channel against three, and the rate of the luminance.
 
 use super::blobs::{ALL, OFFICIAL};
 use super::{Player, Precision, Stage, exact};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 const SIZE: Size = Size { width: 80, height: 45 };
 
-/// A scene, a view of it by a camera that moves, and the rules that it is rendered by.
+/// A scene, a view from a moving camera, and the rules.
 pub(super) struct Set {
     scene: Arc<Gaussians>,
     view: View,
@@ -38,8 +38,8 @@ pub(super) fn embedded() -> Set {
     Set { scene: Arc::new(procedural::gaussians(&life)), view, rules: &[Rules::Official, Rules::Soft] }
 }
 
-/// The scene of the command line, from beside it: its median in the middle, as far away as two medians of the distances
-/// from there.
+/// The user's scene from the side: its median in the middle of the view, at twice the median
+/// distance of the Gaussians from it.
 pub(super) fn own(stage: &Stage) -> Set {
     let scene = stage.scene.clone().expect("there are cases of it where it is there");
     let middle = |mut values: Vec<f64>| {
@@ -60,13 +60,13 @@ pub(super) fn own(stage: &Stage) -> Set {
 }
 
 impl Set {
-    /// The same under each of its rules.
+    /// The same scene under each of its rules.
     fn styles(&self) -> impl Iterator<Item = Style> {
         self.rules.iter().map(|rules| Style { rules: *rules, background: [0.1, 0.3, 0.2], ..OFFICIAL })
     }
 }
 
-/// The 99 % quantile, and the largest.
+/// The 99 % quantile and the largest value.
 fn quantiles(mut errors: Vec<f64>) -> [f64; 2] {
     errors.sort_by(f64::total_cmp);
     [errors[(errors.len() - 1) * 99 / 100], errors[errors.len() - 1]]
@@ -76,7 +76,8 @@ fn colours(image: &Rendered) -> Vec<[f32; 3]> {
     image.rgb.iter().flat_map(|rgb| rgb.pixels()).copied().collect()
 }
 
-/// A layer at 1/255 that one of them leaves out, or two whose depths change places: few pixels, and little.
+/// A layer at 1/255 that one of the two leaves out, or two layers whose depths swap: few pixels,
+/// and small differences.
 pub(super) fn value(set: &Set, by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     for style in set.styles() {
@@ -91,8 +92,8 @@ pub(super) fn value(set: &Set, by: Player<'_>) -> Outcome {
     Ok(worst.found())
 }
 
-/// The luminance channel is the luminance of the colours; in 64 bits it is the sum of those of three scenes of which each
-/// keeps one colour.
+/// The luminance channel equals the luminance of the colours. In 64 bits it equals the sum over
+/// three scenes with one colour each.
 pub(super) fn luminance(set: &Set, by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     for style in set.styles() {
@@ -116,7 +117,7 @@ pub(super) fn luminance(set: &Set, by: Player<'_>) -> Outcome {
 
 /// Luminance in 64 bits, and that of red, green and blue alone.
 fn one_by_one(set: &Set, style: Style) -> Vec<(f64, f64)> {
-    /// So dark that it is clamped at 0 whatever the harmonics add.
+    /// A value so dark that it is clamped at 0 for any harmonics.
     const DARK: f32 = -1e6;
     let whole = exact(&set.scene, style, &set.view);
     let alone = |channel: usize| {
@@ -134,7 +135,7 @@ fn one_by_one(set: &Set, style: Style) -> Vec<(f64, f64)> {
     whole.iter().enumerate().map(|(i, grey)| (grey[0], sum(i))).collect()
 }
 
-/// In 32 bits against the reference.
+/// The 32-bit renderer against the reference.
 pub(super) fn rate(set: &Set, by: Player<'_>) -> Outcome {
     let mut worst = Worst::default();
     for style in set.styles() {
@@ -150,7 +151,7 @@ pub(super) fn rate(set: &Set, by: Player<'_>) -> Outcome {
     Ok(worst.found())
 }
 
-/// The reference's rates against differences of its own values, over the largest of them.
+/// The reference's rates against differences of its own values, relative to the largest rate.
 pub(super) fn rate_by_differences(set: &Set) -> Found {
     let mut worst = Worst::default();
     for style in set.styles() {
@@ -165,7 +166,7 @@ pub(super) fn rate_by_differences(set: &Set) -> Found {
     worst.found()
 }
 
-/// Pixels that have no rate: at least 99 % must have one.
+/// Share of pixels that may have no rate: at least 99 % must have one.
 pub(super) fn jumps(set: &Set) -> Found {
     let mut worst = Worst::default();
     for style in set.styles() {
@@ -178,13 +179,13 @@ pub(super) fn jumps(set: &Set) -> Found {
     worst.found()
 }
 
-/// Whether two differences say the same: they do not where a layer comes, goes or changes places.
+/// Whether two differences agree. They do not where a layer appears, disappears or swaps.
 fn is_smooth(wide: f64, narrow: f64, largest: f64) -> bool {
     (wide - narrow).abs() <= 1e-5 * largest
 }
 
-/// Central differences of luminance over 0.2 us and over half of that: in so short a time hardly two depths change places,
-/// and of differences over it 64 bits keep nine digits.
+/// Central differences of luminance over 0.2 us and over half of that. In so short a time hardly
+/// two depths swap, and 64 bits keep nine digits of such differences.
 struct Differences {
     wide: Vec<f64>,
     narrow: Vec<f64>,
@@ -203,7 +204,7 @@ impl Differences {
     }
 }
 
-/// The view after `seconds`, to the first order of its velocity.
+/// The view after `seconds`, to first order in its velocity.
 fn after(view: &View, seconds: f64) -> View {
     let Se3 { rotation, translation } = view.world_from_camera;
     let world_from_camera = Se3 {

@@ -1,5 +1,5 @@
-//! What must not change a picture: where the world's origin is, how many threads there are, what is no number, how long
-//! a quaternion is.
+//! Invariance of pictures: under the world's origin, the number of threads, values that are not
+//! finite, and the length of quaternions.
 
 use super::blobs::{ALL, Blob, OFFICIAL, ahead, scene};
 use super::scenes::{self, ALL_RULES};
@@ -12,7 +12,7 @@ use crate::study::stress::{NotRun, Outcome, Point, Worst};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Values that differ, whichever picture they are of.
+/// Values that differ, in either picture.
 fn differing(a: &Rendered, b: &Rendered) -> [usize; 2] {
     let (a, b) = (bits(a), bits(b));
     [a.iter().zip(&b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len()), b.len()]
@@ -27,7 +27,7 @@ fn picture(by: Player<'_>, scene: Gaussians, rules: Rules, view: &View) -> Resul
     by.picture(&Arc::new(scene), Style { rules, ..OFFICIAL }, view, ALL)
 }
 
-/// A shift that 64 bits hold exactly beside the camera's centre.
+/// A shift that 64 bits represent exactly together with the camera's centre.
 pub(super) fn offset(by: Player<'_>) -> Outcome {
     let (scene, mut view) = scenes::askew(2000);
     view.camera = view.camera.resized(Size { width: 101, height: 59 });
@@ -46,13 +46,13 @@ pub(super) fn offset(by: Player<'_>) -> Outcome {
     Ok(worst.found())
 }
 
-/// The middle of a blob's opacity, px.
+/// The centre of a blob's opacity, px.
 fn middle(by: Player<'_>, shift: DVec3) -> Result<[f64; 2], NotRun> {
     const EDGE: u32 = 33;
     let blob = Blob { position: [0.013, -0.021, 4.0], deviations: [0.12; 3], ..Blob::default() };
     let mut view = ahead(EDGE, EDGE, 100.0);
     view.world_from_camera.translation = DVec3::new(0.007, 0.003, -0.011) + shift;
-    // Rules under which no pixel comes or goes at once.
+    // Rules under which no pixel appears or disappears at once.
     let (image, _) = picture(by, Gaussians { origin: shift, ..scene(&[blob]) }, Rules::Soft, &view)?;
     let (mut sum, mut moments) = (0.0, [0.0; 2]);
     for (i, alpha) in (0_u32..).zip(alphas(&image)) {
@@ -63,7 +63,7 @@ fn middle(by: Player<'_>, shift: DVec3) -> Result<[f64; 2], NotRun> {
     Ok(moments.map(|moment| moment / sum))
 }
 
-/// Offsets that round what is added to them, by 1e-10 at most.
+/// Offsets that round what is added to them, by at most 1e-10.
 pub(super) fn offset_px(by: Player<'_>) -> Outcome {
     let here = middle(by, DVec3::ZERO)?;
     let mut worst = Worst::default();
@@ -76,7 +76,7 @@ pub(super) fn offset_px(by: Player<'_>) -> Outcome {
     Ok(worst.found())
 }
 
-/// That the order of ties is the file's shows in the colours: neighbours in the file differ by up to 1.9 in a channel.
+/// The colours reveal the order of ties: neighbours in the file differ by up to 1.9 in a channel.
 pub(super) fn ties(by: Player<'_>) -> Outcome {
     let (scene, view) = scenes::ties(1000);
     let mut worst = Worst::default();
@@ -96,7 +96,7 @@ pub(super) fn ties(by: Player<'_>) -> Outcome {
         };
         let (found, wanted) = (values(&one), values(&wanted));
         let off = found.iter().zip(&wanted).filter(|(a, b)| (**a - **b).abs() > 1e-3).count();
-        // Layers at a threshold, which 32 bits leave out and 64 do not.
+        // Layers at a threshold, which 32 bits leave out and 64 bits do not.
         let few = Point::absolute(off as f64, 0.0, found.len() as f64 / 3000.0);
         worst.see(few, || format!("{rules:?}, beside the reference"));
     }
@@ -104,7 +104,7 @@ pub(super) fn ties(by: Player<'_>) -> Outcome {
 }
 
 pub(super) fn unsound(by: Player<'_>) -> Outcome {
-    /// One that is seen.
+    /// A visible Gaussian.
     const I: usize = 40;
     let (scene, mut view) = scenes::askew(200);
     view.camera = view.camera.resized(Size { width: 101, height: 59 });
@@ -133,7 +133,7 @@ pub(super) fn quaternions(by: Player<'_>) -> Outcome {
     for (power, rotation) in (-20..=20).cycle().zip(&mut twin.rotations) {
         *rotation = rotation.map(|v| libm::scalbnf(v, power));
     }
-    // A zero quaternion turns nothing.
+    // A zero quaternion is the identity.
     for i in [7, 40] {
         scene.rotations[i] = unturned;
         twin.rotations[i] = [0.0; 4];

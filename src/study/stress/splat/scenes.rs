@@ -1,39 +1,39 @@
-//! Scenes at the edges of the arithmetic, and what is known of them beforehand.
+//! Scenes at the edges of the arithmetic, with their known properties.
 
 use super::blobs::{Blob, ahead, crowd, scene};
 use crate::render::{Rules, View};
 use crate::scene::{Gaussians, sh};
 use glam::{DQuat, DVec3};
 
-/// Every set of rules.
+/// All rules.
 pub const ALL_RULES: [Rules; 4] = [Rules::Official, Rules::Exact, Rules::Gsplat, Rules::Soft];
 
-/// A needle across the optical axis, parallel to the image: its projection is exact, a Gaussian of these deviations in
-/// pixels, turned by an angle, and dilated.
+/// A needle across the optical axis, parallel to the image. Its projection is exact: a Gaussian
+/// with these standard deviations in pixels, rotated by an angle, and dilated.
 #[derive(Debug, Clone, Copy)]
 pub struct Needle {
-    /// Deviation along it, px.
+    /// Standard deviation along it, px.
     pub long_px: f64,
-    /// The same over the deviation across it.
+    /// Ratio of the standard deviations along and across it.
     pub aspect: f64,
-    /// From the picture's x axis, rad.
+    /// Angle from the x axis of the picture, rad.
     pub angle: f64,
-    /// How far its mean is from the middle of the picture along it, px.
+    /// Distance of its mean from the middle of the picture along it, px.
     pub offset: f64,
 }
 
-/// Pixels a unit at the needles' depth.
+/// Pixels per unit at the depth of the needles.
 const SCALE: f64 = 25.0;
 const DEPTH: f32 = 4.0;
-/// What the rules add to every variance, px^2: 32 bits, whatever renders.
+/// Dilation of every variance, px^2: a 32-bit constant for all renderers.
 pub(super) const DILATION: f64 = 0.3_f32 as f64;
-/// Both edges of a needle's picture, px.
+/// Width and height of a needle's picture, px.
 const EDGE: u32 = 33;
 
 impl Needle {
     const OPACITY: f64 = 0.95;
 
-    /// The needle alone.
+    /// A scene with the needle only.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "scenes hold 32 bits")]
     pub fn scene(&self) -> Gaussians {
@@ -48,13 +48,13 @@ impl Needle {
         }])
     }
 
-    /// Its opacity, as it is stored.
+    /// Its opacity as stored.
     #[must_use]
     pub fn opacity(&self) -> f64 {
         1.0 / (1.0 + libm::exp(-f64::from(self.scene().opacity_logits[0])))
     }
 
-    /// Its luminance at its mean, as it is stored.
+    /// Its luminance at the mean, as stored.
     #[must_use]
     pub fn luminance(&self) -> f64 {
         self.opacity() * (0.5 + sh::C0 * f64::from(self.scene().sh[0][0]))
@@ -70,7 +70,7 @@ impl Needle {
         view
     }
 
-    /// Variances along and across it, px^2, as they are stored, before any dilation.
+    /// Variances along and across it, px^2, as stored, before any dilation.
     #[must_use]
     pub fn variances(&self) -> [f64; 2] {
         let scales = self.scene().log_scales[0];
@@ -80,8 +80,8 @@ impl Needle {
         })
     }
 
-    /// Each pixel's distance from the mean, px, and the power there by the eigenvectors, which nothing cancels in: what
-    /// is stored of the scene, and 0.3 px^2 of dilation.
+    /// Each pixel's distance from the mean, px, and the power there by eigenvectors, in which
+    /// nothing cancels: of the stored scene with 0.3 px^2 of dilation.
     #[must_use]
     pub fn powers(&self) -> Vec<[f64; 2]> {
         let stored = self.scene();
@@ -112,7 +112,8 @@ pub fn needles() -> Vec<Needle> {
     all
 }
 
-/// Equal layers one behind the other that fill a picture of one pixel, colours alternating between red and green.
+/// Equal layers behind one another that fill a picture of one pixel, with colours alternating
+/// between red and green.
 #[must_use]
 pub fn stack(layers: usize, opacity: f64) -> (Gaussians, View) {
     let layer = |i: usize| Blob {
@@ -125,7 +126,8 @@ pub fn stack(layers: usize, opacity: f64) -> (Gaussians, View) {
     (scene(&(0..layers).map(layer).collect::<Vec<_>>()), ahead(1, 1, 100.0))
 }
 
-/// A crowd whose depths are of only eight values: in an order of the file that no sort by anything else would give.
+/// A crowd with only eight distinct depths, in a file order that no sort by another quantity would
+/// give.
 #[must_use]
 pub fn ties(n: usize) -> (Gaussians, View) {
     let mut blobs = crowd(n, 5);
@@ -135,10 +137,10 @@ pub fn ties(n: usize) -> (Gaussians, View) {
     (scene(&blobs), ahead(101, 59, 75.0))
 }
 
-/// A Gaussian of a crowd made unsound, or sound in another way.
+/// A Gaussian of a crowd, made invalid, or valid in another way.
 pub type Spoil = fn(&mut Gaussians, usize);
 
-/// What no part of the picture may come from.
+/// Values that no part of the picture may depend on.
 pub const UNSOUND: [(&str, Spoil); 9] = [
     ("NaN in a position", |s, i| s.positions[i][1] = f32::NAN),
     ("NaN in a depth", |s, i| s.positions[i][2] = f32::NAN),
@@ -163,8 +165,9 @@ pub fn without(scene: &Gaussians, i: usize) -> Gaussians {
     clean
 }
 
-/// Gaussians that the rules count: two behind, one beside the picture, one too faint, one that overflows, and of those
-/// drawn some of which the depth is 0.09, 0.11, 0.29, 0.31 and 0.5 deviations, and a giant around the camera.
+/// Gaussians that the rules count: two behind, one outside the picture, one too faint, one that
+/// overflows; and among the drawn ones some with a standard deviation of depth of 0.09, 0.11, 0.29,
+/// 0.31 and 0.5 of the depth, and a giant around the camera.
 #[must_use]
 pub fn counted() -> (Gaussians, View, Counts) {
     let here = Blob { position: [0.0, 0.0, 4.0], ..Blob::default() };
@@ -187,10 +190,10 @@ pub fn counted() -> (Gaussians, View, Counts) {
     (scene(&blobs), ahead(32, 32, 100.0), wanted)
 }
 
-/// What [`crate::render::Work`] says of Gaussians.
+/// The counts of [`crate::render::Work`] that concern Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Counts {
-    /// All.
+    /// All Gaussians.
     pub gaussians: u64,
     /// Not in front of the near plane.
     pub behind: u64,
@@ -198,9 +201,9 @@ pub struct Counts {
     pub degenerate: u64,
     /// In no tile, or too faint.
     pub outside: u64,
-    /// Deeper than 0.1 of their depth.
+    /// Standard deviation above 0.1 of the depth.
     pub doubtful: u64,
-    /// Deeper than 0.3 of it.
+    /// Standard deviation above 0.3 of the depth.
     pub invalid: u64,
 }
 
@@ -213,7 +216,7 @@ pub fn at_depth(z: f32) -> (Gaussians, View) {
     )
 }
 
-/// A crowd seen askew, in a picture whose edges are no multiples of a tile.
+/// A crowd seen diagonally, in a picture with edges that are not multiples of a tile.
 #[must_use]
 pub fn askew(n: usize) -> (Gaussians, View) {
     let mut view = ahead(203, 117, 150.0);
@@ -222,7 +225,7 @@ pub fn askew(n: usize) -> (Gaussians, View) {
     (scene(&crowd(n, 1)), view)
 }
 
-/// Giants that each cover the whole of a picture.
+/// Giants that each cover the whole picture.
 #[must_use]
 pub fn giants(n: usize, edge: u32) -> (Gaussians, View) {
     let giant = |i: usize| Blob {

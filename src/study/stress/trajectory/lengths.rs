@@ -1,4 +1,4 @@
-//! Curves whose length has a closed form, and whose speed all but vanishes or changes fast.
+//! Curves with closed-form lengths, and with speeds that almost vanish or change quickly.
 
 use crate::se3::arc_length::ArcLength;
 use crate::se3::spline::Place;
@@ -7,7 +7,7 @@ use crate::study::stress::{Found, Point, Worst};
 /// A speed over `x` in [0, 1].
 #[derive(Debug, Clone, Copy)]
 enum Curve {
-    /// `sqrt((x - c)^2 + e^2)`: passes a stop at `c` at a distance of `e`.
+    /// `sqrt((x - c)^2 + e^2)`: passes a stop at `c` at the distance `e`.
     NearCusp { at: f64, distance: f64 },
     /// The semicubical parabola `((x - c)^2, (x - c)^3)`, which stops at `c` and turns back.
     Cusp { at: f64 },
@@ -27,7 +27,7 @@ impl Curve {
         }
     }
 
-    /// Its integral, but for a constant.
+    /// Its integral, up to a constant.
     fn integral(self, x: f64) -> f64 {
         match self {
             Self::NearCusp { at, distance: e } => {
@@ -55,7 +55,7 @@ fn curves() -> Vec<Curve> {
     near.chain(places.map(|at| Curve::Cusp { at })).chain([Curve::Burst]).collect()
 }
 
-/// The length of a curve of that speed over [0, 1], as paths are measured.
+/// The length of a curve with that speed over [0, 1], as paths are measured.
 pub(super) fn measured(speed: &dyn Fn(f64) -> f64) -> f64 {
     ArcLength::measure(&[1.0], |at: Place| speed(at.x)).total()
 }
@@ -71,7 +71,7 @@ pub fn length(measure: impl Fn(&dyn Fn(f64) -> f64) -> f64) -> Found {
     worst.found()
 }
 
-/// Where a curve has a length, its closed form says that it has that length there.
+/// The closed form at the place where a curve reaches a length must give that length.
 pub(super) fn inversion() -> Found {
     const LENGTHS: u32 = 200;
     let mut worst = Worst::default();

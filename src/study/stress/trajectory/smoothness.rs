@@ -1,4 +1,4 @@
-//! How fast curves of poses move and turn, and whether they do so evenly where their pieces meet.
+//! Rates of curves of poses, and their continuity where pieces meet.
 
 use crate::se3::Se3;
 use crate::se3::Twist;
@@ -8,7 +8,7 @@ use crate::study::stress::{Found, Point, Worst};
 use crate::trajectory::curve::{Curve, PoseCurve};
 use glam::DVec3;
 
-/// Poses that turn by up to 1.5 rad from one to the next, unevenly.
+/// Poses with uneven turns of up to 1.5 rad between neighbours.
 #[must_use]
 fn knots() -> (Vec<f64>, Vec<Se3>) {
     let steps = vec![0.7, 1.3, 1.0, 0.4, 1.1, 0.9];
@@ -32,16 +32,17 @@ pub(super) fn curves() -> Vec<Box<dyn PoseCurve>> {
     vec![through(Curve::Cubic), through(Curve::Cumulative)]
 }
 
-/// The pose as seen from the pose at another place.
+/// The pose relative to the pose at another place.
 fn seen(curve: &dyn PoseCurve, from: Place, x: f64) -> [DVec3; 2] {
     let (a, b) = (curve.pose(from), curve.pose(Place { x, ..from }));
     [b.translation - a.translation, log(a.rotation.conjugate() * b.rotation)]
 }
 
-/// Both rates inside the segments, against central differences of fourth order of the poses.
+/// Both rates inside the segments against central differences of fourth order of the poses.
 #[must_use]
 pub fn rates(curves: &[Box<dyn PoseCurve>]) -> Found {
-    /// The difference is off by its fourth power over 30 times a fifth derivative, and by 1e-16 over it.
+    /// Step of the difference. Its error is the fourth power over 30 times a fifth derivative, plus
+    /// 1e-16 divided by the step.
     const STEP: f64 = 1e-3;
     let mut worst = Worst::default();
     for curve in curves {
@@ -64,7 +65,7 @@ pub fn rates(curves: &[Box<dyn PoseCurve>]) -> Found {
     worst.found()
 }
 
-/// Whether both rates, and their derivatives, are the same on both sides of each inner knot.
+/// Continuity of both rates and their derivatives at each inner knot.
 #[must_use]
 pub fn joints(curves: &[Box<dyn PoseCurve>]) -> Found {
     const STEP: f64 = 1e-4;

@@ -1,14 +1,15 @@
-//! Small least-squares problems by Householder's QR factorisation with column pivoting (Golub and Van Loan, "Matrix
-//! Computations", algorithm 5.4.1). Normal equations would square the condition of Bernstein polynomials, which is about
-//! `2^degree`.
+//! Small least-squares problems by Householder's QR factorisation with column pivoting (Golub and
+//! Van Loan, "Matrix Computations", algorithm 5.4.1). Normal equations would square the condition
+//! of Bernstein polynomials, which is about `2^degree`.
 
 use glam::DVec3;
 
-/// A column is dependent where less than this share of the largest one is left of it: its coefficient would be rounding
-/// multiplied by a million million.
+/// Remaining share of the largest column below which a column counts as dependent. Its coefficient
+/// would be rounding multiplied by 10^12.
 const DEPENDENT: f64 = 1e-12;
 
-/// The `q` with least `sum_k |sum_i columns[i][k] q[i] - right[k]|^2`. Coefficients of dependent columns are zero.
+/// The `q` that minimises `sum_k |sum_i columns[i][k] q[i] - right[k]|^2`. Coefficients of
+/// dependent columns are zero.
 pub(super) fn solve(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -> Vec<DVec3> {
     let mut order: Vec<usize> = (0..columns.len()).collect();
     let mut pivots = Vec::with_capacity(columns.len());
@@ -34,26 +35,26 @@ pub(super) fn solve(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -> Vec<DV
     solution
 }
 
-/// The column with the most left from row `k` on, and how much.
+/// The column with the largest norm from row `k` on, and that norm.
 fn widest(columns: &[Vec<f64>], k: usize) -> Option<(usize, f64)> {
     let norm = |column: &Vec<f64>| column[k..].iter().map(|a| a * a).sum::<f64>().sqrt();
     columns.iter().map(norm).enumerate().reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
 
-/// A Householder reflection that takes one column to a multiple of the first axis.
+/// A Householder reflection that maps one column to a multiple of the first axis.
 struct Mirror<'a> {
     normal: &'a [f64],
-    /// 2 over the squared length of the normal.
+    /// 2 divided by the squared length of the normal.
     factor: f64,
-    /// What is left of the column.
+    /// The resulting multiple.
     pivot: f64,
 }
 
 impl<'a> Mirror<'a> {
-    /// Turns the column of length `norm > 0` into the mirror's normal.
+    /// Replaces the column of length `norm > 0` by the normal of the reflection.
     fn onto_axis(column: &'a mut [f64], norm: f64) -> Self {
         let pivot = -norm.copysign(column[0]);
-        // v.v = 2 norm (norm + |a|): no cancellation.
+        // v.v = 2 norm (norm + |a|), without cancellation.
         let factor = 1.0 / (norm * (norm + column[0].abs()));
         column[0] -= pivot;
         Self { normal: column, factor, pivot }
@@ -78,7 +79,8 @@ mod tests {
 
     #[test]
     fn planted_solutions_are_found() {
-        // Vandermonde rows of distinct nodes: any right side made from coefficients has them as its only solution.
+        // Vandermonde rows of distinct nodes: a right side made from coefficients has them as its
+        // only solution.
         let nodes = [-0.9, -0.3, 0.1, 0.4, 0.8, 1.0];
         for count in 1..=6 {
             let rows: Vec<Vec<f64>> = nodes
@@ -89,7 +91,7 @@ mod tests {
             let planted: Vec<DVec3> = (0..count).map(|i| DVec3::new(1.0, -2.0, i as f64)).collect();
             let right = rows.iter().map(|r| r.iter().zip(&planted).map(|(a, q)| *q * *a).sum()).collect();
             for (got, want) in solve(columns(&rows), right).iter().zip(&planted) {
-                // A condition of at most 1e3, and a handful of roundings.
+                // A condition of at most 1e3, and some roundings.
                 assert!((*got - *want).length() < 1e-12, "{count}: {got} {want}");
             }
         }

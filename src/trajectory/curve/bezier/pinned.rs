@@ -1,12 +1,12 @@
-//! A Bezier curve in space that starts and ends where it is told to.
+//! A Bezier curve in space with given ends.
 
 use super::least_squares;
 use glam::DVec3;
 
-/// The line between both ends and a bulge beside it, both over a parameter from 0 to 1.
+/// The line between both ends plus a deviation from it, over a parameter from 0 to 1.
 ///
-/// The control points are those of the line plus those of the bulge, of which the first and the last are zero. So a
-/// straight path has a bend of exactly zero.
+/// The control points are the sums of those of the line and those of the deviation, with zero first
+/// and last ones. A straight path therefore has a curvature of exactly zero.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pinned {
     start: DVec3,
@@ -15,8 +15,8 @@ pub(super) struct Pinned {
 }
 
 impl Pinned {
-    /// The curve of `degree` from the first to the last of `points` that is, at the parameters `x`, nearest to the
-    /// others: in least squares.
+    /// The curve of `degree` from the first to the last of `points` that is nearest to the others
+    /// at the parameters `x`, in least squares.
     pub(super) fn fit(degree: usize, x: &[f64], points: &[DVec3]) -> Self {
         let last = points.len() - 1;
         let (start, chord) = (points[0], points[last] - points[0]);
@@ -50,18 +50,19 @@ fn differences(control: &[DVec3]) -> Vec<DVec3> {
     control.windows(2).map(|w| (w[1] - w[0]) * degree).collect()
 }
 
-/// The Bernstein polynomial `i` of a degree.
+/// The Bernstein polynomial `i` of this degree.
 fn basis(degree: usize, i: usize, x: f64) -> f64 {
     let power = |base: f64, exponent: usize| std::iter::repeat_n(base, exponent).product::<f64>();
     binomial(degree, i) * power(x, i) * power(1.0 - x, degree - i)
 }
 
-/// Exact for all degrees that are used: every partial product is a binomial coefficient.
+/// Exact for all degrees in use: every partial product is a binomial coefficient.
 fn binomial(n: usize, k: usize) -> f64 {
     (0..k).fold(1.0, |product, j| product * (n - j) as f64 / (j + 1) as f64)
 }
 
-/// A polynomial by its control points, each times its binomial coefficient; of none it is zero.
+/// A polynomial as its control points times their binomial coefficients. Without control points it
+/// is zero.
 #[derive(Debug, Clone, PartialEq)]
 struct Bernstein(Vec<DVec3>);
 
@@ -71,8 +72,8 @@ impl Bernstein {
         Self(control.iter().enumerate().map(|(i, point)| *point * binomial(degree, i)).collect())
     }
 
-    /// By nested multiplication in `1 - x` with growing powers of `x`: no term cancels another, as in de Casteljau's
-    /// algorithm, but in linear time.
+    /// Nested multiplication in `1 - x` with growing powers of `x`: no term cancels another, as in
+    /// de Casteljau's algorithm, but in linear time.
     fn value(&self, x: f64) -> DVec3 {
         let (mut sum, mut power) = (DVec3::ZERO, 1.0);
         for coefficient in &self.0 {

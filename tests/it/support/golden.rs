@@ -1,0 +1,8 @@
+//! Goldens of the repository: answers by other programs, in `tests/golden`.
+
+use std::path::{Path, PathBuf};
+
+/// A folder of `tests/golden`.
+pub(crate) fn folder(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)
+}
