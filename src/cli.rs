@@ -152,7 +152,7 @@ impl Common {
         Ok(Chosen::new(by, self.omit(), self.programs()))
     }
 
-    /// The programs on the user's path. Each runs under a process of this program, whatever its file is called by now.
+    /// The programs on the user's path. This program supervises them, even if its file was replaced meanwhile.
     #[expect(clippy::unused_self, reason = "the environment belongs to the command line")]
     fn programs(&self) -> Programs {
         let own = PathBuf::from("/proc/self/exe");
@@ -165,8 +165,8 @@ impl Common {
         self.jobs.map_or_else(machine::cores, usize::from)
     }
 
-    /// Keeps `-j` to the cores of this machine: idle threads look for work at one another, which takes time that grows
-    /// with the square of their number.
+    /// Keeps `-j` to the cores of this machine. Idle threads look for work at one another, so the time that they
+    /// take grows with the square of their number.
     fn clamp_jobs(&mut self, console: &Console) {
         let cores = u16::try_from(machine::cores()).unwrap_or(u16::MAX);
         if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
@@ -357,8 +357,8 @@ fn dispatch(cli: Cli, console: &Console) -> Result<Exit, Problem> {
     }
 }
 
-/// A flag that the first interrupt sets; the second ends the program at once, which is as safe as a power cut. The end of
-/// a terminal is an interrupt, unless the program was started to outlive it, as by `nohup`.
+/// A flag that the first interrupt sets; the second ends the program at once, which is as safe as a power cut.
+/// The end of a terminal is an interrupt, unless the program was started to outlive it, as by `nohup`.
 fn on_interrupt() -> Result<Arc<AtomicBool>, Problem> {
     let flag = Arc::new(AtomicBool::new(false));
     let mut signals = vec![SIGINT, SIGTERM, SIGQUIT];

@@ -22,7 +22,7 @@ pub trait Renderers {
         Omit::default()
     }
 
-    /// The version of a program that trajectories are held against; `None` where it is not known and may not be asked.
+    /// The version of a program that judges trajectories; `None` if it is not known and may not be asked.
     fn version(&self, _: Asked) -> Option<String> {
         None
     }

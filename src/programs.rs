@@ -1,12 +1,14 @@
 //! Other people's programs: where they are found, and how they are run.
 //!
-//! A name is looked for in the absolute folders of `PATH` alone, and the program is run by the absolute path at which it was
-//! found. So no file of the current folder, of a recipe's folder or of a release can take the place of a program.
+//! A name is looked for in the absolute folders of `PATH` alone, and the program is run by the absolute
+//! path at which it was found. So no file of the current folder, of a recipe's folder or of a release
+//! can take the place of a program.
 //!
-//! Every program runs under a supervisor: this program itself, started again with [`SUPERVISE`] as its first argument. The
-//! supervisor holds one end of a socket and the process that started it holds the other. When the socket closes, however its
-//! holder ended, the supervisor kills the program and all that the program started. Without it, a program would go on after a
-//! `kill -9` of the build, in a folder that the next build deletes.
+//! Every program runs under a supervisor: this program itself, started again with [`SUPERVISE`] as its
+//! first argument. The supervisor holds one end of a socket and the process that started it holds the
+//! other. When the socket closes, however its holder ended, the supervisor kills the program and all
+//! that the program started. Without it, a program would go on after a `kill -9` of the build, in a
+//! folder that the next build deletes.
 
 mod log;
 mod process;
@@ -29,10 +31,12 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// First argument of this program where it supervises another one; the path and the arguments of that one follow.
+/// First argument of this program where it supervises another one; the path and the arguments of that
+/// one follow.
 ///
-/// Stdin is the socket: a byte that arrives asks the program to end, its end kills the program, and a [`Report`] is
-/// written to it. What the program prints goes to stderr. Stdout is held open and not used.
+/// Stdin is the socket: a byte that arrives asks the program to end, its end kills the program, and a
+/// [`Report`] is written to it. What the program prints goes to stderr. Stdout is held open and not
+/// used.
 pub const SUPERVISE: &str = "supervise-program";
 
 /// The programs that can be run. The default finds none.
@@ -56,8 +60,8 @@ const MAX_ANSWER: u64 = 1 << 20;
 const MAX_ANSWER_SECONDS: u32 = 300;
 
 impl Programs {
-    /// Programs in the folders of `path`, the value of the variable `PATH`, without its relative and empty entries.
-    /// `supervisor` is this program.
+    /// Programs in the folders of `path`, the value of the variable `PATH`, without its relative and
+    /// empty entries. `supervisor` is this program.
     #[must_use]
     pub fn new(path: Option<&OsStr>, supervisor: PathBuf) -> Self {
         Self { folders: path.map(absolute_folders).unwrap_or_default(), supervisor, ..Self::default() }
@@ -69,7 +73,8 @@ impl Programs {
         Self { held: Some(Arc::new(file)), ..self.clone() }
     }
 
-    /// The absolute path of a program: `program` itself if it is absolute, else the first executable file of that name.
+    /// The absolute path of a program: `program` itself if it is absolute, else the first executable
+    /// file of that name.
     ///
     /// # Errors
     /// When no folder has it, or when it is a relative path and no name.
@@ -77,8 +82,8 @@ impl Programs {
         find_in(&self.folders, program)
     }
 
-    /// What a program prints when it is run with these arguments, whatever its exit code. It is run once, in the root
-    /// folder, where nothing of a stranger lies.
+    /// What a program prints when it is run with these arguments, whatever its exit code. It is run
+    /// once, in the root folder, where nothing of a stranger lies.
     ///
     /// # Errors
     /// A sentence for people where there is no such program, or it cannot be started.

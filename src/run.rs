@@ -242,7 +242,7 @@ pub fn run(
     cancel: &AtomicBool,
     observer: &dyn Observer,
 ) -> Result<Summary, StoreError> {
-    // Where this process is killed, the next waits for the end of its programs before it empties their folders.
+    // If this process is killed, the next waits for the end of its programs before it empties their folders.
     let programs = match store.share_lock()? {
         Some(lock) => options.programs.holding(lock),
         None => options.programs,

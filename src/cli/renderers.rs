@@ -62,7 +62,7 @@ impl Chosen {
         Knowing { chosen: self, store, asks: false }
     }
 
-    /// With what is known of scenes in a store, for a run: programs that recipes name are asked for their versions.
+    /// With what is known of scenes in a store, for a run. Programs that recipes name are asked for versions.
     pub(super) fn asking<'a>(&'a self, store: &'a Store) -> Knowing<'a> {
         Knowing { chosen: self, store, asks: true }
     }

@@ -1,8 +1,8 @@
 //! The supervisor of a program: see [`crate::programs`], whose side of the socket asks this one.
 //!
-//! The program runs in a group of its own. When it ends, when the socket closes or when a signal arrives, whatever is left
-//! of the group is killed. So are the processes that left the group and descend from the program: the system hands orphans
-//! to the supervisor, where they are found.
+//! The program runs in a group of its own. When it ends, when the socket closes or when a signal
+//! arrives, whatever is left of the group is killed. So are the processes that left the group and
+//! descend from the program: the system hands orphans to the supervisor, where they are found.
 
 use crate::programs::Report;
 use rustix::process::{
@@ -28,7 +28,7 @@ const PAUSE: Duration = Duration::from_millis(10);
 pub(super) fn run(words: Vec<OsString>) -> ExitCode {
     match supervise(words) {
         Ok(()) => ExitCode::SUCCESS,
-        // Whoever asked reads the log, or finds no report.
+        // The parent finds no report, and this in the log.
         Err(error) => {
             let _ = writeln!(io::stderr(), "the supervisor failed: {error}");
             ExitCode::FAILURE
@@ -39,7 +39,7 @@ pub(super) fn run(words: Vec<OsString>) -> ExitCode {
 /// What the supervisor waits for.
 enum Event {
     /// The program has ended.
-    Ended(io::Result<WaitIdStatus>),
+    Ended(io::Result<Report>),
     /// The program is asked to end.
     Asked,
     /// The process that started the supervisor is gone, or a signal asks for the end.
@@ -81,9 +81,9 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
                 // It may have ended meanwhile.
                 let _ = kill_process_group(group, Signal::TERM);
             }
-            Ok(Event::Ended(status)) => {
+            Ok(Event::Ended(report)) => {
                 kill_all(group);
-                return write!(line, "{}", report(&status?));
+                return write!(line, "{}", report?);
             }
             Ok(Event::Gone) | Err(_) => {
                 kill_all(group);
@@ -100,10 +100,10 @@ fn adopt_orphans() {
 }
 
 /// Waits for the end of the program. Its number stays taken, so that its group is not another one's.
-fn wait(program: Pid) -> io::Result<WaitIdStatus> {
+fn wait(program: Pid) -> io::Result<Report> {
     loop {
         match waitid(WaitId::Pid(program), WaitIdOptions::EXITED | WaitIdOptions::NOWAIT) {
-            Ok(Some(status)) => return Ok(status),
+            Ok(Some(status)) => return Ok(report(&status)),
             Ok(None) | Err(rustix::io::Errno::INTR) => {}
             Err(error) => return Err(error.into()),
         }

@@ -36,7 +36,8 @@ impl<'a> Run<'a> {
         let Self { program, arguments, seconds, desk } = self;
         let environment = ENVIRONMENT.map(|(name, value)| (name.to_owned(), value.to_owned()));
         let environment = BTreeMap::from(environment);
-        // The desk lies below the current folder, where version managers look for a file that chooses a program.
+        // The desk lies below the current folder, where version managers look for a file that chooses a
+        // program.
         let folder = PathBuf::from("/");
         let invocation = Invocation { program: program.into(), arguments, environment, folder };
         let ran = Ran { invocation, program, log: desk.log, from: programs::length(desk.log) };

@@ -1,5 +1,5 @@
-//! Versions of the programs that are asked about trajectories. To know a version is to run the program, so a step that may
-//! not run anything takes the version that was found before, or does without.
+//! Versions of the programs that are asked about trajectories. To know a version is to run the program,
+//! so a step that may not run anything takes the version that was found before, or does without.
 
 use crate::programs::Programs;
 use serde::Deserialize;
@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 pub(super) const COLMAP: &str = "colmap";
 /// Python's.
 pub(super) const PYTHON: &str = "python3";
-/// Python's option for a run that takes no module of the current folder, no variable of its own and no package of the user.
+/// Python's option for a run that takes no module of the current folder, no variable of its own and no
+/// package of the user.
 pub(super) const ISOLATED: &str = "-I";
 
 /// A program that is asked about trajectories.
@@ -24,9 +25,11 @@ pub enum Asked {
 /// A version that a program said, and the files that it depends on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Version {
-    /// The version of the program and of its packages, or a sentence that says what is absent. It enters keys.
+    /// The version of the program and of its packages, or a sentence that says what is absent. It
+    /// enters keys.
     pub text: String,
-    /// The program and the folders of its packages: while none of them moves, the program says the same again.
+    /// The program and the folders of its packages: while none of them moves, the program says the same
+    /// again.
     pub grounds: Vec<PathBuf>,
 }
 
@@ -40,7 +43,7 @@ impl Asked {
         }
     }
 
-    /// Where it is; `None` where there is none.
+    /// Its absolute path; `None` if there is none.
     #[must_use]
     pub fn path(self, programs: &Programs) -> Option<PathBuf> {
         programs.find(Path::new(self.name())).ok()
@@ -87,7 +90,7 @@ print(json.dumps({**found, 'folders': [path for path in sys.path if os.path.isdi
 /// COLMAP's version as it says it, `COLMAP 3.8`.
 ///
 /// # Errors
-/// A sentence for people where there is none.
+/// A sentence for people if there is none.
 pub fn colmap(programs: &Programs) -> Result<String, String> {
     let said = programs.ask(COLMAP, &["help"])?;
     let mut lines = said.lines().map(|line| line.split(" -- ").next().unwrap_or(line).trim());

@@ -1,8 +1,8 @@
 //! The versions of other programs, from the last time that they were asked.
 //!
-//! A build asks each program that a recipe names and remembers the answer with the stat fields of the program and of the
-//! folders of its packages. What runs nothing takes the answer from there. It says that a step may run where a program
-//! or one of those folders has moved since.
+//! A build asks each program that a recipe names and remembers the answer with the stat fields of the
+//! program and of the folders of its packages. What runs nothing takes the answer from there. It says
+//! that a step may run where a program or one of those folders has moved since.
 
 use crate::foreign::versions::Asked;
 use crate::programs::Programs;

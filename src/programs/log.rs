@@ -11,7 +11,7 @@ const LAST_BYTES: u64 = 1 << 14;
 /// Bytes in which a version must stand.
 const MAX_VERSION_BYTES: u64 = 1 << 20;
 
-/// Length of the log, bytes; 0 where there is none.
+/// Length of the log, bytes; 0 if there is none.
 #[must_use]
 pub fn length(log: &Path) -> u64 {
     std::fs::metadata(log).map_or(0, |about| about.len())
@@ -35,7 +35,8 @@ pub(super) fn read_text(from: impl Read, limit: u64) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// Returns true if the output of the command that begins at byte `from` holds this version and not only a longer one.
+/// Returns true if the output of the command that begins at byte `from` holds this version and not only
+/// a longer one.
 #[must_use]
 pub fn says(log: &Path, from: u64, version: &str) -> bool {
     let text = said(log, from, MAX_VERSION_BYTES);
@@ -61,7 +62,8 @@ fn holds(said: &str, version: &str) -> bool {
     })
 }
 
-/// The last lines of the log after byte `from`. Of a line that was written over, as progress is, the last writing counts.
+/// The last lines of the log after byte `from`. Of a line that was written over, as progress is, the
+/// last writing counts.
 #[must_use]
 pub fn last_lines(log: &Path, from: u64) -> Vec<String> {
     let from = from.max(length(log).saturating_sub(LAST_BYTES));

@@ -95,8 +95,8 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Looks until a program that was asked to end is killed: 5 s.
 const LOOKS_TO_END: u32 = 250;
 
-/// Runs a program to its end, or until `goes_on` says no or `seconds` have passed. What it prints is appended to the file
-/// `log`.
+/// Runs a program to its end, or until `goes_on` says no or `seconds` have passed. What it prints is
+/// appended to the file `log`.
 ///
 /// # Errors
 /// When it fails or is stopped.
@@ -188,7 +188,8 @@ impl Supervised {
             Some(path) => command.env("PATH", path),
             None => command.env_remove("PATH"),
         };
-        // Shells trust PWD where it names the folder that they are in, and version managers trust it always.
+        // Shells trust PWD where it names the folder that they are in, and version managers trust it
+        // always.
         command.env("PWD", &invocation.folder).envs(&invocation.environment);
         command
             .current_dir(&invocation.folder)
@@ -230,7 +231,8 @@ impl Supervised {
 impl Drop for Supervised {
     fn drop(&mut self) {
         self.line = None;
-        // Its folder may be deleted next, so its end is waited for. One that cannot be waited for has ended.
+        // Its folder may be deleted next, so its end is waited for. One that cannot be waited for has
+        // ended.
         let _ = self.supervisor.wait();
     }
 }

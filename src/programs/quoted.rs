@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-/// Words as a person may paste them into a shell: quoted where a shell would read something else, with control and
-/// invisible characters written as escapes.
+/// Words as a person may paste them into a shell: quoted where a shell would read something else, with
+/// control and invisible characters written as escapes.
 #[must_use]
 pub fn quoted<'a>(words: impl IntoIterator<Item = &'a Path>) -> String {
     words.into_iter().map(|word| quoted_word(&word.to_string_lossy())).collect::<Vec<_>>().join(" ")

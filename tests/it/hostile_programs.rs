@@ -1,4 +1,5 @@
-//! Programs and modules that lie where they should not be run from, and trainers that outlive what started them.
+//! Programs and modules that lie where they should not be run from, and trainers that outlive what
+//! started them.
 
 mod leftovers;
 
@@ -146,7 +147,6 @@ fn no_verb_runs_what_lies_in_a_folder() {
     run("why asks/base/foreign --recipes recipes");
     run("check --recipes recipes");
     run("release --to out recipes");
-    // The files of a release may be links to those of the store: copies are planted beside them.
     plant(&place, "out");
     plant(&place, "out/asks/base");
     for arguments in [
@@ -171,8 +171,8 @@ fn no_verb_runs_what_lies_in_a_folder() {
     }
 }
 
-/// A scene held against Python alone, and a Python without packages in a folder that is the whole PATH: all that it is asked
-/// for is its version.
+/// A scene held against Python alone, and a Python without packages in a folder that is the whole PATH:
+/// all that it is asked for is its version.
 fn with_python() -> Workspace {
     let place = asking();
     let mut value: serde_json::Value =
@@ -204,7 +204,8 @@ fn what_runs_nothing_asks_no_program_for_its_version() {
     for look in
         ["plan recipes", "why asks --recipes recipes", "check --recipes recipes", "gc --dry-run recipes"]
     {
-        // A program as young as this one may change unseen: its answer is not remembered, and nothing asks it again.
+        // A program as young as this one may change unseen: its answer is not remembered, and nothing
+        // asks it again.
         let output = place.command(look).env("PATH", place.path("bin")).output().unwrap();
         assert_ne!(output.status.code(), None, "{look}");
         assert_eq!(fs::read_to_string(place.path("bin/asked")).unwrap().lines().count(), 1, "{look}");
@@ -214,7 +215,8 @@ fn what_runs_nothing_asks_no_program_for_its_version() {
 #[test]
 fn a_version_is_remembered_until_the_program_moves() {
     let place = with_python();
-    // The clock of a file is coarse: what is younger than two seconds is not trusted to stay as it was seen.
+    // The clock of a file is coarse: what is younger than two seconds is not trusted to stay as it was
+    // seen.
     std::thread::sleep(std::time::Duration::from_millis(2100));
     let plan = || {
         let output = place.command("plan --json recipes").env("PATH", place.path("bin")).output().unwrap();
@@ -242,7 +244,8 @@ fn more_jobs_than_cores_are_not_taken() {
     assert!(!place.ok("plan -j 1 tiny.yaml").stderr.contains("-j 1"));
 }
 
-/// Kills builds of new stores while they start. What they leave is a store or none: nothing has to be mended.
+/// Kills builds of new stores while they start. What they leave is a store or none: nothing has to be
+/// mended.
 #[test]
 fn a_build_that_is_killed_as_it_starts_leaves_no_broken_index() {
     for wait in 0..24 {
@@ -288,7 +291,8 @@ fn a_stream_without_events_is_told() {
     assert!(in_tree.lines().any(|line| line.starts_with("warn") && line.contains("no events")), "{in_tree}");
 }
 
-/// As many events a second as there are microseconds: three of a pixel in one of them are no fault of the stream.
+/// As many events a second as there are microseconds: three of a pixel in one of them are no fault of
+/// the stream.
 #[test]
 fn pixels_as_hot_as_stamps_can_tell_are_accounted_for() {
     let place = Workspace::new();

@@ -1,4 +1,5 @@
-//! Programs run under the supervisor: what is kept of them, how their end is told, and what is left of them.
+//! Programs under the supervisor: their output, the reports of their ends, and the processes that they
+//! leave.
 
 use gs2e::programs::{Ended, How, Invocation, Programs, last_lines, length, run, run_within, says};
 use std::collections::BTreeMap;

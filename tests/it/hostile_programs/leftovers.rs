@@ -8,8 +8,9 @@ use std::io::Read as _;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Starts a build with a trainer that holds the pipe `held`, as does all that it starts, and that makes the file `at work`
-/// once it does what `script` says. The build heeds every signal, whatever the test was started to ignore.
+/// Starts a build with a trainer that holds the pipe `held`, as does all that it starts, and that makes
+/// the file `at work` once it does what `script` says. The build heeds every signal, whatever the test
+/// was started to ignore.
 fn training(script: &str) -> (Workspace, Child) {
     let place = trained_by(&format!("exec 9> \"$beside/held\"; {script}"));
     assert!(Command::new("mkfifo").arg(place.path("held")).status().unwrap().success());
@@ -33,7 +34,8 @@ fn send(child: &Child, signal: Signal) {
     kill_process(Pid::from_child(child), signal).unwrap();
 }
 
-/// Runs `act` once the trainer is at work, and returns when nothing of the trainer is left; how the build ended.
+/// Runs `act` once the trainer is at work, and returns when nothing of the trainer is left; how the
+/// build ended.
 fn until_nothing_is_left(script: &str, act: impl FnOnce(&Workspace, &mut Child)) -> (Workspace, Option<i32>) {
     let (place, mut child) = training(script);
     let code = std::thread::scope(|scope| {
@@ -84,7 +86,8 @@ fn what_left_the_group_of_a_trainer_ends_with_it() {
     assert_eq!(place.stale("recipe.yaml"), [""; 0]);
 }
 
-/// The trainer ignores the first request to end, so only the second interrupt ends it before its time is over.
+/// The trainer ignores the first request to end, so only the second interrupt ends it before its time
+/// is over.
 #[test]
 fn a_second_interrupt_ends_a_trainer_that_ignores_the_first() {
     let script = "trap ': > \"$beside/asked\"' TERM; : > \"$beside/at work\"; while :; do sleep 1; done";
