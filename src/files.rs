@@ -107,10 +107,7 @@ fn require_regular(about: &fs::Metadata) -> io::Result<()> {
     if about.is_file() {
         return Ok(());
     }
-    Err(io::Error::new(
-        io::ErrorKind::InvalidInput,
-        format!("{}, not a regular file", kind(about.file_type())),
-    ))
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{}, not a regular file", kind(about.file_type()))))
 }
 
 /// The kind of a directory entry, with its article.

@@ -16,7 +16,6 @@ use crate::run::Summary;
 use crate::store::space::is_full;
 use crate::store::{Claim, Root, Store};
 use serde_json::json;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -171,12 +170,7 @@ fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     let mut named = vec![("a recipe", recipe.file.path.clone())];
     named.extend(recipe.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
     if let Source::Captured(captured, _) = &recipe.source {
-        // A source that cannot be listed is reported by the build.
-        let files = captured.files().unwrap_or_default();
-        // Photos lie together, and one path for each of their folders is enough.
-        let folders: BTreeSet<PathBuf> =
-            files.into_iter().filter_map(|(_, path)| path.parent().map(Path::to_owned)).collect();
-        named.extend(folders.into_iter().map(|path| ("files of a scene's source", path)));
+        named.extend(captured.folders().into_iter().map(|path| ("files of a scene's source", path)));
     }
     match &recipe.reconstruct {
         Some(Reconstruct::Given(path)) => named.push(("the Gaussians of a scene", path.clone())),

@@ -99,7 +99,7 @@ impl WorkFolder {
     /// Clears a folder whose tree may be in place: `remove` takes what may go of `tree/` and `old/`.
     fn clear_placed(&self, remove: &dyn Fn(&Path) -> io::Result<bool>) -> io::Result<Vec<String>> {
         let mut notes = Vec::new();
-        for (part, letter) in [(TREE, ""), (OLD, "-old")] {
+        for (part, letter) in [(TREE, "-tree"), (OLD, "")] {
             let path = self.folder.join(part);
             if is_there(&path) {
                 remove_if_empty(&path)?;
