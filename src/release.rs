@@ -1,9 +1,9 @@
 //! The release: the tree that people download, and its audit.
 //!
-//! A release is composed in memory as a list of paths and where their bytes come from, written to a folder of its own
-//! next to the target, audited there, and put in place by one rename: what has the release's name is a whole release.
-//! Two releases of the same records are equal byte for byte. Nothing is removed but what this program wrote and nobody
-//! has changed since.
+//! A release is composed in memory as a list of paths and where their bytes come from, written to a folder
+//! of its own next to the target, audited there, and put in place by one rename: what has the release's
+//! name is a whole release. Two releases of the same records are equal byte for byte. Nothing is removed but
+//! files that this program wrote and that have not changed since.
 
 pub mod audit;
 mod built;
@@ -63,10 +63,11 @@ const TOOL: &str = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
 /// How the files of a release get the bytes of the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Link {
-    /// They share blocks with the store until one of them is written to, where the file system can; else copies.
+    /// They share blocks with the store until one of them is written to, where the file system can; else
+    /// they are copies.
     #[default]
     Reflink,
-    /// They are the store's files under a second name: who writes to one changes both.
+    /// They are the store's files under a second name: a write to one changes both.
     Hard,
     /// Copies.
     Copy,
@@ -184,8 +185,8 @@ pub struct BuiltPlan<'a> {
 /// Writes the release of what was built, unless it stands there already.
 ///
 /// # Errors
-/// When a step is not built, a check failed without a waiver, the target changed since it was claimed, the disk fails,
-/// or `cancel` is set. Until the last rename nothing of an existing release is touched.
+/// When a step is not built, a check failed without a waiver, the target changed since it was claimed, the
+/// disk fails, or `cancel` is set. Until the last rename nothing of an existing release is touched.
 pub fn write(
     target: &mut ReleaseTarget,
     built: BuiltPlan<'_>,

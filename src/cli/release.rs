@@ -16,7 +16,6 @@ use crate::run::Summary;
 use crate::store::space::is_full;
 use crate::store::{Claim, Root, Store};
 use serde_json::json;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -32,7 +31,7 @@ pub(super) struct Release {
     /// Refuse, instead of building what is stale
     #[arg(long)]
     no_build: bool,
-    /// Replace also a folder that is not a release, or one whose files were changed; what this program did not write is kept next to it
+    /// Replace a changed release or another folder too; what gs2e did not write is kept next to it
     #[arg(long)]
     replace: bool,
     /// How the release's files get their bytes from the store
@@ -166,17 +165,13 @@ fn holds(folder: &Path, path: &Path) -> bool {
     folder.is_ok_and(|folder| path.canonicalize().is_ok_and(|path| path.starts_with(folder)))
 }
 
-/// The files and folders that a recipe is and names: itself, its defaults, the files of its source, its Gaussians.
+/// The files and folders that a recipe is and names: itself, its defaults, the files of its source, its
+/// Gaussians.
 fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     let mut named = vec![("a recipe", recipe.file.path.clone())];
     named.extend(recipe.file.defaults.iter().map(|path| ("a recipe's defaults", path.clone())));
     if let Source::Captured(captured, _) = &recipe.source {
-        // A source that cannot be listed is reported by the build.
-        let files = captured.files().unwrap_or_default();
-        // Photos lie together, and one path for each of their folders is enough.
-        let folders: BTreeSet<PathBuf> =
-            files.into_iter().filter_map(|(_, path)| path.parent().map(Path::to_owned)).collect();
-        named.extend(folders.into_iter().map(|path| ("files of a scene's source", path)));
+        named.extend(captured.folders().into_iter().map(|path| ("files of a scene's source", path)));
     }
     match &recipe.reconstruct {
         Some(Reconstruct::Given(path)) => named.push(("the Gaussians of a scene", path.clone())),
@@ -229,8 +224,7 @@ fn problem(error: ReleaseError, console: &Console) -> Problem {
         }
         ReleaseError::Foreign { .. } => {
             Problem::usage("foreign-folder", message).help(
-                "choose another folder; --replace moves a changed release or another folder aside, and keeps what \
-                 this program did not write",
+                "choose another folder; --replace moves this one aside, and keeps what gs2e did not write",
             )
         }
         ReleaseError::Leaks(_) => Problem::fault("split-leak", format!("{message}; nothing was released"))

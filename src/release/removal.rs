@@ -6,8 +6,8 @@ use std::io;
 use std::path::Path;
 use walkdir::WalkDir;
 
-/// Removes those regular files below `root` for which `is_ours` holds, then the folders of `paths` and `root` where
-/// nothing is left in them. Links are not followed. Returns whether `root` is gone.
+/// Removes those regular files below `root` for which `is_ours` holds, then the folders of `paths` and
+/// `root` where nothing is left in them. Links are not followed. Returns whether `root` is gone.
 ///
 /// # Errors
 /// When a folder cannot be listed, or a file or folder cannot be removed.

@@ -1,8 +1,9 @@
-//! The folder that stands where a release is to go: whether it is a release of this program, and which of its files
-//! have the bytes that the release there states.
+//! The folder that stands where a release is to go: whether it is a release of this program, and which
+//! of its files have the bytes that the release there states.
 //!
-//! A folder is a release only if `manifest.json` parses in full and `SHA256SUMS` and `B3SUMS` are in their one form
-//! and list what it lists. Only files with the stated bytes count as sound, and only sound files are ever removed.
+//! A folder is a release only if `manifest.json` parses in full and `SHA256SUMS` and `B3SUMS` are in
+//! their one form and list what it lists. Only files with the stated bytes count as sound, and only
+//! sound files are ever removed.
 
 use super::manifest::{self, Manifest};
 use super::removal::remove_ours;
@@ -115,7 +116,8 @@ impl StandingTree {
         &self.oddities
     }
 
-    /// Whether it is whole and its `B3SUMS` is this text, so that every other file is that of the release with it.
+    /// Whether it is whole and its `B3SUMS` is this text, so that every other file is that of the
+    /// release with it.
     pub(super) fn is_the_release_of(&self, b3: &str) -> bool {
         self.oddities.is_empty() && self.b3.as_deref() == Some(b3)
     }
@@ -157,8 +159,8 @@ impl StandingTree {
         Ok((seen < self.sound.len()).then(|| "a file that is gone now".to_owned()))
     }
 
-    /// Removes its sound files at `folder`, where the tree may have been moved to, as far as they are unchanged since
-    /// they were read. Returns whether the folder is gone.
+    /// Removes its sound files at `folder`, where the tree may have been moved to, as far as they are
+    /// unchanged since they were read. Returns whether the folder is gone.
     ///
     /// # Errors
     /// When something cannot be listed or removed.

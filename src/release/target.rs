@@ -54,12 +54,13 @@ pub struct ReleaseTarget {
 }
 
 impl ReleaseTarget {
-    /// Claims a place, clears what killed processes left for it, and reads what stands there. `waiting` receives the
-    /// holder of the place, and again as often as the claim says.
+    /// Claims a place, clears what killed processes left for it, and reads what stands there. `waiting`
+    /// receives the holder of the place, and again as often as the claim says.
     ///
     /// # Errors
-    /// [`ReleaseError::Foreign`] where the place is guarded, or holds what a release may not replace; when another
-    /// process holds it and `wait` is false; when it cannot be read or made; when `cancel` is set.
+    /// [`ReleaseError::Foreign`] where the place is guarded, or holds what a release may not replace;
+    /// when another process holds it and `wait` is false; when it cannot be read or made; when `cancel`
+    /// is set.
     pub fn claim(
         to: &Path,
         options: TargetClaim<'_>,
@@ -194,14 +195,15 @@ fn stands(path: &Path) -> Result<bool, Unfit> {
     }
 }
 
-/// Whether the kernel says that another file system is mounted at `path`. Where it says nothing, a rename of the mount
-/// point fails, and nothing is changed.
+/// Whether the kernel says that another file system is mounted at `path`. Where it says nothing, a
+/// rename of the mount point fails, and nothing is changed.
 fn is_mount_point(path: &Path) -> bool {
     let about = rustix::fs::statx(CWD, path, AtFlags::SYMLINK_NOFOLLOW, StatxFlags::BASIC_STATS);
     about.is_ok_and(|about| about.stx_attributes.contains(StatxAttributes::MOUNT_ROOT))
 }
 
-/// The target with the links of its parents resolved, as far as these are there; `None` where it ends in no name.
+/// The target with the links of its parents resolved, as far as these are there; `None` where it ends in
+/// no name.
 fn resolve(to: &Path) -> io::Result<Option<PathBuf>> {
     let Some(name) = to.file_name() else { return Ok(None) };
     let parent = to.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -220,8 +220,8 @@ impl Placing<'_> {
         Err(ReleaseError::Altered { path: name.to_owned() })
     }
 
-    /// Gives the file a second name in the new tree if the release there has the same one: the first name goes when
-    /// the tree is in place, so the new release shares it with nothing.
+    /// Gives the file a second name in the new tree if the release there has the same one. The first name
+    /// goes when the tree is in place, so the new release shares it with nothing.
     fn take_over(&self, name: &str, digest: &Digest, path: &Path) -> bool {
         let standing = self.standing.filter(|_| self.link != Link::Hard);
         let file = standing.and_then(|standing| standing.unshared(name, digest));

@@ -1,4 +1,5 @@
-//! The folder in which a release is written: next to its target, with a name that cannot be guessed, for one process.
+//! The folder in which a release is written: next to its target, with a name that cannot be guessed, for
+//! one process.
 //!
 //! ```text
 //! .NAME.gs2e-<16 letters>/   about     the format, and every file that is written to tree/
@@ -6,9 +7,9 @@
 //!                            old/      what stood there
 //!                            placing   there from the moment before the swap
 //! ```
-//! The lock of the target covers all of its work folders, so that whoever holds it may clear what a killed process
-//! left. Before the swap only files that `about` lists are removed; after it only the sound files of a release.
-//! Whatever else is found in the folder stays, and is reported.
+//! The lock of the target covers all of its work folders, so that its holder may clear what a
+//! killed process left. Before the swap only files that `about` lists are removed; after it only the
+//! sound files of a release. Whatever else is found in the folder stays, and is reported.
 
 use super::removal::{is_there, remove_if_empty, remove_ours};
 use super::standing::StandingTree;
@@ -46,7 +47,8 @@ pub(super) struct WorkFolder {
 }
 
 impl WorkFolder {
-    /// Makes the folder for a release at `target` with these files of at most these sizes, and the folders of `tree/`.
+    /// Makes the folder for a release at `target` with these files of at most these sizes, and the
+    /// folders of `tree/`.
     pub(super) fn create(target: &Path, files: &BTreeMap<String, u64>) -> Result<Self, ReleaseError> {
         let parent = target.parent().expect("a target has a parent");
         let made = tempfile::Builder::new()
@@ -89,8 +91,8 @@ impl WorkFolder {
         sync_folder(parent).map_err(failed(parent))
     }
 
-    /// Removes the work folder after [`WorkFolder::place`], with the sound files of what stood there. Whatever else
-    /// stood there is kept next to the target; the notes say so.
+    /// Removes the work folder after [`WorkFolder::place`], with the sound files of what stood there.
+    /// Whatever else stood there is kept next to the target; the notes say so.
     pub(super) fn finish(self, stood: Option<&StandingTree>) -> Vec<String> {
         let known = |folder: &Path| stood.map_or(Ok(!is_there(folder)), |stood| stood.remove_at(folder));
         note_failure(&self.folder, self.clear_placed(&known))
@@ -99,7 +101,7 @@ impl WorkFolder {
     /// Clears a folder whose tree may be in place: `remove` takes what may go of `tree/` and `old/`.
     fn clear_placed(&self, remove: &dyn Fn(&Path) -> io::Result<bool>) -> io::Result<Vec<String>> {
         let mut notes = Vec::new();
-        for (part, letter) in [(TREE, ""), (OLD, "-old")] {
+        for (part, letter) in [(TREE, "-tree"), (OLD, "")] {
             let path = self.folder.join(part);
             if is_there(&path) {
                 remove_if_empty(&path)?;
@@ -164,8 +166,8 @@ impl Drop for WorkFolder {
     }
 }
 
-/// Clears the work folders that killed processes left for `target`, whose lock is held. A folder that is not strictly
-/// of that form stays. Returns what there is to say.
+/// Clears the work folders that killed processes left for `target`, whose lock is held. A folder that is
+/// not strictly of that form stays. Returns what there is to say.
 pub(super) fn clear_leftovers(target: &Path, cancel: &AtomicBool) -> Result<Vec<String>, ReleaseError> {
     let parent = target.parent().expect("a target has a parent");
     let mut notes = Vec::new();
@@ -243,8 +245,8 @@ fn listing(files: &BTreeMap<String, u64>) -> String {
     })
 }
 
-/// The files that an `about` lists; `None` where this program did not write it. One that was cut off while it was
-/// written lists fewer, and then none of them is there yet.
+/// The files that an `about` lists; `None` where this program did not write it. One that was cut off
+/// while it was written lists fewer, and then none of them is there yet.
 fn parse_listing(text: &str) -> Option<BTreeMap<String, u64>> {
     let Some(lines) = text.strip_prefix(FORMAT) else {
         return FORMAT.starts_with(text).then(BTreeMap::new);
@@ -276,8 +278,8 @@ fn move_to_free(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
-/// Swaps `tree` with `target`, so that what stood at the target is at `old`. Where the file system cannot swap in one
-/// step, the old one is moved first, and moved back if the second step fails.
+/// Swaps `tree` with `target`, so that what stood at the target is at `old`. Where the file system
+/// cannot swap in one step, the old one is moved first, and moved back if the second step fails.
 fn exchange(tree: &Path, target: &Path, old: &Path) -> io::Result<()> {
     match rustix::fs::renameat_with(CWD, tree, CWD, target, RenameFlags::EXCHANGE) {
         Ok(()) => fs::rename(tree, old),
@@ -342,7 +344,8 @@ mod tests {
     #[test]
     fn what_a_killed_process_left_is_cleared_and_nothing_else() {
         let (place, target, folder) = killed();
-        // A longer file than this program would have written, one that it never writes, and one like it elsewhere.
+        // A longer file than this program would have written, one that it never writes, and one like it
+        // elsewhere.
         fs::write(folder.join("tree/two"), "a thesis").unwrap();
         fs::write(folder.join("notes"), "mine").unwrap();
         fs::create_dir_all(place.path().join(".out.gs2e-notes/tree")).unwrap();
@@ -384,7 +387,8 @@ mod tests {
         assert_eq!(parse_listing("thesis"), None);
     }
 
-    /// The swap in two steps, for file systems without one step: cut off in between, the next run moves the old back.
+    /// The swap in two steps, for file systems without one step: cut off in between, the next run moves
+    /// the old back.
     #[test]
     fn a_swap_that_was_cut_off_is_undone() {
         let (place, target, folder) = killed();

@@ -62,8 +62,8 @@ impl Lock {
         Ok(Self { file, temporary: None })
     }
 
-    /// Takes the lock on `of` whose file, `path`, exists only while the lock is held or waited for. A link or a file
-    /// that this program did not write is never followed or changed.
+    /// Takes the lock on `of` whose file, `path`, exists only while the lock is held or waited for. A link
+    /// or a file that this program did not write is never followed or changed.
     ///
     /// # Errors
     /// [`StoreError::Locked`] with the holder of `of`, where `wait` is false; an I/O error of the kind
@@ -79,7 +79,7 @@ impl Lock {
         loop {
             let mut file = open_own(path).map_err(disk::failed("opening", path))?;
             request.lock(&mut file, waiting)?;
-            // A holder removes the file before it lets go, so the file that was waited for may be gone by now.
+            // A holder removes the file before it lets go, so the awaited file may be gone by now.
             if !is_at(&file, path) {
                 continue;
             }

@@ -1,5 +1,5 @@
-//! Releases and what else lies on the disk: nothing is deleted that the program did not write, whatever it is called
-//! and whenever the program is stopped.
+//! Releases and what else lies on the disk: nothing is deleted that the program did not write, whatever
+//! it is called and whenever the program is stopped.
 
 mod folders;
 mod races;

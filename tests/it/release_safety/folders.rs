@@ -139,7 +139,7 @@ fn a_release_brought_up_to_date_leaves_nothing_beside_it() {
     place.ok("release --to out r.yaml");
     place.ok("audit out");
     assert_eq!(beside(&place), ["out"]);
-    // An empty folder is nobody's.
+    // An empty folder holds nothing to lose.
     fs::create_dir(place.path("empty")).unwrap();
     place.ok("release --to empty r.yaml");
     same_tree(&place.path("out"), &place.path("empty"));

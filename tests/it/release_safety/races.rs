@@ -93,8 +93,8 @@ fn an_interrupt_while_waiting_ends_it() {
     assert_eq!(beside(&place), [".out.gs2e-lock"], "it is the other one's");
 }
 
-/// Stopped at instants that move through its whole run, a release leaves the old tree or the new one, and the next
-/// run clears up.
+/// Stopped at instants that move through its whole run, a release leaves the old tree or the new one,
+/// and the next run clears up.
 #[test]
 fn a_release_that_is_stopped_anywhere_is_made_whole_by_the_next() {
     for signal in [Signal::KILL, Signal::INT] {

@@ -41,7 +41,8 @@ fn what_the_release_is_made_from_is_never_replaced() {
     place.write("work/given/points.ply", "mine");
     let given = "{ \"version\": 1, \"scene\": \"g\", \"source\": \"none\", \"camera\": { \"width\": 48, \"height\": 32, \
                  \"fx\": 50, \"fy\": 50, \"cx\": 24, \"cy\": 16 }, \"reconstruct\": { \"given\": { \"path\": \"../given/points.ply\" } }, \
-                 \"trajectories\": [{ \"name\": \"base\", \"orbit\": { \"arc\": 10, \"frames\": 5 } }] }";
+                 \"trajectories\": [{ \"name\": \"base\", \"orbit\": { \"arc\": 10, \"frames\": 5, \
+                 \"centre\": [0, 0, 0], \"from\": [0, 0, -2], \"up\": [0, -1, 0] } }] }";
     place.write("work/recipes/g.yaml", given);
     let t = |to: &str, words: &str| {
         for replace in ["", " --replace"] {
