@@ -2,15 +2,15 @@
 //! gates where the recipe sets the limit.
 //!
 //! - `reprojection`: the mean distance of COLMAP's points from their key points, at most 2 px, over
-//! points (as in COLMAP) and over observations. COLMAP drops observations beyond 4 px
-//! (`Mapper.filter_max_reproj_error`). If errors have standard deviation `s` in both directions,
-//! their mean is `s sqrt(pi/2)`, and a mean of 2 px has `exp(-4^2 / (2 s^2)) = exp(-pi)`, 4.3 %,
-//! beyond that filter. Above 2 px, the filter determines the error.
+//!   points (as in COLMAP) and over observations. COLMAP drops observations beyond 4 px
+//!   (`Mapper.filter_max_reproj_error`). If errors have standard deviation `s` in both directions,
+//!   their mean is `s sqrt(pi/2)`, and a mean of 2 px has `exp(-4^2 / (2 s^2)) = exp(-pi)`, 4.3 %,
+//!   beyond that filter. Above 2 px, the filter determines the error.
 //! - `gap`: the longest step between neighbouring views, at most 8 median steps ([`GAP`]).
 //! - `outlier`: the largest detour ([`crate::trajectory::walk`]), at most 3 median steps. A walk
-//! has no detour above 1 except where it turns back. Views that fill a ball of radius R have none
-//! above 2 in any order: a detour is at most one distance between two views, so at most 2 R, and
-//! the median of such distances is about R.
+//!   has no detour above 1 except where it turns back. Views that fill a ball of radius R have none
+//!   above 2 in any order: a detour is at most one distance between two views, so at most 2 R, and
+//!   the median of such distances is about R.
 //! - `registered`: the share of photos with a pose, at least 0.9.
 
 use super::subject::{Bound, Judged};

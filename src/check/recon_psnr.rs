@@ -1,7 +1,7 @@
 //! Agreement of a scene with its photos: PSNR and SSIM of renderings from the poses of the photos.
 //!
 //! - `drop`: mean minus smallest PSNR over the views, at most 3 dB: a gate. GS-Blur (GitHub
-//! dongwoohhh/GS-Blur), the predecessor with the same first half, rejects scenes above that.
+//!   dongwoohhh/GS-Blur), the predecessor with the same first half, rejects scenes above that.
 //! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
 //! - `ssim`: the mean, reported only; a gate where the recipe sets a limit.
 

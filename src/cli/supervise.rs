@@ -67,13 +67,13 @@ fn supervise(words: Vec<OsString>) -> io::Result<()> {
     let [ended, signalled, asked] = [(); 3].map(|()| sender.clone());
     // The receiver lives as long as the process does.
     thread::spawn(move || drop(ended.send(Event::Ended(wait(group)))));
-    thread::spawn(move || signals.forever().try_for_each(|_| signalled.send(Event::Gone)));
+    thread::spawn(move || signals.forever().all(|_| signalled.send(Event::Gone).is_ok()));
     let mut reader = line.try_clone()?;
     thread::spawn(move || {
         while matches!(reader.read(&mut [0]), Ok(1)) {
             let _ = asked.send(Event::Asked);
         }
-        asked.send(Event::Gone)
+        drop(asked.send(Event::Gone));
     });
     loop {
         match events.recv() {

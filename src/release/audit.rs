@@ -381,7 +381,7 @@ fn audit_scenes(tree: &Tree<'_>, manifest: &Manifest, takedown: Option<&Takedown
     faults.extend(names::audit(tree, manifest, &scenes));
     let published = published(tree, manifest, &scenes, &mut faults);
     faults.extend(top(tree, manifest, &scenes));
-    faults.extend(composed(tree, manifest, published, &faults));
+    faults.extend(composed(tree, manifest, published.as_deref(), &faults));
     faults
 }
 
@@ -429,7 +429,7 @@ fn top(tree: &Tree<'_>, manifest: &Manifest, scenes: &[SceneFile]) -> Vec<Fault>
 fn composed(
     tree: &Tree<'_>,
     manifest: &Manifest,
-    scenes: Option<Vec<PublishedScene>>,
+    scenes: Option<&[PublishedScene]>,
     known: &[Fault],
 ) -> Vec<Fault> {
     if manifest.tool != super::TOOL {

@@ -463,7 +463,7 @@ fn sensor_seed(recipe: &Recipe, trajectory: &str) -> Seed {
 fn attributes<'r>(
     recipe: &Recipe,
     licence: &Composed,
-    reports: impl Iterator<Item = &'r Report>,
+    mut reports: impl Iterator<Item = &'r Report>,
 ) -> Attributes {
     let shown = licence.passing != Passing::Withheld;
     let has = |output| shown && recipe.outputs.contains(&output);
@@ -483,7 +483,7 @@ fn attributes<'r>(
         Some(Kind::Dl3dv) => ("large", "DL3DV-10K"),
         _ => ("unknown", recipe.source.kind()),
     };
-    let uniform = reports.map(is_uniform).fold(true, |all, uniform| all && uniform);
+    let uniform = reports.all(is_uniform);
     Attributes {
         data_type: data_type.into_iter().filter(|(_, has)| *has).map(|(name, _)| name.into()).collect(),
         scene_scale: recipe.scale.map_or(scale, SceneScale::name).into(),

@@ -8,9 +8,9 @@
 //!
 //! Differences from that program:
 //! - thresholds are drawn once per sensor, separately for ON and OFF, and are at least 0.01.
-//! `mismatch: per-frame` draws them for each pixel and frame, as the program does. There, a
-//! reference that a smaller threshold leaves behind the brightness makes no event until a larger
-//! threshold is drawn; here it makes one at once;
+//!   `mismatch: per-frame` draws them for each pixel and frame, as the program does. There, a
+//!   reference that a smaller threshold leaves behind the brightness makes no event until a larger
+//!   threshold is drawn; here it makes one at once;
 //! - changes of `V` below 1e-6 between two frames count too;
 //! - the refractory period never applies to the first event, whatever the clock's origin;
 //! - the reference after the period is a choice; the program has `passing`;

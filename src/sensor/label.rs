@@ -3,8 +3,8 @@
 //! An event is noise if the brightness of the pixel did not make it:
 //! - an event of a hot pixel, or of shot noise, which have their own processes;
 //! - an event for which brightness moved less than half the threshold, in the direction of the
-//! event, since the pixel's level was last set by the previous event or the first frame. Noise of
-//! the voltage, or leak, made up the rest.
+//!   event, since the pixel's level was last set by the previous event or the first frame. Noise of
+//!   the voltage, or leak, made up the rest.
 //!
 //! An event of a hot pixel's own process sets no level, so the next event counts from the one
 //! before it. A threshold that is crossed in a dead time or beyond a cap sets the level, although

@@ -11,16 +11,16 @@
 //!
 //! Differences from that program:
 //! - events lie where the pixel's own brightness crosses its threshold, not on a grid with as many
-//! instants as the busiest pixel of the frame has events;
+//!   instants as the busiest pixel of the frame has events;
 //! - `filter: exact` (the default) is the exact response of the filter to an input that is linear
-//! between two frames, with the rate of their mean. `filter: euler` is the program's step `min(1, 2
-//! pi cutoff dt (L + 20)/275)` towards the later frame, linear in between, without the delay of one
-//! frame that some of its versions have;
+//!   between two frames, with the rate of their mean. `filter: euler` is the program's step `min(1, 2
+//!   pi cutoff dt (L + 20)/275)` towards the later frame, linear in between, without the delay of one
+//!   frame that some of its versions have;
 //! - shot noise is a Poisson process with exponential gaps, not one trial per step. For greys above
-//! white, its rate stays that of white;
+//!   white, its rate stays that of white;
 //! - thresholds of ON and OFF are drawn separately; `f` is not rounded and has 64 bits;
 //! - at the end of the refractory period, a crossed threshold makes an event immediately
-//! (`reference: at-event`), not at the next instant of the grid;
+//!   (`reference: at-event`), not at the next instant of the grid;
 //! - hot pixels are a setting (share and rate), in addition to the tail of `rho`;
 //! - the photoreceptor noise and the surround of later versions are not implemented.
 //!

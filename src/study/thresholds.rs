@@ -7,10 +7,10 @@
 //! with the same noise, so the two streams differ by the effect of the rules. An event of the first
 //! stream is
 //! - **smooth** if the second stream has an event of the same pixel and polarity within a frame
-//! interval, each used once;
+//!   interval, each used once;
 //! - otherwise **near a jump** if, since the pixel's previous event, the difference of the two
-//! renderings changed between two neighbouring frames by more than [`JUMP`] of the threshold in
-//! `k1 ln(L + k2)`;
+//!   renderings changed between two neighbouring frames by more than [`JUMP`] of the threshold in
+//!   `k1 ln(L + k2)`;
 //! - otherwise **other**: late or early after such a jump, or under a difference that grew slowly.
 
 use crate::event::picture::Picture;

@@ -24,7 +24,7 @@ pub(super) fn events(folder: &Path, options: Options, change: impl FnOnce(&mut V
 }
 
 /// Two events of one pixel that trade their polarities, so that every count stays, and the picture in the report too.
-pub(super) fn trade_polarities(events: &mut Vec<Event>) {
+pub(super) fn trade_polarities(events: &mut [Event]) {
     let pairs = (0..events.len()).flat_map(|i| (i + 1..events.len()).map(move |j| (i, j)));
     let place = |event: &Event| (event.x, event.y);
     let mut opposite = pairs.filter(|(i, j)| {
@@ -37,7 +37,7 @@ pub(super) fn trade_polarities(events: &mut Vec<Event>) {
 }
 
 /// The first event that can be one microsecond later and still sorts before the next.
-pub(super) fn delay_one(events: &mut Vec<Event>) {
+pub(super) fn delay_one(events: &mut [Event]) {
     let us = |event: &Event| event.t.floor_micros();
     let later = events
         .windows(2)

@@ -87,7 +87,8 @@ pub(super) fn all() -> Vec<Forgery> {
         code_and_texts(),
         strangers(),
         absent(),
-        manifest(),
+        steps(),
+        statements(),
         catalogue(),
         described(),
         motion(),
@@ -179,8 +180,8 @@ fn absent() -> Vec<Forgery> {
     ]
 }
 
-/// The manifest.
-fn manifest() -> Vec<Forgery> {
+/// The steps of the manifest.
+fn steps() -> Vec<Forgery> {
     let (file, step) = ("manifest.json", "/scenes/0/steps/3");
     let other = json!("00".repeat(32));
     let at = |name: &str| -> &'static str { Box::leak(format!("{step}/{name}").into_boxed_str()) };
@@ -221,6 +222,13 @@ fn manifest() -> Vec<Forgery> {
                 *output = json!("22".repeat(32));
             });
         }),
+    ]
+}
+
+/// What the manifest states of the release.
+fn statements() -> Vec<Forgery> {
+    let file = "manifest.json";
+    vec![
         set(file, "/publisher/creator", json!("Somebody Else"), Audit("not-composed")),
         set(file, "/publisher/url", json!("https://example.org/"), Audit("not-composed")),
         set(file, "/name", json!("Another"), Audit("claims-disagree")),
@@ -364,10 +372,10 @@ fn raw() -> Vec<Forgery> {
     let deep = |f: &Path| f.join(BASE).join("depth/000000.npy");
     vec![
         row("two events of a pixel trade polarities", Rebuild, |f| {
-            data::events(f, Options::default(), data::trade_polarities);
+            data::events(f, Options::default(), |events| data::trade_polarities(events));
         }),
         row("an event is a microsecond late", Rebuild, |f| {
-            data::events(f, Options::default(), data::delay_one);
+            data::events(f, Options::default(), |events| data::delay_one(events));
         }),
         row("events stored in another way", Rebuild, |f| data::events(f, data::plain(), data::nothing)),
         row("an event is gone", Audit("claims-disagree"), |f| {
