@@ -144,8 +144,9 @@ pub(crate) const READERS: [Reader; 22] = [
 impl Reader {
     /// The longest that a run may take.
     pub(crate) fn longest(&self) -> Duration {
-        // Processes are started, several in a run.
-        Duration::from_secs(if self.name == "consoles" { 60 } else { 1 })
+        // Whole verbs run, in which something may be made of sound files.
+        let runs_verbs = ["command-lines", "consoles"].contains(&self.name);
+        Duration::from_secs(if runs_verbs { 60 } else { 1 })
     }
 }
 
