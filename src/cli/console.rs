@@ -166,7 +166,7 @@ impl Console {
     }
 }
 
-/// A path as programs are told of it: see [`escape::path`].
+/// A path in a result for programs: see [`escape::path`].
 pub(super) fn path(path: impl AsRef<Path>) -> String {
     escape::path(path.as_ref())
 }

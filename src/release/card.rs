@@ -314,7 +314,7 @@ fn checks(scenes: &[PublishedScene]) -> String {
         count(Verdict::NotRun)
     );
     for finding in findings.iter().filter(|f| f.verdict != Verdict::Pass) {
-        // Photos are named by whoever took them, and faults are accepted in a user's words.
+        // Names of photos and the reasons for waivers are texts of users.
         let [subject, because] = [&finding.subject, &finding.because].map(|text| plain(text));
         let _ = writeln!(text, "- {} `{}` {subject}: {because}", finding.verdict.name(), finding.check);
     }

@@ -1,6 +1,6 @@
 //! The readers under fire: mutated files of a committed corpus, for a given time, and no reader may panic, die, take more
-//! than its share of memory or a second of time. The command line is one of them (`command-lines`), and so is whoever
-//! reads the program's output (`consoles`).
+//! than its share of memory or a second of time. The command line is one of them (`command-lines`), and so is the
+//! terminal that shows what the program says (`consoles`).
 //!
 //! `cargo xtask fuzz [--seconds N] [--only READER]... [--seed N] [--first N] [--runs N] [--jobs N]` runs it, every reader
 //! in a process of its own, one or `--jobs` of them at a time. A run is its reader, its seed and its number, so that a failure is repeated by what is printed

@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(again[1], "a_b.yaml");
         assert_ne!(again[0], "a_b.yaml");
         assert_eq!(again[2], fresh[2]);
-        // One that names neither is left to whoever wrote it.
+        // A file that names neither scene stays as it is.
         std::fs::write(folder.path().join("a_b.yaml"), "version: 1\nscene: other\n").unwrap();
         assert!(!names(folder.path(), &scenes).contains(&"a_b.yaml".to_owned()));
     }
