@@ -34,11 +34,11 @@ mod takedown;
 mod trajectory;
 mod why;
 
-use crate::escape;
 use crate::programs::{Programs, SUPERVISE};
 use crate::render::Omit;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, Device, GpuError};
+use crate::{escape, files};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use console::Console;
@@ -156,7 +156,7 @@ impl Common {
     #[expect(clippy::unused_self, reason = "the environment belongs to the command line")]
     fn programs(&self) -> Programs {
         let own = PathBuf::from("/proc/self/exe");
-        let own = if own.exists() { own } else { std::env::current_exe().unwrap_or_default() };
+        let own = if files::is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
         Programs::new(std::env::var_os("PATH").as_deref(), own)
     }
 

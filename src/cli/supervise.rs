@@ -4,6 +4,7 @@
 //! arrives, whatever is left of the group is killed. So are the processes that left the group and
 //! descend from the program: the system hands orphans to the supervisor, where they are found.
 
+use crate::files;
 use crate::programs::Report;
 use rustix::process::{
     Pid, Signal, WaitId, WaitIdOptions, WaitIdStatus, getpid, kill_process, kill_process_group, waitid,
@@ -147,7 +148,7 @@ fn descendants() -> Vec<Pid> {
     let all = entries.filter_map(|entry| {
         let stat = entry.ok()?.path().join("stat");
         // Bytes, because a process may call itself anything.
-        parse_stat(&String::from_utf8_lossy(&std::fs::read(stat).ok()?))
+        parse_stat(&String::from_utf8_lossy(&files::read(&stat, files::MAX_TEXT).ok()?))
     });
     let below = below(getpid().as_raw_nonzero().get(), &all.collect::<Vec<_>>());
     below.into_iter().filter(|process| !process.has_ended).filter_map(|p| Pid::from_raw(p.pid)).collect()

@@ -33,7 +33,7 @@ pub struct Checking {
 
 impl Stage for Checking {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 5;
+    const REVISION: u32 = 6;
     type Inputs = (Target<Motion>, Option<Target<EventStreams>>, Option<Target<Foreign>>);
     type Output = Verdicts;
 

@@ -43,6 +43,8 @@ pub enum Value {
     Digest(Digest),
     /// A value that is shown, but left out of the encoding of its record.
     Implied(Box<Value>),
+    /// The encoding of a value, where a reader has nothing else ([`typed`]).
+    Encoded(Vec<u8>),
 }
 
 impl Value {
@@ -75,6 +77,7 @@ impl Value {
                 value.encode(out);
             }),
             Self::Digest(v) => tagged(out, 10, v.as_bytes()),
+            Self::Encoded(bytes) => out.extend_from_slice(bytes),
         }
     }
 
@@ -165,6 +168,7 @@ impl fmt::Display for Value {
             Self::Variant(name, _) => f.write_str(name),
             Self::Digest(v) => write!(f, "{v}"),
             Self::Implied(v) => v.fmt(f),
+            Self::Encoded(v) => write!(f, "encoded, {} bytes {}", v.len(), Digest::of(v)),
         }
     }
 }

@@ -90,6 +90,11 @@ fn sound_scenes_raise_no_alarm_and_show_their_thresholds() {
             // 3,000 Gaussians cover the room only if its wall's are a tenth of its distance wide.
             let may_warn =
                 (setting.arc > 90.0 && record["check"] == "sampling") || record["check"] == "affine";
+            // The high thresholds of the published sensor leave a short, slow passage without an event.
+            let is_silent = record["check"] == "event_rate"
+                && record["measured"] == 0.0
+                && record["because"].as_str().is_some_and(|because| because.starts_with("no events"));
+            let may_warn = may_warn || is_silent;
             let wanted = if may_warn { "warn" } else { "pass" };
             let sound = [wanted, "not-run"].contains(&&*text(record, "verdict"));
             assert!(sound, "{}: {record:#}", setting.sensor);

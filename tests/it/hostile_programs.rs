@@ -291,13 +291,13 @@ fn a_stream_without_events_is_told() {
     assert!(in_tree.lines().any(|line| line.starts_with("warn") && line.contains("no events")), "{in_tree}");
 }
 
-/// As many events a second as there are microseconds: three of a pixel in one of them are no fault of
+/// An event in every eighth microsecond on average: three of a pixel in one microsecond are no fault of
 /// the stream.
 #[test]
 fn pixels_as_hot_as_stamps_can_tell_are_accounted_for() {
     let place = Workspace::new();
     let mut value = recipe("hot");
-    value["sensor"] = json!({ "esim": { "hot_pixels": { "share": 0.005, "rate": 1e6 } } });
+    value["sensor"] = json!({ "esim": { "hot_pixels": { "share": 0.005, "rate": 1.2e5 } } });
     value["outputs"] = json!(["events"]);
     place.write("recipe.yaml", value.to_string());
     place.ok("build recipe.yaml");

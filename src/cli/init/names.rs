@@ -1,5 +1,6 @@
 //! Names of recipe files: one for each scene, which every walk over recipes finds, and the same in every run.
 
+use crate::files;
 use crate::recipe::draft;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -30,7 +31,7 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
         let because = unsafe_because(stem);
         let owners = if because.is_some() {
             Vec::new()
-        } else if group.len() == 1 || group.iter().all(|i| !plain(*i).exists()) {
+        } else if group.len() == 1 || group.iter().all(|i| !files::is_there(&plain(*i))) {
             vec![group[0]]
         } else {
             group.iter().filter(names_it).copied().collect()

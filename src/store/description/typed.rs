@@ -2,7 +2,8 @@
 //!
 //! Truth values, unsigned integers, texts, lists and records are what JSON has for them, and a real number always has a
 //! point or an exponent. The other types are objects of one member: `#signed`, `#digest`, `#bytes`, and `#variant` with
-//! the name and the content. Implied fields are left out, as in the encoding.
+//! the name and the content. Implied fields are left out, as in the encoding. JSON readers limit how deeply values
+//! nest, so a value that nests deeper than [`DEEPEST`] is `#encoded`: its encoding in hexadecimal digits.
 
 use super::Value;
 use crate::store::Digest;
@@ -12,6 +13,11 @@ use std::collections::BTreeMap;
 
 impl Serialize for Value {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if levels(self) > DEEPEST {
+            let mut bytes = Vec::new();
+            self.encode(&mut bytes);
+            return tagged(serializer, ENCODED, &to_hex(&bytes));
+        }
         match self {
             Self::Bool(v) => serializer.serialize_bool(*v),
             Self::Signed(v) => tagged(serializer, SIGNED, v),
@@ -26,14 +32,44 @@ impl Serialize for Value {
             Self::Variant(name, value) => tagged(serializer, VARIANT, &(name, value)),
             Self::Digest(v) => tagged(serializer, DIGEST, v),
             Self::Implied(value) => value.serialize(serializer),
+            Self::Encoded(bytes) => tagged(serializer, ENCODED, &to_hex(bytes)),
         }
     }
+}
+
+/// Levels of JSON that a value may take. `serde_json` reads 128, and the file around a description has its own.
+const DEEPEST: usize = 64;
+
+/// Levels of JSON that a value takes.
+fn levels(value: &Value) -> usize {
+    match value {
+        Value::List(values) => 1 + values.iter().map(levels).max().unwrap_or(0),
+        Value::Record(fields) => 1 + fields.values().map(levels).max().unwrap_or(0),
+        Value::Variant(_, value) => 2 + levels(value),
+        Value::Implied(value) => levels(value),
+        Value::Bytes(_) => 2,
+        Value::Signed(_) | Value::Digest(_) | Value::Encoded(_) => 1,
+        Value::Bool(_) | Value::Unsigned(_) | Value::Real(_) | Value::Text(_) => 0,
+    }
+}
+
+fn to_hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The bytes of an even number of hexadecimal digits.
+fn from_hex(text: &str) -> Option<Vec<u8>> {
+    let digits: Option<Vec<u8>> =
+        text.chars().map(|c| c.to_digit(16).and_then(|d| u8::try_from(d).ok())).collect();
+    let (pairs, rest) = digits.as_ref()?.as_chunks::<2>();
+    rest.is_empty().then(|| pairs.iter().map(|[high, low]| high << 4 | low).collect())
 }
 
 const SIGNED: &str = "#signed";
 const BYTES: &str = "#bytes";
 const VARIANT: &str = "#variant";
 const DIGEST: &str = "#digest";
+const ENCODED: &str = "#encoded";
 
 fn tagged<S: Serializer>(serializer: S, tag: &str, value: &impl Serialize) -> Result<S::Ok, S::Error> {
     let mut map = serializer.serialize_map(Some(1))?;
@@ -82,6 +118,12 @@ fn of_tag(tag: &str, json: serde_json::Value) -> Result<Value, String> {
             let (name, value): (String, Value) = serde_json::from_value(json).map_err(failed)?;
             Ok(Value::Variant(name, Box::new(value)))
         }
+        ENCODED => {
+            let text: String = serde_json::from_value(json).map_err(failed)?;
+            from_hex(&text)
+                .map(Value::Encoded)
+                .ok_or_else(|| format!("{tag}: wanted pairs of hexadecimal digits"))
+        }
         _ => Err(format!("`{tag}` is not a type of values")),
     }
 }
@@ -124,8 +166,25 @@ mod tests {
     }
 
     #[test]
+    fn a_deep_value_can_be_read_and_has_the_same_encoding() {
+        let nest = |value, _: u32| Value::Variant("negated".into(), Box::new(Value::List(vec![value])));
+        let value = (0..250).fold(Value::Real(0.5), nest);
+        let json = serde_json::to_string(&value).unwrap();
+        let read: Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(encoded(&read), encoded(&value));
+        assert_eq!(serde_json::to_string(&read).unwrap(), json);
+    }
+
+    #[test]
     fn what_has_no_type_is_refused() {
-        for json in ["null", "-1", "{\"#sign\": 1}", "{\"#signed\": 1.5}", "{\"#digest\": \"00\"}"] {
+        for json in [
+            "null",
+            "-1",
+            "{\"#sign\": 1}",
+            "{\"#signed\": 1.5}",
+            "{\"#digest\": \"00\"}",
+            "{\"#encoded\": \"0g\"}",
+        ] {
             serde_json::from_str::<Value>(json).unwrap_err();
         }
     }

@@ -94,5 +94,9 @@ fn an_empty_text_of_events_is_an_error_and_a_mark_of_byte_order_is_none() {
     assert!(place.ok("convert --size 8x8 e.csv new.npz").stderr.contains("1 event"));
     place.write("e.csv", format!("t,x,y,p\n{}", "1".repeat(1 << 17)));
     let ended = place.gs2e("convert --size 8x8 e.csv new.npz");
-    assert!(ended.code == 1 && ended.stderr.contains("line 2: longer than 65536 bytes"), "{}", ended.stderr);
+    assert!(
+        ended.code == 1 && ended.stderr.contains("line 2: a line of more than 65536 bytes"),
+        "{}",
+        ended.stderr
+    );
 }

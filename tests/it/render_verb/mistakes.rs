@@ -118,7 +118,7 @@ fn scenes_and_views_that_are_absent_or_damaged_are_told() {
     t(["camera.json", "infinite.json"], 1, &[view, "infinite.json: line 1", "out of range"]);
     t(["camera.json", "nameless.json"], 1, &[view, "`frames[1].file_path`"]);
     t(["camera.json", "endless.json"], 1, &["failed to render", "is not finite"]);
-    t(["camera.json", "huge.json"], 1, &["failed to render", "60000x60000, wanted at most 268435456 pixels"]);
+    t(["camera.json", "huge.json"], 1, &[view, "60000x60000, wanted at most 268435456 pixels"]);
     t(["camera.json", "wide.json"], 1, &["failed to render", "70000x81, wanted 1 to 65535 px"]);
 }
 

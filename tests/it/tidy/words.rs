@@ -37,8 +37,13 @@ const BANS: &[Ban] = &[
             "src/store.rs",
             // The type of an entry that the walk found, without following links.
             "src/release/audit/walk.rs",
+            "src/release/removal.rs",
+            "src/release/standing.rs",
             // Folders, to have them on disk, and the release's own new files.
             "src/release/tree.rs",
+            "src/release/work.rs",
+            // A program is looked for and not opened; its supervisor answers through a socket.
+            "src/programs.rs",
         ],
         because: "`files` is the one door: it refuses what is no regular file, and only what is not there is absent",
     },
