@@ -43,7 +43,7 @@ pub enum Value {
     Digest(Digest),
     /// A value that is shown, but left out of the encoding of its record.
     Implied(Box<Value>),
-    /// The encoding of a value, where a reader has nothing else ([`typed`]).
+    /// The encoding of a value, where a reader has nothing else.
     Encoded(Vec<u8>),
 }
 
