@@ -93,8 +93,19 @@ pub(crate) fn read(input: &[u8]) -> bool {
     let unknowable = unfindable::is_data(path) || unfindable::is_unfindable(path, before, bytes);
     restore(tree, files);
     assert!(!same || sound, "{path} as it was released has a fault");
-    assert!(same || !sound || unknowable, "{path} was changed, and the audit found nothing");
+    assert!(
+        same || !sound || unknowable,
+        "{path} was changed, and the audit found nothing:\n{}\nwas\n{}",
+        around_difference(bytes, before),
+        around_difference(before, bytes)
+    );
     sound
+}
+
+/// The text of `shown` from a little before its first difference to `other`.
+fn around_difference(shown: &[u8], other: &[u8]) -> String {
+    let first = shown.iter().zip(other).take_while(|(a, b)| a == b).count();
+    String::from_utf8_lossy(&shown[first.saturating_sub(80)..shown.len().min(first + 80)]).into_owned()
 }
 
 /// Path and bytes; `None` for a path that leaves the tree, or that names a file of sums.

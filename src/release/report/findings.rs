@@ -181,7 +181,8 @@ fn row(html: &mut Html, finding: &Finding, prefix: &str) {
 
 /// What a subject says beyond whose it is: the sensor, and the statement of a check that makes several.
 pub(super) fn statement<'a>(subject: &'a str, prefix: &str) -> &'a str {
-    subject.strip_prefix(prefix).unwrap_or(subject).trim_start_matches(['/', '#'])
+    let below = subject.strip_prefix(prefix).unwrap_or(subject);
+    below.strip_prefix(['/', '#']).unwrap_or(below)
 }
 
 #[cfg(test)]
