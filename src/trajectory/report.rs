@@ -151,7 +151,9 @@ impl Report {
             Some(of) => (of.speeds.clone(), of.shares.iter().map(|share| share * self.length).collect()),
             None => (self.u.clone(), self.s.clone()),
         };
-        if u.len() != steps.linear.len() {
+        let count = steps.linear.len();
+        let lists = [u.len() + 1, s.len(), self.linear_unit_s.len() + 1, self.angular_rad_s.len() + 1];
+        if lists != [count + 1; 4] {
             return None;
         }
         let seconds = |j: usize| step_seconds(self.meaning, rate, &u, j);

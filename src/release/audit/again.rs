@@ -143,7 +143,6 @@ fn trajectory(
         ("poses.txt", text(&|out| motion.trajectory.write_poses(out))),
         ("timestamps_us.txt", text(&|out| motion.trajectory.write_stamps(out))),
         (layout::TRANSFORMS, Content::json_bytes(&transforms)),
-        ("trajectory.svg", picture::svg(&motion.trajectory, &motion.report).into_bytes()),
     ];
     let asked = scene.recipe.trajectories.iter().find(|asked| asked.name == part.name);
     // What a speed in pixels comes to along a path is known where the scene is rendered.
@@ -152,8 +151,13 @@ fn trajectory(
     let law = scene.recipe.law;
     let schedule = known.and_then(|asked| Schedule::new(&asked.speed, poses.len(), law).ok());
     let speed = motion.report.measured_again(poses, schedule.as_ref());
-    // A report of another number of steps is not what any trajectory of these poses has.
-    wanted.push(("speed.json", speed.map_or_else(Vec::new, |report| Content::json_bytes(&report))));
+    // A report of another number of steps is not what any trajectory of these poses has, and cannot be drawn.
+    let Some(speed) = speed else {
+        wanted.push(("speed.json", Vec::new()));
+        return wanted;
+    };
+    wanted.push(("speed.json", Content::json_bytes(&speed)));
+    wanted.push(("trajectory.svg", picture::svg(&motion.trajectory, &motion.report).into_bytes()));
     wanted.extend(path_picture::compose(motion).map(|picture| (path_picture::NAME, picture)));
     wanted
 }
