@@ -191,7 +191,8 @@ pub fn replaceable(path: &Path) -> io::Result<Option<u32>> {
 /// The file that `path` leads to. A link to nothing says so: plain `NotFound` would read as absent.
 fn stat(path: &Path) -> io::Result<fs::Metadata> {
     fs::metadata(path).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound if fs::symlink_metadata(path).is_ok() => {
+        // A file that another process has made since is no link.
+        io::ErrorKind::NotFound if fs::symlink_metadata(path).is_ok_and(|about| about.is_symlink()) => {
             invalid("a link to a file that does not exist")
         }
         _ if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
