@@ -7,8 +7,8 @@
 //!             └ for each step: key = what it is, its own parameters, the digests of its inputs
 //! ```
 //! A [`recipe`] says what a scene is. The [`plan`] turns recipes into steps. A step whose key has a sound record in
-//! the [`store`] is left alone; [`run`] runs the others. [`check`]s judge what was made, and the scene itself by its photos. The [`release`] copies what
-//! passed, with its licences, into the tree that people download.
+//! the [`store`] is left alone; [`run`] runs the others. [`check`]s judge what was made, and the scene itself by its
+//! photos. The [`release`] copies what passed, with its licences, into the tree that people download.
 //!
 //! Two ideas carry the rest. **The key and its explanation come from one walk**: a step describes itself into a
 //! [`store::description::Value`], whose encoding is hashed into the key and whose lines `gs2e why` prints, so the
@@ -24,7 +24,7 @@
 //! |---|---|
 //! | [`units`] [`escape`] [`files`] [`programs`] [`budget`] `elementary` [`seed`] [`mod@image`] [`se3`] | foundation: pure values, visible text, budgets, and the doors for files and for programs of others |
 //! | [`camera`] [`scene`] [`speed`] [`trajectory`] [`render`] [`frames`] [`event`] [`sensor`] [`sampling`] [`source`] [`reconstruct`] [`foreign`] [`check`] [`licence`] | domain: values and models, with readers and writers of their own formats; no store, no threads but rayon's |
-//! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours |
+//! | [`store`] | blobs, records, descriptions, stat fields, memos; knows nothing of ours but the door for files |
 //! | [`artifact`] | the one seam between domain formats and the store |
 //! | [`stage`] | what a step is: parameters, inputs, and one call into a room |
 //! | [`mod@recipe`] | YAML to valid values, with file, line and column of every fault |

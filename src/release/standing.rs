@@ -133,6 +133,11 @@ impl StandingTree {
         (file.blake3 == *blake3 && file.links == 1).then(|| self.folder.join(path))
     }
 
+    /// The paths of its sound files, with their BLAKE3.
+    pub(super) fn sums(&self) -> impl Iterator<Item = (&str, Digest)> {
+        self.sound.iter().map(|(path, file)| (path.as_str(), file.blake3))
+    }
+
     /// The number of its sound files and their bytes.
     pub(super) fn size(&self) -> (usize, u64) {
         (self.sound.len(), self.sound.values().map(|file| file.mark.size).sum())

@@ -115,7 +115,7 @@ impl ReleaseTarget {
     pub(super) fn put(&mut self, mut work: WorkFolder) -> Result<(), ReleaseError> {
         // With leave to replace, what changed is kept aside.
         self.change()?;
-        work.place()?;
+        work.place(self.standing.as_ref())?;
         let stood = self.standing.take();
         self.notes.extend(work.finish(stood.as_ref()));
         Ok(())

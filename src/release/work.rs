@@ -5,16 +5,19 @@
 //! .NAME.gs2e-<16 letters>/   about     the format, and every file that is written to tree/
 //!                            tree/     the release; once it is swapped with the target, what stood there
 //!                            old/      what stood there
-//!                            placing   there from the moment before the swap
+//!                            placing   written before the swap: which folder tree/ is, and the sound
+//!                                      files of what stands at the target
 //! ```
 //! The lock of the target covers all of its work folders, so that its holder may clear what a
 //! killed process left. Before the swap only files that `about` lists are removed; after it only the
-//! sound files of a release. Whatever else is found in the folder stays, and is reported.
+//! files that `placing` lists, by their bytes. Both lists outlive every file that they name, so a process
+//! may be killed while it removes them. Whatever else is found in the folder stays, and is reported.
 
 use super::removal::{is_there, remove_if_empty, remove_ours};
 use super::standing::StandingTree;
-use super::{ReleaseError, failed};
+use super::{ReleaseError, checksum, failed};
 use crate::files::{self, Links, MAX_DOCUMENT};
+use crate::store::Digest;
 use rustix::fs::{CWD, RenameFlags};
 use rustix::io::Errno;
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,9 +25,9 @@ use std::ffi::{OsStr, OsString};
 use std::fmt::Write as _;
 use std::fs::{self, File, Metadata, Permissions};
 use std::io::{self, Write as _};
-use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The first line of `about`.
 const FORMAT: &str = "work folder of gs2e release, format 1\n";
@@ -74,10 +77,11 @@ impl WorkFolder {
     }
 
     /// Puts the tree in the target's place in one step, and moves what stood there into the work folder.
-    pub(super) fn place(&mut self) -> Result<(), ReleaseError> {
+    pub(super) fn place(&mut self, stood: Option<&StandingTree>) -> Result<(), ReleaseError> {
         let parent = self.target.parent().expect("a target has a parent");
-        let placing = self.folder.join(PLACING);
-        write_new(&placing, b"").map_err(failed(&placing))?;
+        let placing = Placing::before_swap(&self.tree(), stood).map_err(failed(&self.tree()))?;
+        let path = self.folder.join(PLACING);
+        write_new(&path, placing.text().as_bytes()).map_err(failed(&path))?;
         for folder in [&self.tree(), &self.folder] {
             sync_folder(folder).map_err(failed(folder))?;
         }
@@ -206,18 +210,87 @@ fn clear(folder: &Path, target: &Path, cancel: &AtomicBool) -> io::Result<Vec<St
     };
     let files = parse_listing(&about).ok_or_else(|| foreign("its `about` is not of gs2e"))?;
     let work = WorkFolder { folder: folder.to_owned(), target: target.to_owned(), placed: true };
-    if !is_there(&folder.join(PLACING)) {
+    let Some(placing) = Placing::read(&folder.join(PLACING))? else {
         return work.clear_unplaced(&files).map(|()| Vec::new());
-    }
+    };
     let old = folder.join(OLD);
     if is_there(&old) && !is_there(target) {
         // The swap took two steps and was cut off between them.
         move_to_free(&old, target)?;
     }
-    work.clear_placed(&|part| {
-        let stood = StandingTree::read(part, cancel).map_err(|e| io::Error::other(e.to_string()))?;
-        stood.remove_at(part)
-    })
+    if is_there(&work.tree()) && placing.is_the_new(&work.tree())? {
+        return work.clear_unplaced(&files).map(|()| Vec::new());
+    }
+    work.clear_placed(&|part| placing.remove_at(part, cancel))
+}
+
+/// What the file `placing` says.
+struct Placing {
+    /// Device and inode of the folder that is to become the release.
+    tree: [u64; 2],
+    /// The sound files of what stands at the target, by their paths.
+    sound: BTreeMap<String, Digest>,
+}
+
+impl Placing {
+    /// The last line: without it the text was cut off, and the swap has not begun.
+    const END: &str = "end\n";
+
+    fn before_swap(tree: &Path, stood: Option<&StandingTree>) -> io::Result<Self> {
+        let sound = stood.map(|stood| stood.sums().map(|(path, sum)| (path.to_owned(), sum)).collect());
+        Ok(Self { tree: identity(tree)?, sound: sound.unwrap_or_default() })
+    }
+
+    /// Device and inode on the first line, then one line per file with its BLAKE3 and its path.
+    fn text(&self) -> String {
+        let [device, inode] = self.tree;
+        let mut text = format!("{device} {inode}\n");
+        for (path, sum) in &self.sound {
+            writeln!(text, "{sum} {path}").expect("a String takes any text");
+        }
+        text + Self::END
+    }
+
+    fn parse(text: &str) -> Option<Self> {
+        let mut lines = text.strip_suffix(Self::END)?.strip_suffix('\n')?.lines();
+        let (device, inode) = lines.next()?.split_once(' ')?;
+        let file = |line: &str| {
+            let (sum, path) = line.split_once(' ')?;
+            Some((path.to_owned(), sum.parse().ok()?))
+        };
+        let sound = lines.map(file).collect::<Option<_>>()?;
+        Some(Self { tree: [device.parse().ok()?, inode.parse().ok()?], sound })
+    }
+
+    /// Reads the file; `None` if the swap has not begun.
+    fn read(path: &Path) -> io::Result<Option<Self>> {
+        match files::read_with(path, Links::Refuse, MAX_DOCUMENT) {
+            Ok(bytes) => Ok(str::from_utf8(&bytes).ok().and_then(Self::parse)),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(e),
+        }
+    }
+
+    /// True if this folder is the new release, which has not been put in place.
+    fn is_the_new(&self, folder: &Path) -> io::Result<bool> {
+        Ok(identity(folder)? == self.tree)
+    }
+
+    /// Removes the sound files at `folder` and returns whether the folder is gone.
+    fn remove_at(&self, folder: &Path, cancel: &AtomicBool) -> io::Result<bool> {
+        let is_ours = |path: &str, _: &Metadata| {
+            let hashed = || checksum::both(&folder.join(path)).is_ok_and(|it| it.blake3 == self.sound[path]);
+            self.sound.contains_key(path) && !cancel.load(Ordering::Relaxed) && hashed()
+        };
+        let gone = remove_ours(folder, self.sound.keys().map(String::as_str), &is_ours)?;
+        if cancel.load(Ordering::Relaxed) { Err(io::ErrorKind::Interrupted.into()) } else { Ok(gone) }
+    }
+}
+
+/// Device and inode of a folder: they stay when it is renamed.
+fn identity(folder: &Path) -> io::Result<[u64; 2]> {
+    let about = fs::symlink_metadata(folder)?;
+    Ok([about.dev(), about.ino()])
 }
 
 fn note_failure(folder: &Path, result: io::Result<Vec<String>>) -> Vec<String> {
@@ -392,14 +465,40 @@ mod tests {
     #[test]
     fn a_swap_that_was_cut_off_is_undone() {
         let (place, target, folder) = killed();
-        fs::write(folder.join(PLACING), "").unwrap();
+        let placing = Placing::before_swap(&folder.join(TREE), None).unwrap();
+        fs::write(folder.join(PLACING), placing.text()).unwrap();
         fs::create_dir(folder.join(OLD)).unwrap();
         fs::write(folder.join("old/thesis"), "mine").unwrap();
-        fs::remove_file(folder.join("tree/a/one")).unwrap();
-        fs::remove_dir(folder.join("tree/a")).unwrap();
         assert_eq!(clear_leftovers(&target, &never()).unwrap(), [""; 0]);
         assert_eq!(names(place.path()), ["out"]);
         assert_eq!(fs::read(target.join("thesis")).unwrap(), b"mine");
+    }
+
+    /// The removal of the old release is cut off after each of its files.
+    #[test]
+    fn a_removal_that_was_cut_off_is_ended_by_the_next_run() {
+        let files = ["B3SUMS", "SHA256SUMS", "a/one", "manifest.json"];
+        for removed in 0..=files.len() {
+            let (place, target, folder) = killed();
+            let sound = files.map(|path| (path.to_owned(), Digest::of(path.as_bytes()))).into();
+            fs::rename(folder.join(TREE), &target).unwrap();
+            let placing = Placing { tree: identity(&target).unwrap(), sound };
+            fs::write(folder.join(PLACING), placing.text()).unwrap();
+            fs::create_dir_all(folder.join("old/a")).unwrap();
+            for path in &files[removed..] {
+                fs::write(folder.join(OLD).join(path), path).unwrap();
+            }
+            assert_eq!(clear_leftovers(&target, &never()).unwrap(), [""; 0], "after {removed}");
+            assert_eq!(names(place.path()), ["out"], "after {removed}");
+        }
+    }
+
+    #[test]
+    fn a_list_that_was_cut_off_is_none() {
+        let sound = [("end".to_owned(), Digest::of(b"")), ("x y".to_owned(), Digest::of(b"1"))].into();
+        let text = Placing { tree: [1, 2], sound }.text();
+        assert!((0..text.len()).all(|n| Placing::parse(&text[..n]).is_none()));
+        assert_eq!(Placing::parse(&text).unwrap().text(), text);
     }
 
     #[test]
@@ -410,7 +509,7 @@ mod tests {
         let stood = StandingTree::read(&target, &never()).unwrap();
         assert!(!stood.is_release());
         let mut work = WorkFolder { folder, target: target.clone(), placed: false };
-        work.place().unwrap();
+        work.place(Some(&stood)).unwrap();
         let notes = work.finish(Some(&stood));
         assert!(notes.len() == 1 && notes[0].contains("out.replaced-"), "{notes:?}");
         let [out, kept] = <[String; 2]>::try_from(names(place.path())).unwrap();

@@ -169,7 +169,8 @@ fn home() -> PathBuf {
     })
 }
 
-const TINY: &str = "\
+/// A small recipe without files.
+pub(crate) const TINY: &str = "\
 version: 1
 scene: tiny
 source: { procedural: { kind: still-life, gaussians: 100, views: 4, arc: 6, seed: 1 } }

@@ -1,6 +1,7 @@
 //! Names from outside under fire, each put where a stranger may put one, and shown by the program itself, on a pipe or
 //! on a terminal: nothing in them may reach it as more than text.
 
+use crate::command_lines::TINY;
 use crate::corpus::Corpus;
 use crate::inert;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -141,17 +142,6 @@ impl Stage {
         self.write(file, text.replace(from, to));
     }
 }
-
-const TINY: &str = "\
-version: 1
-scene: tiny
-source: { procedural: { kind: still-life, gaussians: 100, views: 4, arc: 6, seed: 1 } }
-camera: { width: 16, height: 12 }
-trajectories: [{ name: base, refine: { window: 2, factor: 1, curve: cubic }, speed: { function: \"1\" } }]
-sensor: { voltmeter: { preset: dvs346 } }
-outputs: [events]
-licence: { expression: CC0-1.0, holder: Example Lab }
-";
 
 /// Makes a place with a name in it, and gives the command lines that show it.
 type Put = fn(&Stage, &str) -> Vec<Vec<OsString>>;

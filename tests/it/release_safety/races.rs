@@ -4,7 +4,7 @@ use super::{POSES, beside, out, place, released};
 use crate::support::workspace::{Workspace, same_tree};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead as _, BufReader, Read as _};
-use std::process::{Child, Output, Stdio};
+use std::process::{Child, ChildStderr, Output, Stdio};
 use std::time::Duration;
 
 const ROUNDS: u32 = 20;
@@ -60,19 +60,25 @@ fn who_waits_for_a_folder_says_for_whom() {
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let us = format!("out is in use by pid {}", std::process::id());
     assert!(ended.stderr.contains(&us), "{}", ended.stderr);
-    let mut waiting = place.spawn("release --to out r.yaml");
-    let mut told = BufReader::new(waiting.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.starts_with("waiting:") {
-        line.clear();
-        assert_ne!(told.read_line(&mut line).unwrap(), 0, "it did not wait");
-    }
+    let (mut waiting, mut stderr, line) = spawn_until_waiting(&place);
     assert!(line.contains(&us) && line.contains("(gs2e release)"), "{line}");
     drop(holder);
     let mut rest = String::new();
-    told.read_to_string(&mut rest).unwrap();
+    stderr.read_to_string(&mut rest).unwrap();
     assert!(waiting.wait().unwrap().success(), "{rest}");
     assert_eq!(beside(&place), ["out"]);
+}
+
+/// Starts a release and reads its stderr up to the line that says that it waits, which comes last.
+fn spawn_until_waiting(place: &Workspace) -> (Child, BufReader<ChildStderr>, String) {
+    let mut waiting = place.spawn("release --to out r.yaml");
+    let mut stderr = BufReader::new(waiting.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("waiting:") {
+        line.clear();
+        assert_ne!(stderr.read_line(&mut line).unwrap(), 0, "it did not wait");
+    }
+    (waiting, stderr, line)
 }
 
 #[test]
@@ -81,13 +87,7 @@ fn an_interrupt_while_waiting_ends_it() {
     let path = place.path(".out.gs2e-lock");
     let claim = (&gs2e::store::Claim::default(), false);
     let _holder = gs2e::store::Lock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
-    let mut waiting = place.spawn("release --to out r.yaml");
-    let mut told = BufReader::new(waiting.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.starts_with("waiting:") {
-        line.clear();
-        assert_ne!(told.read_line(&mut line).unwrap(), 0, "it did not wait");
-    }
+    let (mut waiting, _stderr, _) = spawn_until_waiting(&place);
     kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
     assert_eq!(waiting.wait().unwrap().code(), Some(130));
     assert_eq!(beside(&place), [".out.gs2e-lock"], "it is the other one's");
